@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""How every numba kernel of the project is compiled, and where the compiled code is kept."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import tempfile
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+
+@lru_cache(maxsize=None)
+def cache_folder(package: Path) -> Path:
+    """Folder of the compiled kernels of one package: its name changes when any kernel file of the package changes.
+
+    numba's own cache looks at the file of the calling kernel only, and so returns stale code after an edit of a
+    function in another file. A folder named by the hash of all `_*_kernels.py` cannot go stale.
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(package.glob("_*_kernels.py")):
+        digest.update(source.read_bytes())
+    root = os.environ.get("TESTBED_CACHE") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "slam-testbed"
+    )
+    folder = Path(root) / "kernels" / f"{package.name}-{digest.hexdigest()[:16]}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:  # read-only home, as in many containers
+        folder = Path(tempfile.gettempdir()) / f"slam-testbed-{os.getuid()}" / folder.name
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile `function` on first use, keep the machine code on disk, release the GIL while it runs.
+
+    `error_model="numpy"`: x / 0 is inf as in numpy. No `fastmath`: it breaks `isnan` and the equality of results.
+    `SLAM_KERNEL_CACHE=0` switches the cache on disk off.
+    """
+    previous = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent))
+    try:
+        return numba.njit(
+            cache=os.environ.get("SLAM_KERNEL_CACHE", "1") == "1", nogil=True, error_model="numpy"
+        )(function)
+    finally:
+        numba.config.CACHE_DIR = previous

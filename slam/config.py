@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: MIT
+"""Settings of the filter: one frozen dataclass a part, checked on creation; classic GMapping names in brackets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+def _positive(owner: object, *names: str) -> None:
+    for name in names:
+        value = getattr(owner, name)
+        if not value > 0:
+            raise ValueError(f"{type(owner).__name__}.{name} must be positive, got {value}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionConfig:
+    """Standard deviations of the odometry's error per unit of motion (the filter's belief, not the robot's truth)."""
+
+    translation_from_translation: float = 0.1
+    """Error along the path per metre driven [m/m] (srr)."""
+    translation_from_rotation: float = 0.05
+    """Error of position per radian turned [m/rad] (srt)."""
+    rotation_from_translation: float = 0.1
+    """Error of heading per metre driven [rad/m] (str)."""
+    rotation_from_rotation: float = 0.1
+    """Error of heading per radian turned [rad/rad] (stt)."""
+    floor_translation: float = 0.005
+    """Error that is there even at rest [m]."""
+    floor_rotation: float = 0.003
+    """Error of heading that is there even at rest [rad]."""
+
+    def __post_init__(self) -> None:
+        _positive(self, "floor_translation", "floor_rotation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapConfig:
+    """The grid map of each particle."""
+
+    cell: float = 0.05
+    """Side of a cell [m] (delta)."""
+    occupied_share: float = 0.25
+    """A cell is a wall when at least this share of the beams that reached it ended in it (occ_thresh)."""
+    usable_range: float = 80.0
+    """Readings beyond are treated as no return [m] (maxUrange)."""
+    free_range: float = 0.0
+    """Beams without a return clear the map up to this distance [m]; 0 = they are left out."""
+    field_radius: float = 0.4
+    """How far from a wall the matcher still feels it [m]."""
+
+    def __post_init__(self) -> None:
+        _positive(self, "cell", "occupied_share", "usable_range", "field_radius")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchConfig:
+    """Scan matching and the beam end point model (T-RO 2007, section IV-B)."""
+
+    hit_sigma: float = 0.05
+    """Spread of beam end points about a wall [m] (sigma)."""
+    beam_weight: float = 0.1
+    """Share of each beam's log-likelihood that counts: neighbouring beams are not independent (1 / ogain)."""
+    outlier_distance: float = 0.15
+    """End points farther from a wall than this are explained by something else [m]."""
+    min_matched_share: float = 0.25
+    """Matching fails where fewer of the hits lie within the outlier distance (minimumScore)."""
+    iterations: int = 20
+    """Most Gauss-Newton steps in one match (iterations)."""
+
+    def __post_init__(self) -> None:
+        _positive(self, "hit_sigma", "beam_weight", "outlier_distance", "iterations")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposalConfig:
+    """How a new pose is drawn for each particle."""
+
+    kind: Literal["improved", "scan-match", "motion"] = "improved"
+    """improved: Gaussian fitted to samples about the optimum; scan-match: the optimum alone, as the C++ GMapping
+    does; motion: the motion model alone (FastSLAM 1)."""
+    samples: int = 20
+    """Poses drawn about the optimum (K)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResampleConfig:
+    """When and how particles are resampled."""
+
+    when: Literal["ess", "always", "never"] = "ess"
+    """ess: when the effective sample size falls below the threshold."""
+    threshold: float = 0.5
+    """Share of the particle count below which the effective sample size triggers resampling (resampleThreshold)."""
+    scheme: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
+    """How offspring are drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateConfig:
+    """Which scans the filter takes in: the first, and each after enough motion or time since the last one taken."""
+
+    distance: float = 0.15
+    """Distance driven [m] (linearUpdate)."""
+    angle: float = 0.1
+    """Angle turned [rad] (angularUpdate)."""
+    seconds: float = 0.0
+    """Time passed [s] (temporalUpdate); 0 = time alone never triggers an update."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilterConfig:
+    """All settings of the particle filter."""
+
+    particles: int = 30
+    """Number of particles."""
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    """Motion model."""
+    map: MapConfig = field(default_factory=MapConfig)
+    """Grid maps."""
+    match: MatchConfig = field(default_factory=MatchConfig)
+    """Scan matching and likelihood."""
+    proposal: ProposalConfig = field(default_factory=ProposalConfig)
+    """Proposal distribution."""
+    resample: ResampleConfig = field(default_factory=ResampleConfig)
+    """Resampling."""
+    gate: GateConfig = field(default_factory=GateConfig)
+    """Update gates."""
+    deskew: bool = True
+    """Undo the robot's motion during a scan where the times of the beams and the twist are known."""
+
+    def __post_init__(self) -> None:
+        if self.particles < 1:
+            raise ValueError(f"particles must be at least 1, got {self.particles}")

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: MIT
+"""One lidar scan, as any driver or log gives it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scan:
+    """Ranges of one sweep of a 2D lidar: any number of beams, any angles, in any order.
+
+    A reading counts as a hit if `range_min <= range < range_max`. Readings at or beyond `range_max`, `inf` included,
+    are "no return"; NaN, zero, negative readings and those below `range_min` are invalid and carry no information.
+    """
+
+    ranges: NDArray[np.float64]
+    """Measured distances [m], (beams,)."""
+    angles: NDArray[np.float64]
+    """Direction of each beam in the lidar's frame [rad], counter-clockwise, 0 = forward, (beams,)."""
+    range_max: float
+    """Readings from here on are no returns [m]."""
+    range_min: float = 0.0
+    """Readings below are invalid [m]."""
+    stamp: float = 0.0
+    """Time of the first beam [s]."""
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """`T_robot_lidar`: pose of the lidar on the robot [m, m, rad]."""
+    time_offsets: NDArray[np.float64] | None = None
+    """Time of each beam after `stamp` [s], (beams,); None = all beams at once, or unknown."""
+
+    def __post_init__(self) -> None:
+        if self.ranges.ndim != 1 or self.ranges.shape != self.angles.shape:
+            raise ValueError(
+                f"ranges and angles must be (beams,) alike, got shapes {self.ranges.shape} and {self.angles.shape}"
+            )
+        if self.time_offsets is not None and self.time_offsets.shape != self.ranges.shape:
+            raise ValueError(
+                f"time_offsets must be (beams,) = {self.ranges.shape}, got shape {self.time_offsets.shape}"
+            )
+        if not np.all(np.isfinite(self.mount)):
+            raise ValueError(f"mount must be finite, got {self.mount}")
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        """Beams that hit something, (beams,)."""
+        mask: NDArray[np.bool_] = (
+            (self.ranges >= self.range_min) & (self.ranges > 0.0) & (self.ranges < self.range_max)
+        )
+        return mask
+
+    @property
+    def no_return(self) -> NDArray[np.bool_]:
+        """Beams that saw nothing up to `range_max`, (beams,)."""
+        mask: NDArray[np.bool_] = self.ranges >= self.range_max
+        return mask
