@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: MIT
+"""CARMEN logs, read: text, one message a line, metres and radians, plain or gzip.
+
+Source: the header that CARMEN's logger writes into each log (carmen.sourceforge.net/logger_playback.html) and, for
+`ROBOTLASER1`, what the logger writes in fact: the counted remissions after the ranges and `turn_axis` at the end.
+
+    ODOM x y theta tv rv accel  ipc_time host logger_time
+    FLASER n r_1 … r_n  laser_x laser_y laser_theta  odom_x odom_y odom_theta  ipc_time host logger_time
+    ROBOTLASER1 type start fov step range_max accuracy remission_mode  n r_1 … r_n  m s_1 … s_m
+        laser_x laser_y laser_theta  robot_x robot_y robot_theta  tv rv forward_safety side_safety turn_axis
+        ipc_time host logger_time
+    TRUEPOS true_x true_y true_theta  odom_x odom_y odom_theta  ipc_time host logger_time
+    PARAM name value …
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+import re
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam.scan import Scan
+from slam.se2 import Pose
+from testbed.formats.log import Log, LogError
+from testbed.frame import Frame
+
+MESSAGES = ("FLASER", "ROBOTLASER1", "ODOM", "PARAM", "TRUEPOS")
+"""What is read; all other messages are counted and skipped."""
+LONGEST_LINE = 1_000_000
+"""Characters: a scan of some 100 000 beams. What is longer is no CARMEN log."""
+LARGEST_MEDIAN_RANGE = 100.0
+"""Metres; readings with a larger median are in another unit."""
+
+# An FLASER line holds no angles: the number of beams tells the device (first beam and step in degrees, right to left).
+# SICK LMS 180 deg and 100 deg modes; Hokuyo URG-04LX, steps 44 to 725 of 1024 a turn, 384 being forward.
+FLASER_LAYOUTS = {
+    180: (-90.0, 1.0),
+    181: (-90.0, 1.0),
+    360: (-90.0, 0.5),
+    361: (-90.0, 0.5),
+    101: (-50.0, 1.0),
+    201: (-50.0, 0.5),
+    401: (-50.0, 0.25),
+    682: (-340 * 360 / 1024, 360 / 1024),
+}
+
+_OFFSET_IN_COMMENT = re.compile(r"robot_frontlaser_offset\s+(-?[0-9]*\.?[0-9]+)")
+
+
+def read_carmen(path: str | Path, *, laser_offset: float | None = None, range_max: float | None = None) -> Log:
+    """Read a CARMEN log, plain or gzip; frames come in the order of the file.
+
+    laser_offset  x of the laser in the robot's frame [m]; None: what the log says (`PARAM robot_frontlaser_offset`, a
+                  comment of that name, or the two poses of a `ROBOTLASER1` line), else 0
+    range_max     readings from here on are no returns [m]; None: what the log says (`ROBOTLASER1`, `PARAM
+                  robot_front_laser_max`), else the no-return value found in the readings, see `no_return_value`
+    Odometry of a frame is the robot's (`odom_*`, `robot_*`); stamps are the ipc clock. `TRUEPOS` becomes the truth of
+    the next frame with its stamp. Raises LogError, naming file and line, for anything that does not fit the format.
+    """
+    path = Path(path)
+    content = _Content()
+    for number, line in _lines(path):
+        try:
+            _take(line, content)
+        except ValueError as error:
+            raise LogError(f"{path}:{number}: {error}") from None
+    if not content.scans:
+        raise LogError(
+            f"{path}: no scans: expected FLASER or ROBOTLASER1 lines, found "
+            + (", ".join(f"{n} {kind}" for kind, n in content.counts.most_common(5)) or "no messages at all")
+        )
+    return _assemble(path, content, laser_offset, range_max)
+
+
+def no_return_value(ranges: NDArray[np.float64]) -> float | None:
+    """The value that a log writes where a beam did not return, or None; ranges (n,) [m].
+
+    It shows as a spike at the top of the histogram: the largest reading, repeated exactly at least 10 times and 10
+    times as often as any value within 10 % below it. Real walls spread over many values instead.
+    """
+    finite = ranges[np.isfinite(ranges)]
+    if finite.size == 0:
+        return None
+    values, counts = np.unique(finite, return_counts=True)
+    top, times = float(values[-1]), int(counts[-1])
+    near = counts[:-1][values[:-1] > 0.9 * top]
+    return top if times >= 10 and times >= 10 * near.max(initial=0) else None
+
+
+@dataclass
+class _Message:
+    """One ODOM, FLASER or ROBOTLASER1 line before the log's own settings are known."""
+
+    stamp: float
+    odometry: Pose
+    twist: Pose | None = None
+    truth: Pose | None = None
+    ranges: NDArray[np.float64] | None = None
+    angles: NDArray[np.float64] | None = None
+    range_max: float | None = None
+    mount: tuple[float, float, float] | None = None
+
+
+@dataclass
+class _Content:
+    messages: list[_Message] = field(default_factory=list)
+    scans: int = 0
+    parameters: dict[str, float] = field(default_factory=dict)
+    truth: tuple[float, Pose] | None = None
+    counts: Counter[str] = field(default_factory=Counter)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Numbered lines; characters that are not ASCII become U+FFFD, which no number contains."""
+    number = 0
+    try:
+        with path.open("rb") as raw:
+            packed = raw.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if packed else path.open("rb") as stream:
+            while line := stream.readline(LONGEST_LINE):
+                number += 1
+                if len(line) == LONGEST_LINE:
+                    raise LogError(f"{path}:{number}: line longer than {LONGEST_LINE} characters: not a CARMEN log")
+                yield number, line.decode("ascii", errors="replace")
+    except EOFError:
+        raise LogError(f"{path}:{number + 1}: the gzip file ends early: it was truncated") from None
+    except (gzip.BadGzipFile, zlib.error) as error:
+        raise LogError(f"{path}:{number + 1}: damaged gzip file ({error})") from None
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror or error}") from None
+
+
+def _take(line: str, content: _Content) -> None:
+    """Add one line to the content; ValueError, without the place, where it does not fit the format."""
+    if line.lstrip().startswith("#"):
+        if match := _OFFSET_IN_COMMENT.search(line):
+            content.parameters.setdefault("robot_frontlaser_offset", float(match[1]))
+        return
+    fields = line.split()
+    if not fields:
+        return
+    kind, rest = fields[0], fields[1:]
+    content.counts[kind] += 1
+    if kind == "PARAM":
+        _take_parameter(rest, content)
+    elif kind == "TRUEPOS":
+        _expect(kind, rest, 9)
+        content.truth = (_stamp(rest[6]), _pose("true", rest[0:3]))
+    elif kind in ("ODOM", "FLASER", "ROBOTLASER1"):
+        message = {"ODOM": _odom, "FLASER": _flaser, "ROBOTLASER1": _robotlaser}[kind](rest)
+        if content.truth is not None and content.truth[0] == message.stamp:
+            message.truth = content.truth[1]
+        content.messages.append(message)
+        content.scans += message.ranges is not None
+
+
+def _take_parameter(rest: list[str], content: _Content) -> None:
+    if len(rest) >= 2 and rest[0] in ("robot_frontlaser_offset", "robot_front_laser_max"):
+        value = _number(rest[0], rest[1])
+        if not math.isfinite(value):
+            raise ValueError(f"PARAM {rest[0]} must be finite, got {rest[1]}")
+        content.parameters[rest[0]] = value
+
+
+def _odom(rest: list[str]) -> _Message:
+    _expect("ODOM", rest, 9)
+    tv, rv = _number("tv", rest[3]), _number("rv", rest[4])
+    return _Message(_stamp(rest[6]), _pose("odometry", rest[0:3]), twist=_twist(tv, rv))
+
+
+def _flaser(rest: list[str]) -> _Message:
+    ranges, rest = _counted("FLASER", "beam", rest)
+    _expect(f"FLASER with {ranges.size} beams", rest, 9, after="after its ranges")
+    if ranges.size not in FLASER_LAYOUTS:
+        known = ", ".join(str(n) for n in sorted(FLASER_LAYOUTS))
+        raise ValueError(
+            f"FLASER with {ranges.size} beams: it holds no angles, and they are known for {known} beams only"
+        )
+    first, step = FLASER_LAYOUTS[ranges.size]
+    angles = np.deg2rad(first + step * np.arange(ranges.size))
+    _pose("laser", rest[0:3])
+    return _Message(_stamp(rest[6]), _pose("odometry", rest[3:6]), ranges=ranges, angles=angles)
+
+
+def _robotlaser(rest: list[str]) -> _Message:
+    if len(rest) < 8:
+        raise ValueError(f"ROBOTLASER1 ends after {len(rest)} values")
+    start, step, range_max = (
+        _number(name, rest[i]) for name, i in (("start_angle", 1), ("angular_resolution", 3), ("maximum_range", 4))
+    )
+    if not (math.isfinite(start) and math.isfinite(step) and range_max > 0):
+        raise ValueError(f"ROBOTLASER1 needs finite angles and a positive maximum_range, got {' '.join(rest[1:5])}")
+    ranges, rest = _counted("ROBOTLASER1", "beam", rest[7:])
+    _, rest = _counted("ROBOTLASER1", "remission", rest)
+    _expect(f"ROBOTLASER1 with {ranges.size} beams", rest, 14, after="after its remissions")
+    laser, robot = _pose("laser", rest[0:3]), _pose("robot", rest[3:6])
+    x, y, theta = se2.between(robot, laser)
+    return _Message(
+        _stamp(rest[11]),
+        robot,
+        twist=_twist(_number("tv", rest[6]), _number("rv", rest[7])),
+        ranges=ranges,
+        angles=start + step * np.arange(ranges.size),
+        range_max=range_max,
+        mount=(float(x), float(y), float(theta)),
+    )
+
+
+def _counted(kind: str, what: str, rest: list[str]) -> tuple[NDArray[np.float64], list[str]]:
+    """A count and that many numbers from the front of `rest`, and what follows them."""
+    if not rest or not rest[0].isdecimal():
+        raise ValueError(f"{kind}: expected the number of {what}s, got {rest[0] if rest else 'the end of the line'!r}")
+    count = int(rest[0])
+    if len(rest) - 1 < count:
+        raise ValueError(f"{kind} announces {count} {what}s, but only {len(rest) - 1} values follow")
+    return np.array([_number(what, text) for text in rest[1 : count + 1]]), rest[count + 1 :]
+
+
+def _expect(what: str, rest: list[str], count: int, after: str = "") -> None:
+    if len(rest) != count:
+        raise ValueError(f"{what}: expected {count} values{' ' + after if after else ''}, got {len(rest)}")
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        if "_" in text:  # float() takes 1_0 for 10
+            raise ValueError
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{name}: expected a number, got {text[:40]!r}") from None
+
+
+def _stamp(text: str) -> float:
+    stamp = _number("ipc time", text)
+    if not math.isfinite(stamp):
+        raise ValueError(f"ipc time must be finite, got {text}")
+    return stamp
+
+
+def _pose(name: str, texts: list[str]) -> Pose:
+    pose = np.array([_number(f"{name} pose", text) for text in texts])
+    if not np.all(np.isfinite(pose)):
+        raise ValueError(f"{name} pose must be finite, got {' '.join(texts)}")
+    return pose
+
+
+def _twist(tv: float, rv: float) -> Pose | None:
+    return np.array([tv, 0.0, rv]) if math.isfinite(tv) and math.isfinite(rv) else None
+
+
+def _assemble(path: Path, content: _Content, laser_offset: float | None, range_max: float | None) -> Log:
+    """Frames, now that the whole file has been seen; the notes say what was found out."""
+    readings = np.concatenate([m.ranges for m in content.messages if m.ranges is not None])
+    typical = np.median(readings[np.isfinite(readings)]) if np.any(np.isfinite(readings)) else 0.0
+    if typical > LARGEST_MEDIAN_RANGE:
+        raise LogError(
+            f"{path}: the median reading is {typical:g}: expected metres, are these centimetres or millimetres?"
+        )
+    range_max, range_note = _resolve_range_max(content, readings, range_max)
+    offset, offset_note = _resolve_offset(content, laser_offset)
+    skipped = [f"{count} {kind[:20]}" for kind, count in content.counts.most_common() if kind not in MESSAGES]
+    skipped_note = (
+        f"messages left out: {', '.join(skipped[:8])}{' and others' if skipped[8:] else ''}" if skipped else ""
+    )
+    return Log(
+        path=path,
+        format="CARMEN log",
+        frames=[_frame(message, offset, range_max) for message in content.messages],
+        notes=tuple(note for note in (range_note, offset_note, skipped_note) if note),
+    )
+
+
+def _resolve_range_max(
+    content: _Content, readings: NDArray[np.float64], given: float | None
+) -> tuple[float | None, str]:
+    """Where no returns begin [m], None = as each message says, and the note about it."""
+    if given is not None:
+        return given, f"no return from {given:g} m on (as asked)"
+    if all(m.range_max is not None for m in content.messages if m.ranges is not None):
+        return None, ""
+    if "robot_front_laser_max" in content.parameters:
+        logged = content.parameters["robot_front_laser_max"]
+        return logged, f"no return from {logged:g} m on (PARAM robot_front_laser_max)"
+    found = no_return_value(readings)
+    if found is None:
+        return math.inf, 'no value for "no return" stands out: all readings count as hits'
+    return found, f"no return is written as {found:g} m ({np.mean(readings == found):.1%} of the readings)"
+
+
+def _resolve_offset(content: _Content, given: float | None) -> tuple[float | None, str]:
+    """x of the laser [m], None = as each message says, and the note about it."""
+    if given is not None:
+        return given, f"laser {given:+g} m along x (as asked)"
+    if "robot_frontlaser_offset" in content.parameters:
+        logged = content.parameters["robot_frontlaser_offset"]
+        return logged, f"laser {logged:+g} m along x (robot_frontlaser_offset in the log)"
+    return None, ""
+
+
+def _frame(message: _Message, offset: float | None, range_max: float | None) -> Frame:
+    scan = None
+    if message.ranges is not None and message.angles is not None:
+        own_max = message.range_max if message.range_max is not None else math.inf
+        scan = Scan(
+            ranges=message.ranges,
+            angles=message.angles,
+            range_max=own_max if range_max is None else range_max,
+            stamp=message.stamp,
+            mount=(message.mount or (0.0, 0.0, 0.0)) if offset is None else (offset, 0.0, 0.0),
+        )
+    return Frame(stamp=message.stamp, odometry=message.odometry, scan=scan, twist=message.twist, truth=message.truth)

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: MIT
+"""A recorded log as every reader returns it, and the one error that readers raise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbed.frame import Frame
+
+
+class LogError(ValueError):
+    """A log cannot be read or written; the message names the file, the place and what was expected."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Log:
+    """A recorded log, read whole."""
+
+    path: Path
+    """Where it was read from."""
+    format: str
+    """Name of its format, as a person says it."""
+    frames: list[Frame]
+    """In the order of the file, which is not always that of the stamps."""
+    notes: tuple[str, ...]
+    """What was found out or left out while reading, one sentence each: for the user's eyes."""
+
+    @property
+    def scan_count(self) -> int:
+        """Number of frames that carry a scan."""
+        return sum(frame.scan is not None for frame in self.frames)
