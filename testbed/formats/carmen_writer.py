@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eval._files import write_aside
 from slam import se2
 from slam.scan import Scan
-from testbed.files import atomic_path
 from testbed.formats.carmen import FLASER_LAYOUTS
 from testbed.formats.log import LogError
 from testbed.frame import Frame
@@ -35,7 +35,7 @@ def write_carmen(
     path = Path(path)
     lines = _flaser_lines(path, frames) if message == "FLASER" else _robotlaser_lines(path, frames)
     text = "".join(f"{line}\n" for line in ("# CARMEN Logfile; metres, radians, seconds", *lines)).encode("ascii")
-    with atomic_path(path) as aside:
+    with write_aside(path) as aside:
         aside.write_bytes(gzip.compress(text, mtime=0) if path.suffix == ".gz" else text)
 
 
