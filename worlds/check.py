@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: MIT
+"""Can a robot live in this world? Start free, outline closed, tour drivable."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Point
+from shapely.geometry.base import BaseGeometry
+
+from worlds.elements import Element
+from worlds.errors import WorldError
+from worlds.world import World, surface_of
+
+
+def check_world(world: World, *, footprint_radius: float = 0.0, place: str = "") -> None:
+    """Raise `WorldError` unless every element is valid, the start is free, the outline closed and the tour drivable.
+
+    footprint_radius: the robot's outer radius [m]; every point of the path keeps at least this distance from all
+    surfaces. place: prefix of messages, such as the file's name; the world's name if empty.
+    """
+    place = place or f"world {world.name!r}"
+    for group in ("walls", "boxes", "discs", "polygons"):
+        for index, element in enumerate(getattr(world, group)):
+            _check_shape(element, f"{place}: {group}[{index}] {element.name!r}")
+    start = Point(world.start.x, world.start.y)
+    for element in world.elements:
+        if element.shape().distance(start) <= footprint_radius:
+            raise WorldError(
+                f"{place}: start ({world.start.x:g}, {world.start.y:g}) m lies in or within {footprint_radius:g} m "
+                f"of {_described(element)}, expected a free place"
+            )
+    if world.free_space is None:
+        raise WorldError(
+            f"{place}: the outline about start ({world.start.x:g}, {world.start.y:g}) m is not closed, "
+            "expected walls that leave no way out"
+        )
+    _check_tour(world, footprint_radius, place)
+
+
+def _check_shape(element: Element, place: str) -> None:
+    shape = element.shape()
+    if not shape.is_valid:
+        raise WorldError(f"{place}: {shapely.is_valid_reason(shape)}, expected an outline that does not cross itself")
+    if shape.is_empty or (shape.length == 0.0):
+        raise WorldError(f"{place}: has no extent, expected a length above 0 m")
+
+
+def _check_tour(world: World, footprint_radius: float, place: str) -> None:
+    path = world.path()
+    if len(path) == 1:
+        return
+    surface = surface_of(world.cross_section())
+    legs = [LineString(leg) for leg in np.stack([path[:-1], path[1:]], axis=1)]
+    clearance = np.asarray(shapely.distance(legs, surface))
+    worst = int(np.argmin(clearance))
+    if clearance[worst] <= footprint_radius:
+        (x0, y0), (x1, y1) = path[worst], path[worst + 1]
+        raise WorldError(
+            f"{place}: tour from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m passes {clearance[worst]:.2f} m from "
+            f"{_described(_nearest(world, legs[worst]))}, expected more than {footprint_radius:.2f} m (the footprint)"
+        )
+
+
+def _nearest(world: World, leg: LineString) -> Element:
+    return min(world.elements, key=lambda element: _distance(element.shape(), leg))
+
+
+def _distance(shape: BaseGeometry, leg: LineString) -> float:
+    return float(shape.distance(leg))
+
+
+def _described(element: Element) -> str:
+    x, y = element.shape().representative_point().coords[0]
+    label = f"{type(element).__name__.lower()} {element.name!r}" if element.name else type(element).__name__.lower()
+    return f"{label} near ({x:.1f}, {y:.1f}) m"

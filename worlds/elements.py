@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: MIT
+"""What stands in a world: walls, boxes, discs and polygons, seen from above, each with a height.
+
+Frame of everything: the world's, x to the east, y to the north, counter-clockwise angles.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import shapely
+from pydantic import BaseModel, ConfigDict, Field
+from shapely import affinity
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import substring
+
+MAX_COORDINATE = 1000.0
+"""Worlds reach at most this far from their origin [m]; larger numbers are nearly always millimetres."""
+
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)]
+"""A coordinate in the world's frame [m]."""
+Length = Annotated[float, Field(gt=0.0, le=MAX_COORDINATE, allow_inf_nan=False)]
+"""A positive length [m]."""
+Angle = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi, allow_inf_nan=False)]
+"""An angle [rad]; larger numbers are nearly always degrees."""
+Position = tuple[Coordinate, Coordinate]
+"""A point `(x, y)` [m]."""
+
+CIRCLE_QUADRANT_SEGMENTS = 8
+"""A disc is drawn as a polygon of four times as many sides: 32 sides keep the outline within 0.5 % of the radius."""
+
+
+class Model(BaseModel):
+    """Settings shared by everything that a world file may hold: frozen, no unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Element(Model):
+    """A thing that stands on the floor."""
+
+    name: str = Field("", max_length=200)
+    """What it is; used in error messages."""
+    height: Length = 2.5
+    """Top above the floor [m]; a lidar mounted higher looks over it."""
+    glass: bool = False
+    """Lidars look through it, robots do not drive through it."""
+
+    def shape(self) -> BaseGeometry:
+        """Footprint in the world's frame: polygons, or lines for walls without thickness."""
+        raise NotImplementedError
+
+
+class Opening(Model):
+    """A gap in a wall: a door or a passage."""
+
+    at: Annotated[float, Field(ge=0.0, le=MAX_COORDINATE)]
+    """Distance of its middle from the wall's first point, along the wall [m]."""
+    width: Length = 0.95
+    """Clear width [m]."""
+
+
+class Wall(Element):
+    """A wall along a polyline."""
+
+    points: Annotated[list[Position], Field(min_length=2, max_length=100_000)]
+    """Corners of the wall's centre line [m]."""
+    closed: bool = False
+    """The last corner is joined to the first."""
+    thickness: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """Thickness [m]; 0 = a surface without inside."""
+    openings: list[Opening] = Field(default_factory=list)
+    """Gaps."""
+
+    def shape(self) -> BaseGeometry:
+        """Lines, or polygons if the wall has a thickness. Corners are mitred, ends are cut square."""
+        corners = [*self.points, self.points[0]] if self.closed else self.points
+        line = LineString(corners)
+        parts: BaseGeometry = line if not self.openings else _without_openings(line, self.openings)
+        if self.thickness == 0.0:
+            return parts
+        if self.closed and not self.openings:
+            ring = shapely.LinearRing(self.points)
+            return ring.buffer(self.thickness / 2.0, join_style="mitre")
+        return parts.buffer(self.thickness / 2.0, cap_style="flat", join_style="mitre")
+
+
+def _without_openings(line: LineString, openings: list[Opening]) -> BaseGeometry:
+    """The parts of `line` that lie in none of the openings."""
+    parts, begin = [], 0.0
+    for opening in sorted(openings, key=lambda opening: opening.at):
+        end = opening.at - opening.width / 2.0
+        if end > begin:
+            parts.append(substring(line, begin, end))
+        begin = max(begin, opening.at + opening.width / 2.0)
+    if begin < line.length:
+        parts.append(substring(line, begin, line.length))
+    return shapely.union_all(parts)
+
+
+class Box(Element):
+    """A rectangular block."""
+
+    x: Coordinate
+    """Centre [m]."""
+    y: Coordinate
+    """Centre [m]."""
+    width: Length
+    """Side along the box's own x axis [m]."""
+    depth: Length
+    """Side along the box's own y axis [m]."""
+    rotation: Angle = 0.0
+    """Counter-clockwise rotation about the centre [rad]."""
+
+    def shape(self) -> BaseGeometry:
+        """The rectangle as a polygon."""
+        half_w, half_d = self.width / 2.0, self.depth / 2.0
+        box = shapely.box(self.x - half_w, self.y - half_d, self.x + half_w, self.y + half_d)
+        return affinity.rotate(box, self.rotation, origin=(self.x, self.y), use_radians=True)
+
+
+class Disc(Element):
+    """A round pillar, bin or plant, drawn as a polygon of 32 sides."""
+
+    x: Coordinate
+    """Centre [m]."""
+    y: Coordinate
+    """Centre [m]."""
+    radius: Length
+    """Radius [m]."""
+
+    def shape(self) -> BaseGeometry:
+        """The disc as a polygon."""
+        return Point(self.x, self.y).buffer(self.radius, quad_segs=CIRCLE_QUADRANT_SEGMENTS)
+
+
+class Block(Element):
+    """A solid block of any outline (`[[polygons]]` in files)."""
+
+    points: Annotated[list[Position], Field(min_length=3, max_length=100_000)]
+    """Corners of the outline [m], either way round; the last is joined to the first."""
+    holes: list[Annotated[list[Position], Field(min_length=3, max_length=100_000)]] = Field(default_factory=list)
+    """Outlines of hollows in it [m]."""
+
+    def shape(self) -> BaseGeometry:
+        """The outline as a polygon."""
+        return Polygon(self.points, self.holes)

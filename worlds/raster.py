@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: MIT
+"""The true map: a raster drawn from the same surfaces that the lidar sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
+
+from worlds.errors import WorldError
+from worlds.world import World, segments_of, surface_of
+
+MAX_CELLS = 100_000_000
+"""Larger maps are refused."""
+_NUDGE = 1e-6
+"""Solids are drawn smaller by this [m], so that a face on the line between two cells marks the one in the solid."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueMap:
+    """What a perfect mapper would know. Row 0 has the lowest y, column 0 the lowest x."""
+
+    occupied: NDArray[np.bool_]
+    """Cells that a surface of a wall or block runs through, (rows, cols), as far as they touch free cells by a side or
+    corner: the inside of solids and the outside of the building, which no lidar can see, are neither occupied nor
+    free."""
+    free: NDArray[np.bool_]
+    """Cells without a surface that are connected with the start by their sides, (rows, cols)."""
+    resolution: float
+    """Side of a cell [m]."""
+    origin: tuple[float, float, float]
+    """Pose `(x, y, theta)` [m, m, rad] of the outer corner of cell (0, 0) in the world's frame."""
+
+
+def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, margin: float = 0.5) -> TrueMap:
+    """Draw `world` as a lidar at `height` [m] would see it without error, glass included.
+
+    resolution: side of a cell [m]; cells lie on whole multiples of it. margin: empty border [m].
+    Raises `WorldError` if the map had more than `MAX_CELLS` cells, `ValueError` if the resolution is not positive.
+    """
+    if not resolution > 0:
+        raise ValueError(f"resolution must be positive, got {resolution} m")
+    solid = world.cross_section(height)
+    x_low, y_low, x_high, y_high = solid.bounds if not solid.is_empty else (world.start.x, world.start.y) * 2
+    first_col, first_row = (int(np.floor((low - margin) / resolution)) for low in (x_low, y_low))
+    cols = int(np.ceil((x_high + margin) / resolution)) - first_col
+    rows = int(np.ceil((y_high + margin) / resolution)) - first_row
+    if rows * cols > MAX_CELLS:
+        raise WorldError(
+            f"world {world.name!r}: a map of {rows} x {cols} cells at {resolution:g} m is above the limit of "
+            f"{MAX_CELLS} cells, expected a smaller world or larger cells"
+        )
+    surface = np.zeros((rows, cols), dtype=np.bool_)
+    segments = segments_of(surface_of(_shrunk(solid)))
+    in_cells = segments / resolution - np.array([first_col, first_row] * 2)
+    for segment in in_cells:
+        row, col = cells_crossed(segment)
+        surface[row, col] = True
+    start = (
+        int(np.floor(world.start.y / resolution)) - first_row,
+        int(np.floor(world.start.x / resolution)) - first_col,
+    )
+    free = _connected(~surface, start)
+    return TrueMap(
+        occupied=surface & ndimage.binary_dilation(free, np.ones((3, 3))),
+        free=free,
+        resolution=resolution,
+        origin=(first_col * resolution, first_row * resolution, 0.0),
+    )
+
+
+def _shrunk(solid: BaseGeometry) -> BaseGeometry:
+    parts = shapely.get_parts(solid)
+    areas = shapely.get_dimensions(parts) == 2
+    return shapely.union_all([*shapely.buffer(parts[areas], -_NUDGE, join_style="mitre"), *parts[~areas]])
+
+
+def cells_crossed(segment: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the unit cells that a segment `(x0, y0, x1, y1)` runs through for more than a point.
+
+    Exact: the segment is cut at every grid line, and each piece lies in one cell, that of its middle.
+    """
+    begin, step = segment[:2], segment[2:] - segment[:2]
+    cuts = [np.array([0.0, 1.0])]
+    for axis in range(2):
+        if step[axis] != 0.0:
+            low, high = sorted((begin[axis], begin[axis] + step[axis]))
+            lines = np.arange(np.ceil(low), np.floor(high) + 1.0)
+            cuts.append((lines - begin[axis]) / step[axis])
+    at = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))
+    middle = begin + 0.5 * (at[:-1] + at[1:])[:, None] * step
+    cells = np.floor(middle).astype(np.intp)
+    return cells[:, 1], cells[:, 0]
+
+
+def _connected(open_cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
+    """Open cells that can be reached from cell `start` (row, col) over sides, same shape as `open_cells`."""
+    labels, _ = ndimage.label(open_cells)
+    rows, cols = open_cells.shape
+    inside = 0 <= start[0] < rows and 0 <= start[1] < cols
+    label = labels[start] if inside else 0
+    reached: NDArray[np.bool_] = (labels == label) if label else np.zeros_like(open_cells)
+    return reached

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: MIT
+"""A place to drive in: its elements, where the robot starts, which tour it drives; and its exact geometry.
+
+One geometry feeds everything: the physics engine's mesh, the ray caster and the true map are all made from
+`World.boundary_segments`.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from worlds.elements import Angle, Block, Box, Coordinate, Disc, Element, Model, Position, Wall
+
+MAX_ELEMENTS = 50_000
+"""Most elements in one world."""
+
+
+class Start(Model):
+    """Pose of the robot at the beginning, `T_world_robot`."""
+
+    x: Coordinate = 0.0
+    """Position [m]."""
+    y: Coordinate = 0.0
+    """Position [m]."""
+    theta: Angle = 0.0
+    """Heading [rad]."""
+
+
+class Tour(Model):
+    """Way points that a robot drives along, one after the other, from the start pose."""
+
+    points: Annotated[list[Position], Field(min_length=1, max_length=100_000)]
+    """Way points [m]."""
+    closed: bool = False
+    """After the last way point the robot returns to the first one."""
+    laps: Annotated[int, Field(ge=1, le=1000)] = 1
+    """How often the way points are driven through; more than once needs `closed`."""
+
+    @model_validator(mode="after")
+    def _laps_need_a_closed_tour(self) -> Tour:
+        if self.laps > 1 and not self.closed:
+            raise ValueError(f"laps = {self.laps} needs closed = true")
+        return self
+
+
+class World(Model):
+    """Everything that a place consists of. Frozen; made by `worlds.load` or by hand."""
+
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    """Short name."""
+    description: str = ""
+    """What kind of place it is."""
+    start: Start = Start()
+    """Where the robot begins."""
+    tour: Tour | None = None
+    """The drive, if the world has one."""
+    walls: list[Wall] = Field(default_factory=list)
+    """Walls along polylines."""
+    boxes: list[Box] = Field(default_factory=list)
+    """Rectangular blocks."""
+    discs: list[Disc] = Field(default_factory=list)
+    """Round blocks."""
+    polygons: list[Block] = Field(default_factory=list)
+    """Blocks of any outline."""
+
+    @model_validator(mode="after")
+    def _not_too_large(self) -> World:
+        if len(self.elements) > MAX_ELEMENTS:
+            raise ValueError(f"a world may hold {MAX_ELEMENTS} elements, this one has {len(self.elements)}")
+        return self
+
+    @property
+    def elements(self) -> list[Element]:
+        """All walls and blocks."""
+        return [*self.walls, *self.boxes, *self.discs, *self.polygons]
+
+    @property
+    def heights(self) -> list[float]:
+        """Heights at which an element ends [m], lowest first."""
+        return sorted({element.height for element in self.elements})
+
+    def cross_section(self, height: float = 0.0, *, glass: bool = True) -> BaseGeometry:
+        """Union of all elements that are taller than `height` [m]: polygons and, for thin walls, lines.
+
+        `glass=False` leaves out what a lidar looks through.
+        """
+        shapes = [e.shape() for e in self.elements if e.height > height and (glass or not e.glass)]
+        return shapely.union_all(shapes)
+
+    def boundary_segments(self, height: float = 0.0, *, glass: bool = True) -> NDArray[np.float64]:
+        """Surfaces at `height` [m] as segments `(x0, y0, x1, y1)` [m], (n, 4): the outlines of the union of all
+        solids, and the thin walls outside of them. No segment lies inside a solid."""
+        return segments_of(surface_of(self.cross_section(height, glass=glass)))
+
+    @cached_property
+    def free_space(self) -> Polygon | None:
+        """Floor that is enclosed together with the start pose; None if no outline encloses the start, or if the
+        start lies in a solid."""
+        solid = self.cross_section()
+        start = Point(self.start.x, self.start.y)
+        if solid.intersects(start):
+            return None
+        faces = shapely.get_parts(shapely.polygonize([shapely.node(surface_of(solid))]))
+        return next((face for face in faces if isinstance(face, Polygon) and face.contains(start)), None)
+
+    def path(self) -> NDArray[np.float64]:
+        """Corners of the whole drive [m], (n, 2), from the start through all laps of the tour; the start alone if
+        the world has no tour."""
+        corners = [(self.start.x, self.start.y)]
+        if self.tour is not None:
+            lap = [*self.tour.points, self.tour.points[0]] if self.tour.closed else self.tour.points
+            corners += lap + lap[1:] * (self.tour.laps - 1)
+        return np.array(corners, dtype=np.float64)
+
+
+def surface_of(shape: BaseGeometry) -> BaseGeometry:
+    """Outlines of the polygons in `shape`, and the lines in it."""
+    parts = shapely.get_parts(shape)
+    areas = shapely.get_dimensions(parts) == 2
+    return shapely.union_all([*shapely.boundary(parts[areas]), *parts[~areas]])
+
+
+def segments_of(lines: BaseGeometry) -> NDArray[np.float64]:
+    """Pieces `(x0, y0, x1, y1)` [m], (n, 4), of all lines in `lines`; collinear neighbours are joined."""
+    merged = shapely.line_merge(lines) if lines.geom_type.startswith("Multi") else lines
+    pieces = []
+    for line in shapely.get_parts(shapely.simplify(merged, 0.0)):
+        corners = shapely.get_coordinates(line)
+        pieces.append(np.hstack([corners[:-1], corners[1:]]))
+    return np.concatenate(pieces) if pieces else np.empty((0, 4))
