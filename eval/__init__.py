@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: MIT
+"""Measures of trajectories and maps, outcome labels, and the report of a run; docs/metrics.md explains each number.
+
+    from eval.tum import read_tum                     # trajectories in and out
+    from eval.map_server import read_map              # maps in and out
+    from eval.scoring import score, score_files       # all measures as one nested dict: metrics.json
+    from eval.gate import check                       # which limits a score breaks
+    from eval.report import write_report              # one run directory -> report.html
+    from eval.comparison import write_comparison      # several run directories -> comparison.html
+
+Import from the modules: a bare `import eval` hides the builtin. This package itself imports nothing.
+"""

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""Put an estimate into the reference's frame before comparing: the choice changes the error, so it goes by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slam.se2 import Pose, compose, inverse, wrap_angle
+
+Method = Literal["none", "first_pose", "se2"]
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A rigid motion that takes an estimate into the reference's frame, and how it was found."""
+
+    T_reference_estimate: Pose
+    """Pose of the estimate's frame seen from the reference's [m, m, rad], (3,)."""
+    method: Method
+    """`none`: identity; `first_pose`: the first poses coincide; `se2`: least squares over all positions."""
+    heading_from_poses: bool = False
+    """`se2` only: the positions lie on one point, so the turn comes from the headings."""
+
+    def apply(self, poses: ArrayLike) -> Pose:
+        """Poses (..., 3) of the estimate's frame, seen from the reference's."""
+        return compose(self.T_reference_estimate, poses)
+
+
+def align(estimate: ArrayLike, reference: ArrayLike, method: Method = "se2") -> Alignment:
+    """Alignment of the poses `estimate` (n, 3) to the poses `reference` (n, 3), row by row.
+
+    `se2` minimises sum |R p_i + t - q_i|^2 over rotation R and shift t, without scale (Umeyama, PAMI 13(4), 1991, in
+    the plane in closed form). Trap: it spreads the error over the whole path and so hides where it began;
+    `first_pose` shows drift as it grows, but one bad first heading tilts everything.
+    Raises ValueError where the shapes differ or the method is unknown.
+    """
+    p, q = np.asarray(estimate, dtype=np.float64), np.asarray(reference, dtype=np.float64)
+    if p.shape != q.shape or p.ndim != 2 or p.shape[1] != 3 or len(p) == 0:
+        raise ValueError(f"align takes two arrays (n, 3) of the same length, got {p.shape} and {q.shape}")
+    if method == "none":
+        return Alignment(np.zeros(3), method)
+    if method == "first_pose":
+        return Alignment(compose(q[0], inverse(p[0])), method)
+    if method == "se2":
+        return _umeyama(p, q)
+    raise ValueError(f"alignment: expected none, first_pose or se2, got {method!r}")
+
+
+def _umeyama(p: Pose, q: Pose) -> Alignment:
+    p_mean, q_mean = p[:, :2].mean(axis=0), q[:, :2].mean(axis=0)
+    dp, dq = p[:, :2] - p_mean, q[:, :2] - q_mean
+    cosine = np.sum(dp * dq)
+    sine = np.sum(dp[:, 0] * dq[:, 1] - dp[:, 1] * dq[:, 0])
+    # Rounding leaves about eps times the coordinates' squares where all positions are one.
+    one_point = np.hypot(cosine, sine) <= 1e-12 * (np.sum(p[:, :2] ** 2) + np.sum(q[:, :2] ** 2) + 1e-300)
+    if one_point:
+        turns = wrap_angle(q[:, 2] - p[:, 2])
+        cosine, sine = np.cos(turns).sum(), np.sin(turns).sum()
+    theta = np.arctan2(sine, cosine)
+    cos, sin = np.cos(theta), np.sin(theta)
+    shift = q_mean - np.array([cos * p_mean[0] - sin * p_mean[1], sin * p_mean[0] + cos * p_mean[1]])
+    return Alignment(np.array([shift[0], shift[1], theta]), "se2", heading_from_poses=bool(one_point))
+
+
+def scale_suspicion(estimate: ArrayLike, reference: ArrayLike) -> str | None:
+    """A sentence if the estimate fits the reference only after a change of unit (cm, mm, inch, foot), else None.
+
+    The least-squares scale (Umeyama 1991, eq. 42, without its noise term) of the centred, turned positions.
+    """
+    p, q = np.asarray(estimate, dtype=np.float64), np.asarray(reference, dtype=np.float64)
+    aligned = align(p, q, "se2").apply(p)
+    dp, dq = aligned[:, :2] - aligned[:, :2].mean(axis=0), q[:, :2] - q[:, :2].mean(axis=0)
+    spread = np.sum(dp * dp)
+    if spread == 0.0 or np.sum(dq * dq) == 0.0:
+        return None
+    scale = float(np.sum(dp * dq) / spread)
+    before = float(np.sqrt(np.mean(np.sum((dp - dq) ** 2, axis=1))))
+    after = float(np.sqrt(np.mean(np.sum((scale * dp - dq) ** 2, axis=1))))
+    if 0.5 < scale < 2.0 or after > 0.1 * before:
+        return None
+    return f"the estimate fits the reference only when scaled by {scale:.4g}: are its positions in metres?"

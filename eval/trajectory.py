@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: MIT
+"""A trajectory: stamped poses, as an estimator, a simulator or a file gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slam.se2 import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Stamped poses in the order in which they were recorded; the arrays are read-only copies.
+
+    Stamps may repeat and step backwards, as in real logs (Intel: 629 steps back); whoever needs them sorted says so.
+    Raises ValueError for shapes that do not fit, an empty trajectory, and NaN or infinite values (naming the row).
+    """
+
+    stamps: NDArray[np.float64]
+    """Times [s], (n,)."""
+    poses: Pose
+    """`(x, y, theta)` [m, m, rad], (n, 3)."""
+
+    def __post_init__(self) -> None:
+        stamps = np.array(self.stamps, dtype=np.float64)
+        poses = np.array(self.poses, dtype=np.float64)
+        if stamps.ndim != 1 or poses.shape != (len(stamps), 3):
+            raise ValueError(f"a trajectory takes stamps (n,) and poses (n, 3), got {stamps.shape} and {poses.shape}")
+        if len(stamps) == 0:
+            raise ValueError("a trajectory takes at least one pose, got none")
+        bad = np.flatnonzero(~(np.isfinite(stamps) & np.isfinite(poses).all(axis=1)))
+        if len(bad):
+            raise ValueError(
+                f"a trajectory takes finite numbers, got stamp {stamps[bad[0]]}, pose {poses[bad[0]]} in row {bad[0]}"
+            )
+        for array, name in ((stamps, "stamps"), (poses, "poses")):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def __getitem__(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp] | Sequence[int]) -> Trajectory:
+        """The trajectory of some of the rows, in the order asked for."""
+        return Trajectory(self.stamps[rows], self.poses[rows])
+
+    @property
+    def distance(self) -> NDArray[np.float64]:
+        """Distance travelled up to each pose [m], (n,), in recorded order."""
+        return travelled(self.poses)
+
+    @property
+    def duration(self) -> float:
+        """Time between the earliest and the latest stamp [s]."""
+        return float(np.ptp(self.stamps))
+
+
+def travelled(poses: ArrayLike) -> NDArray[np.float64]:
+    """Distance travelled up to each of the poses (n, 3) [m], (n,): the sum of the straight pieces between them."""
+    positions = np.asarray(poses, dtype=np.float64)[:, :2]
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def suspicions(trajectory: Trajectory, name: str) -> list[str]:
+    """Sentences on units that look wrong; `name` says whose trajectory it is. Empty where nothing is suspicious."""
+    found = []
+    headings = np.abs(trajectory.poses[:, 2])
+    # A heading may have been counted on over turns, but then it changes little from pose to pose.
+    jumps = np.abs(np.diff(trajectory.poses[:, 2]))
+    if headings.max() > 4.0 * np.pi and len(jumps) and jumps.max() > 2.0 * np.pi + 1e-9:
+        found.append(f"{name}: headings of up to {headings.max():.0f} rad that jump: are they degrees?")
+    if len(trajectory) > 1:
+        step = float(np.median(np.abs(np.diff(trajectory.stamps))))
+        if step > 1e4:
+            found.append(f"{name}: {step:.3g} s between poses: are the stamps milli- or nanoseconds?")
+    return found
