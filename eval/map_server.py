@@ -21,7 +21,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from eval._files import write_aside
+from eval.files import write_aside
 from slam.occupancy import OccupancyGrid
 
 MAX_PIXELS = 100_000_000

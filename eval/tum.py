@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eval._files import write_aside
+from eval.files import write_aside
 from eval.trajectory import Trajectory
 
 NORM_TOLERANCE = 1e-3

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: MIT
+"""Map measures on maps whose answer is known by hand: walls shifted, doubled, missing, invented; a turned map."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eval.grids import cell_centres, lookup, resample, true_grid
+from eval.map_alignment import best_rigid_alignment
+from eval.map_overlap import coverage, free_overlap, occupied_overlap
+from eval.map_probability import CLIP, probability_score
+from eval.map_structure import map_structure
+from eval.observability import observable_cells
+from eval.wall_error import wall_distances, wall_profile
+from slam.occupancy import OccupancyGrid
+from slam.se2 import compose, inverse, wrap_angle
+from tests.eval.helpers import moved, room, with_wall
+from worlds import TrueMap
+
+IDENTITY = np.zeros(3)
+TRUTH = room()
+EVERYWHERE = TRUTH.known
+ROW = 20 + 40  # a row through the middle of the room (margin of 20 cells, 80 rows of floor)
+
+
+def like_truth(probability) -> OccupancyGrid:
+    return OccupancyGrid(
+        probability=np.asarray(probability, dtype=np.float32), resolution=TRUTH.resolution, origin=TRUTH.origin
+    )
+
+
+# --- the perfect map
+
+
+def test_the_truth_itself_has_the_best_score_of_every_measure():
+    for tolerance in (0, 1, 2):
+        assert occupied_overlap(TRUTH, TRUTH, EVERYWHERE, tolerance=tolerance).iou == 1.0
+        assert free_overlap(TRUTH, TRUTH, EVERYWHERE, tolerance=tolerance).f1 == 1.0
+    there, back = wall_distances(TRUTH, TRUTH, IDENTITY, EVERYWHERE)
+    assert there.mean == back.p95 == 0.0
+    profile = wall_profile(TRUTH, TRUTH, IDENTITY, EVERYWHERE)
+    assert profile.double_rate == profile.missing_rate == 0.0
+    assert profile.thickness == profile.true_thickness == pytest.approx(0.05)
+    score = probability_score(TRUTH, TRUTH, EVERYWHERE)
+    assert score.log_loss == pytest.approx(-np.log(1.0 - CLIP))
+    assert score.auc == 1.0
+    assert coverage(TRUTH, EVERYWHERE) == 1.0
+
+
+# --- one wall: shifted, doubled, missing, invented
+
+
+@pytest.mark.parametrize("cells", [1, 2, 5])
+def test_a_wall_shifted_by_d_is_d_away_and_right_within_the_tolerance(cells):
+    truth = with_wall(like_truth(np.zeros((60, 60))), 30, slice(None))
+    shifted = moved(truth, (0.0, cells * 0.05, 0.0))
+    there, back = wall_distances(shifted, truth, IDENTITY, truth.known)
+    for distance in (there.mean, there.trimmed_mean, there.p95, back.mean):
+        assert distance == pytest.approx(cells * 0.05)
+    drawn = resample(shifted, truth, IDENTITY)
+    assert occupied_overlap(drawn, truth, truth.known, tolerance=cells - 1).f1 == 0.0
+    assert occupied_overlap(drawn, truth, truth.known, tolerance=cells).f1 == 1.0
+
+
+def test_a_wall_shifted_by_less_than_a_cell_is_seen_by_the_distance():
+    truth = with_wall(like_truth(np.zeros((60, 60))), 30, slice(None))
+    there, back = wall_distances(moved(truth, (0.0, 0.013, 0.0)), truth, IDENTITY, truth.known)
+    assert there.mean == pytest.approx(0.013)
+    assert back.mean == pytest.approx(0.013)
+
+
+@pytest.mark.parametrize("offset", [2, 4, 8])
+def test_a_wall_that_stands_twice_is_double_and_one_beside_it_is_thick(offset):
+    # The west wall is column 19; a copy inside the room along its whole length.
+    doubled = with_wall(TRUTH, slice(20, 100), 19 + offset)
+    west = np.zeros_like(EVERYWHERE)
+    west[30:90, 19] = True
+    profile = wall_profile(doubled, TRUTH, IDENTITY, west)
+    assert profile.double_rate == 1.0
+    assert profile.thickness == pytest.approx(0.05)
+    thick = wall_profile(with_wall(TRUTH, slice(20, 100), 20), TRUTH, IDENTITY, west)
+    assert thick.double_rate == 0.0
+    assert thick.thickness == pytest.approx(0.10)
+
+
+def test_a_quarter_of_the_walls_doubled_is_a_rate_of_their_share():
+    doubled = with_wall(TRUTH, slice(20, 100), 24)
+    profile = wall_profile(doubled, TRUTH, IDENTITY, EVERYWHERE)
+    assert profile.double_rate == pytest.approx(80.0 / 400.0, abs=0.05)
+
+
+def test_a_true_wall_of_two_faces_is_not_double():
+    truth = with_wall(room(), slice(20, 100), slice(70, 74), np.nan)
+    truth = with_wall(with_wall(truth, slice(20, 100), 69), slice(20, 100), 74)
+    assert wall_profile(truth, truth, IDENTITY, truth.known).double_rate == 0.0
+    ghost = with_wall(truth, slice(20, 100), 64)
+    faces = np.zeros_like(truth.known)
+    faces[30:90, [69, 74]] = True
+    # From the far face the ghost is 0.5 m away: on the edge of the cut.
+    assert wall_profile(ghost, truth, IDENTITY, faces).double_rate == pytest.approx(1.0)
+
+
+def test_a_missing_wall_lowers_recall_and_only_the_way_from_the_truth():
+    missing = with_wall(TRUTH, slice(20, 100), 19, np.nan)
+    overlap = occupied_overlap(missing, TRUTH, EVERYWHERE)
+    walls = int(TRUTH.occupied.sum())
+    assert overlap.precision == 1.0
+    assert overlap.recall == pytest.approx((walls - 80) / walls)
+    there, back = wall_distances(missing, TRUTH, IDENTITY, EVERYWHERE)
+    assert there.mean == 0.0
+    # Row r of the missing wall is min(r + 1, 80 - r) cells away from the nearest corner that stands.
+    assert back.mean == pytest.approx(2 * sum(range(1, 41)) * 0.05 / walls)
+    assert wall_profile(missing, TRUTH, IDENTITY, EVERYWHERE).missing_rate == pytest.approx(0.2, abs=0.06)
+
+
+def test_an_invented_wall_lowers_precision_and_only_the_way_to_the_truth():
+    invented = with_wall(TRUTH, slice(20, 100), 80)
+    overlap = occupied_overlap(invented, TRUTH, EVERYWHERE)
+    walls = int(TRUTH.occupied.sum())
+    assert overlap.recall == 1.0
+    assert overlap.precision == pytest.approx(walls / (walls + 80))
+    assert overlap.iou == pytest.approx(walls / (walls + 80))
+    there, back = wall_distances(invented, TRUTH, IDENTITY, EVERYWHERE)
+    assert back.mean == 0.0
+    assert there.mean == pytest.approx(2 * sum(range(1, 41)) * 0.05 / (walls + 80))
+
+
+def test_walls_off_the_true_map_are_wrong_and_unobservable_ones_are_asked_of_nobody():
+    assert occupied_overlap(TRUTH, TRUTH, EVERYWHERE, outside=404).precision == pytest.approx(0.5)
+    seen = EVERYWHERE.copy()
+    seen[:, 19] = False
+    without = with_wall(TRUTH, slice(None), 19, np.nan)
+    for grid in (TRUTH, without):
+        assert occupied_overlap(grid, TRUTH, seen).iou == 1.0
+
+
+# --- the whole map: turned, finer, coarser, far away
+
+
+@given(st.floats(-20, 20), st.floats(-20, 20), st.floats(-3.1, 3.1))
+@settings(max_examples=25, deadline=None)
+def test_a_moved_map_scores_as_before_under_its_alignment(x, y, theta):
+    there, back = wall_distances(moved(TRUTH, (x, y, theta)), TRUTH, inverse([x, y, theta]), EVERYWHERE)
+    assert there.mean < 1e-9
+    assert back.mean < 1e-9
+
+
+@pytest.mark.parametrize("T", [(0.3, -0.2, 0.03), (-0.6, 0.1, -0.05), (0.0, 0.0, 0.02), (0.0, 0.0, 0.0)])
+def test_the_best_rigid_alignment_is_found(T):
+    truth = with_wall(TRUTH, slice(20, 60), 70)
+    found = best_rigid_alignment(moved(truth, T), truth, IDENTITY)
+    off = compose(found, T)
+    assert np.hypot(off[0], off[1]) < 0.01
+    assert abs(wrap_angle(off[2])) < 0.003
+
+
+def test_a_bent_map_is_not_mended_by_rigid_alignment():
+    truth = with_wall(TRUTH, slice(20, 100), 80)
+    bent = with_wall(with_wall(TRUTH, slice(20, 100), 80, 0.0), slice(20, 100), 90)
+    best = best_rigid_alignment(bent, truth, IDENTITY)
+    there, _ = wall_distances(bent, truth, best, EVERYWHERE)
+    assert there.mean > 0.05
+
+
+@pytest.mark.parametrize("resolution", [0.025, 0.05, 0.1])
+def test_other_resolutions_are_drawn_on_the_true_cells(resolution):
+    other = room(resolution=resolution)
+    drawn = resample(other, TRUTH, IDENTITY)
+    assert free_overlap(drawn, TRUTH, EVERYWHERE).recall > 0.94
+    assert occupied_overlap(drawn, TRUTH, EVERYWHERE, tolerance=1).f1 == pytest.approx(1.0, abs=0.02)
+
+
+def test_lookup_finds_each_cell_by_its_centre_in_any_frame():
+    rng = np.random.default_rng(1)
+    grid = OccupancyGrid(probability=rng.random((7, 9), dtype=np.float32), resolution=0.1, origin=(3.0, -2.0, 0.7))
+    centres = cell_centres(grid, grid.known)
+    np.testing.assert_array_equal(lookup(grid, centres), grid.probability.ravel())
+    assert np.isnan(lookup(grid, centres + 100.0)).all()
+
+
+def test_the_true_map_of_a_world_becomes_1_0_and_unknown():
+    occupied, free = np.array([[True, False, False]]), np.array([[False, True, False]])
+    grid = true_grid(TrueMap(occupied=occupied, free=free, resolution=0.1, origin=(0.0, 0.0, 0.0)))
+    np.testing.assert_array_equal(grid.probability, [[1.0, 0.0, np.nan]])
+
+
+# --- what can be seen
+
+
+def test_from_inside_an_empty_room_all_of_it_is_seen_and_nothing_else():
+    seen = observable_cells(TRUTH, [[3.0, 2.0]])
+    corners = np.zeros_like(seen)
+    corners[np.ix_([19, 100], [19, 140])] = True
+    np.testing.assert_array_equal(seen | corners, TRUTH.known)
+
+
+def test_a_wall_hides_what_is_behind_it_and_range_ends_sight():
+    divided = with_wall(TRUTH, slice(20, 100), 80)
+    seen = observable_cells(divided, [[1.0, 2.0]])
+    assert not seen[20:100, 81:].any()
+    assert seen[20:100, 20:81].all()
+    near = observable_cells(TRUTH, [[3.0, 2.0]], range_max=1.0)
+    distance = np.linalg.norm(cell_centres(TRUTH, near) - [3.0, 2.0], axis=1)
+    assert distance.max() <= 1.0 + 0.05 * np.sqrt(2.0)
+    assert near.sum() == pytest.approx(np.pi / 0.05**2, rel=0.06)
+
+
+def test_positions_off_the_map_or_in_a_wall_see_nothing():
+    assert not observable_cells(TRUTH, [[100.0, 0.0], [-0.025, 2.0]]).any()
+
+
+# --- probabilities
+
+
+def test_a_map_that_knows_nothing_scores_ln_2_and_a_quarter():
+    score = probability_score(like_truth(np.full(TRUTH.probability.shape, np.nan)), TRUTH, EVERYWHERE)
+    assert score.log_loss == pytest.approx(np.log(2.0))
+    assert score.brier == 0.25
+    assert score.auc == 0.5
+
+
+def test_a_map_that_means_what_it_says_is_calibrated_and_one_too_sure_is_not():
+    rng = np.random.default_rng(2)
+    p = rng.choice([0.1, 0.3, 0.7], size=(400, 400))
+    truth = like_truth(rng.random(p.shape) < p)
+    honest = probability_score(like_truth(p), truth, truth.known)
+    assert honest.calibration_error < 0.005
+    assert [round(part.stated, 2) for part in honest.calibration] == [0.1, 0.3, 0.7]
+    sure = probability_score(like_truth(np.where(p < 0.5, 0.0, 1.0)), truth, truth.known)
+    assert sure.calibration_error == pytest.approx((0.1 + 0.3 + 0.3) / 3.0, abs=0.01)
+    assert sure.log_loss > honest.log_loss
+
+
+def test_auc_is_the_share_of_pairs_in_the_right_order():
+    truth = like_truth([[1.0, 1.0, 0.0, 0.0]])
+    score = probability_score(like_truth([[0.9, 0.4, 0.4, 0.1]]), truth, truth.known)
+    assert score.auc == pytest.approx((2 + 1.5) / 4)
+    assert probability_score(truth, like_truth([[1.0, 1.0, 1.0, 1.0]]), truth.known).auc is None
+
+
+# --- without truth
+
+
+def test_rooms_corners_and_crispness_are_counted():
+    empty = map_structure(TRUTH)
+    assert (empty.enclosed_areas, empty.corners) == (1, 4)
+    assert empty.entropy_bits < 1e-6
+    assert empty.known_area_m2 == pytest.approx(82 * 122 * 0.0025)
+    assert empty.occupied_share == pytest.approx(404 / (82 * 122))
+    divided = map_structure(with_wall(TRUTH, slice(20, 100), 80))
+    assert (divided.enclosed_areas, divided.corners) == (2, 6)
+    blurred = like_truth(np.where(TRUTH.known, np.clip(TRUTH.probability, 0.1, 0.9), np.nan))
+    assert map_structure(blurred).entropy_bits == pytest.approx(0.469, abs=1e-3)
+
+
+def test_maps_without_a_known_cell_or_wall_have_no_score_rather_than_a_good_one():
+    unknown = like_truth(np.full(TRUTH.probability.shape, np.nan))
+    assert map_structure(unknown) is None
+    assert wall_distances(unknown, TRUTH, IDENTITY, EVERYWHERE) is None
+    assert occupied_overlap(unknown, TRUTH, EVERYWHERE).iou == 0.0
+    assert coverage(unknown, EVERYWHERE) == 0.0
+    assert wall_profile(unknown, TRUTH, IDENTITY, EVERYWHERE).missing_rate == 1.0
+    assert probability_score(TRUTH, unknown, unknown.known) is None
