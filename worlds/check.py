@@ -30,7 +30,7 @@ def check_world(world: World, *, footprint_radius: float = 0.0, place: str = "")
                 f"{place}: start ({world.start.x:g}, {world.start.y:g}) m lies in or within {footprint_radius:g} m "
                 f"of {_described(element)}, expected a free place"
             )
-    if world.free_space is None:
+    if world.free_space() is None:
         raise WorldError(
             f"{place}: the outline about start ({world.start.x:g}, {world.start.y:g}) m is not closed, "
             "expected walls that leave no way out"

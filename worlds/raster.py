@@ -66,7 +66,7 @@ def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, mar
     )
     free = _connected(~surface, start)
     return TrueMap(
-        occupied=surface & ndimage.binary_dilation(free, np.ones((3, 3))),
+        occupied=surface & ndimage.binary_dilation(free, np.ones((3, 3), dtype=np.bool_)),
         free=free,
         resolution=resolution,
         origin=(first_col * resolution, first_row * resolution, 0.0),

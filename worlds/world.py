@@ -7,7 +7,6 @@ One geometry feeds everything: the physics engine's mesh, the ray caster and the
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -100,7 +99,6 @@ class World(Model):
         solids, and the thin walls outside of them. No segment lies inside a solid."""
         return segments_of(surface_of(self.cross_section(height, glass=glass)))
 
-    @cached_property
     def free_space(self) -> Polygon | None:
         """Floor that is enclosed together with the start pose; None if no outline encloses the start, or if the
         start lies in a solid."""

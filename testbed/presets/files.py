@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Presets from the package or from a user's own TOML file."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import ValidationError
+
+from testbed.presets.models import LidarPreset, RobotPreset
+
+MAX_FILE_BYTES = 100_000
+"""Larger preset files are refused."""
+
+_Preset = TypeVar("_Preset", RobotPreset, LidarPreset)
+
+
+class PresetError(ValueError):
+    """A preset cannot be used; the message is one line that names the file, the key and what was expected."""
+
+
+def robots() -> list[str]:
+    """Names of the robots that come with the package, sorted."""
+    return _names("robots")
+
+
+def lidars() -> list[str]:
+    """Names of the lidars that come with the package, sorted."""
+    return _names("lidars")
+
+
+def load_robot(name_or_path: str | Path) -> RobotPreset:
+    """The robot of that name or TOML file. Raises `PresetError`: unknown name, unreadable or wrong file."""
+    return _load(RobotPreset, "robot", str(name_or_path))
+
+
+def load_lidar(name_or_path: str | Path) -> LidarPreset:
+    """The lidar of that name or TOML file. Raises `PresetError`: unknown name, unreadable or wrong file."""
+    return _load(LidarPreset, "lidar", str(name_or_path))
+
+
+def _folder(kind: str) -> Traversable:
+    return resources.files("testbed") / "presets" / kind
+
+
+def _names(kind: str) -> list[str]:
+    return sorted(entry.name.removesuffix(".toml") for entry in _folder(kind).iterdir() if entry.name.endswith(".toml"))
+
+
+def _load(model: type[_Preset], kind: str, name: str) -> _Preset:
+    text, place = _read(kind, name)
+    try:
+        return model.model_validate(tomllib.loads(text))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise PresetError(f"{place}: {error}, expected TOML") from None
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in problem["loc"])
+        if problem["type"] == "extra_forbidden":
+            near = difflib.get_close_matches(str(problem["loc"][-1]), list(model.model_fields), n=1, cutoff=0.5)
+            hint = f", expected {near[0]!r}" if near else ""
+            raise PresetError(f"{place}: {key} is not known{hint}") from None
+        if problem["type"] == "missing":
+            raise PresetError(f"{place}: {key} is missing") from None
+        what = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+        given = f"{key} = {problem['input']!r}: " if key else ""
+        raise PresetError(f"{place}: {given}{what}") from None
+
+
+def _read(kind: str, name: str) -> tuple[str, str]:
+    """Text of a preset file and how to call it in messages."""
+    known = _names(f"{kind}s")
+    if name in known:
+        return (_folder(f"{kind}s") / f"{name}.toml").read_text(encoding="utf-8"), f"{kind} {name!r}"
+    path = Path(name)
+    if path.suffix != ".toml" and not path.exists():
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known
+        raise PresetError(f"unknown {kind} {name!r}, expected a TOML file or a name such as {', '.join(near)}")
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise PresetError(f"{path}: {path.stat().st_size} bytes, expected at most {MAX_FILE_BYTES}")
+        return path.read_text(encoding="utf-8"), str(path)
+    except OSError as error:
+        raise PresetError(f"{path}: {error.strerror}, expected a {kind} preset") from None
+    except UnicodeDecodeError as error:
+        raise PresetError(f"{path}: byte {error.start} is not UTF-8, expected a TOML text file") from None

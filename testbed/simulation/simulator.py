@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: MIT
+"""A robot with wheels and a lidar drives the tour of a world: an iterator of frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from slam.scan import Scan
+from slam.se2 import Pose, between
+from testbed.frame import Frame
+from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
+from testbed.simulation.backend import STEP_RATE, Backend, Limits
+from testbed.simulation.driver import DriverConfig, TourDriver
+from testbed.simulation.history import History
+from testbed.simulation.lidar import Lidar, LidarLayers
+from testbed.simulation.odometry import Odometry, OdometryConfig
+from testbed.streams import streams
+from worlds import World, WorldError, check_world
+
+CONTROL_STEPS = 12
+"""Steps of motion between two commands and two odometry readings (20 Hz)."""
+CONTROL_PERIOD = CONTROL_STEPS / STEP_RATE
+"""Time between two commands and two odometry readings [s]."""
+_CLEARANCE = 0.05
+"""Room that a tour must leave beside the robot's footprint, since pure pursuit cuts corners [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationConfig:
+    """Everything about a simulation but the world."""
+
+    robot: RobotPreset = field(default_factory=lambda: load_robot("create3"))
+    """The robot."""
+    lidar: LidarPreset = field(default_factory=lambda: load_lidar("rplidar_a2"))
+    """The lidar."""
+    driver: DriverConfig = field(default_factory=DriverConfig)
+    """How the tour is driven."""
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    """Errors of the wheel odometry."""
+    lidar_layers: LidarLayers = field(default_factory=LidarLayers)
+    """Imperfections of the lidar."""
+    backend: Literal["pybullet"] = "pybullet"
+    """pybullet: physics and rays of PyBullet."""
+    duration: float = 1800.0
+    """The simulation ends here at the latest [s]."""
+    seed: int = 0
+    """All random numbers follow from it."""
+
+    def __post_init__(self) -> None:
+        if not self.duration > 0.0:
+            raise ValueError(f"duration must be positive, got {self.duration} s")
+
+
+class Simulation(Iterator[Frame]):
+    """Frames of one drive, in the order of their stamps; made by `simulate`.
+
+    Scans come at the lidar's rate, odometry-only frames in between (20 Hz). Use it as a context manager, or call
+    `close`, where it is not read to its end.
+    """
+
+    def __init__(self, world: World, config: SimulationConfig) -> None:
+        """Raises `WorldError` if the world has no tour, or if the robot does not fit through it."""
+        check_world(world, footprint_radius=config.robot.footprint_radius + _CLEARANCE)
+        if world.tour is None:
+            raise WorldError(f"world {world.name!r} has no tour, expected [tour] with way points")
+        self.world = world
+        self.config = config
+        self.driver = TourDriver(world.path(), config.robot, config.driver)
+        """Tells how far the tour is: `finished`, `stuck`, `recoveries`, `length`."""
+        self.collided = False
+        """The robot has touched something."""
+        self._periods = 0
+        self._frames = self._run()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._periods * CONTROL_PERIOD
+
+    @property
+    def finished(self) -> bool:
+        """The tour was driven to its end."""
+        return self.driver.finished
+
+    @property
+    def stuck(self) -> bool:
+        """The drive was given up."""
+        return self.driver.stuck
+
+    def __next__(self) -> Frame:
+        return next(self._frames)
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the simulation and free the physics client; may be called twice."""
+        self._frames.close()
+
+    def _run(self) -> Generator[Frame, None, None]:
+        config = self.config
+        backend = _backend(self.world, config)
+        try:
+            sensors = _Sensors(backend, config)
+            while self.time < config.duration and not self.finished and not self.stuck:
+                x, y, theta = sensors.truth.latest.tolist()
+                motion = backend.drive(*self.driver.command(self.time, x, y, theta), CONTROL_STEPS)
+                self.collided = self.collided or motion.contact
+                self._periods += 1
+                sensors.truth.extend(motion.poses)
+                sensors.read_wheels(*motion.wheels[-1].tolist())
+                yield from sensors.frames_until(self.time)
+        finally:
+            backend.close()
+
+
+def simulate(world: World, config: SimulationConfig | None = None) -> Simulation:
+    """Drive the tour of `world` and yield frames; by default TurtleBot 4's base with an RPLidar A2 in PyBullet.
+
+    Raises `WorldError` if the world has no tour or the robot does not fit through it, `PyBulletMissingError` where
+    PyBullet is asked for but not installed.
+    """
+    return Simulation(world, config if config is not None else SimulationConfig())
+
+
+def _backend(world: World, config: SimulationConfig) -> Backend:
+    limits = Limits(
+        min(config.driver.acceleration, config.robot.max_acceleration),
+        min(config.driver.turn_acceleration, config.robot.max_turn_acceleration),
+    )
+    from testbed.simulation.pybullet_backend import PyBulletBackend
+
+    return PyBulletBackend(world, config.robot, limits, config.robot.lidar_mount.height)
+
+
+class _Sensors:
+    """Truth in, frames out: keeps what the robot did until the scan that was being taken meanwhile is complete."""
+
+    def __init__(self, backend: Backend, config: SimulationConfig) -> None:
+        seeds = streams(config.seed)
+        self._backend, self._config = backend, config
+        self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(seeds.odometry))
+        self._lidar = Lidar(config.lidar, config.lidar_layers, np.random.default_rng(seeds.lidar))
+        self._mount = config.robot.lidar_mount.pose
+        start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
+        self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
+        self._odometry = History(self._odometer.advance(*start.wheels[-1].tolist()), CONTROL_PERIOD)
+        self._scans = 0
+        self._next_odometry = 0
+        self._keep = config.lidar.sweep_time + 2.0 / config.lidar.scan_rate + 2.0 * CONTROL_PERIOD
+
+    def read_wheels(self, left: float, right: float) -> None:
+        """Take an odometry reading: angles turned by the wheels since the beginning [rad]."""
+        self._odometry.extend(self._odometer.advance(left, right)[None])
+
+    def frames_until(self, time: float) -> Iterator[Frame]:
+        """Frames that are complete at `time` [s]: scans whose last beam was fired, and odometry up to then."""
+        sweep = self._config.lidar.sweep_time if self._config.lidar_layers.motion else 0.0
+        while (stamp := self._scans / self._config.lidar.scan_rate) + sweep <= time + 1e-9:
+            yield from self._odometry_frames(before=stamp)
+            yield self._scan_frame(stamp, sweep)
+            self._scans += 1
+            if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has told it
+                self._next_odometry += 1
+        self.truth.forget_before(time - self._keep)
+        self._odometry.forget_before(time - self._keep)
+
+    def _odometry_frames(self, before: float) -> Iterator[Frame]:
+        while (stamp := self._next_odometry * CONTROL_PERIOD) < before - 1e-9:
+            yield Frame(
+                stamp=stamp,
+                odometry=_wrapped(self._odometry.at(stamp)),
+                twist=self._twist(stamp, CONTROL_PERIOD),
+                truth=_wrapped(self.truth.at(stamp)),
+            )
+            self._next_odometry += 1
+
+    def _scan_frame(self, stamp: float, sweep_time: float) -> Frame:
+        lidar = self._config.lidar
+        sweep = self._lidar.sweep()
+        times = np.full(len(sweep.angles), stamp) if sweep.time_offsets is None else stamp + sweep.time_offsets
+        robot = self.truth.at(times)
+        cos, sin = np.cos(robot[:, 2]), np.sin(robot[:, 2])
+        x, y, theta = self._mount
+        origins = robot[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+        hits = self._backend.cast(origins, robot[:, 2] + theta + sweep.true_angles, lidar.range_max)
+        scan = Scan(
+            ranges=self._lidar.ranges(hits),
+            angles=sweep.angles,
+            range_min=lidar.range_min,
+            range_max=lidar.range_max,
+            stamp=stamp,
+            mount=self._mount,
+            time_offsets=sweep.time_offsets,
+        )
+        return Frame(
+            stamp=stamp,
+            odometry=_wrapped(self._odometry.at(stamp)),
+            scan=scan,
+            twist=self._twist(stamp, max(sweep_time, CONTROL_PERIOD)),
+            truth=_wrapped(self.truth.at(stamp)),
+        )
+
+    def _twist(self, stamp: float, seconds: float) -> Pose:
+        """Mean velocity by odometry over `seconds` from `stamp` on, or as far as odometry was read; robot frame."""
+        end = min(stamp + seconds, self._odometry.end)
+        if end <= stamp:
+            stamp = end - CONTROL_PERIOD
+        twist: Pose = between(self._odometry.at(stamp), self._odometry.at(end)) / (end - stamp)
+        return twist
+
+
+def _wrapped(pose: Pose) -> Pose:
+    return np.array([pose[0], pose[1], (pose[2] + math.pi) % (2.0 * math.pi) - math.pi])
