@@ -46,8 +46,17 @@ def kernel(function: Callable[..., Any]) -> Any:
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent))
     try:
-        return numba.njit(
-            cache=os.environ.get("SLAM_KERNEL_CACHE", "1") == "1", nogil=True, error_model="numpy"
-        )(function)
+        return numba.njit(cache=os.environ.get("SLAM_KERNEL_CACHE", "1") == "1", nogil=True, error_model="numpy")(
+            function
+        )
     finally:
         numba.config.CACHE_DIR = previous
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile `function` into the kernels that call it.
+
+    A call that passes a tuple of arrays counts a reference for each of them, which made inner loops ten times slower
+    (benchmark: tests/benchmarks); inlined, the counting cancels out.
+    """
+    return numba.njit(forceinline=True, nogil=True, error_model="numpy")(function)

@@ -30,9 +30,17 @@ class MotionConfig:
     """Error that is there even at rest [m]."""
     floor_rotation: float = 0.003
     """Error of heading that is there even at rest [rad]."""
+    failure_share: float = 0.05
+    """Share of the steps in which the odometry fails (slip, wrong sign): the tail of the motion model."""
+    failure_along: float = 1.0
+    """Error along the heading per metre driven in such a step [m/m]."""
+    failure_rotation: float = 0.3
+    """Further error of heading per radian turned in such a step [rad/rad]."""
 
     def __post_init__(self) -> None:
         _positive(self, "floor_translation", "floor_rotation")
+        if not 0.0 <= self.failure_share < 1.0:
+            raise ValueError(f"MotionConfig.failure_share must be in [0, 1), got {self.failure_share}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +72,13 @@ class MatchConfig:
     """Share of each beam's log-likelihood that counts: neighbouring beams are not independent (1 / ogain)."""
     outlier_distance: float = 0.15
     """End points farther from a wall than this are explained by something else [m]."""
-    min_matched_share: float = 0.25
+    min_matched_share: float = 0.1
     """Matching fails where fewer of the hits lie within the outlier distance (minimumScore)."""
+    retry_share: float = 0.6
+    """The search starts again from poses shifted along the heading where fewer of the hits lie within the outlier
+    distance."""
+    retry_shift: float = 0.4
+    """How far the outermost of these poses is shifted, and at least as far as the odometry says [m]."""
     iterations: int = 20
     """Most Gauss-Newton steps in one match (iterations)."""
 

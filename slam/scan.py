@@ -47,9 +47,7 @@ class Scan:
     @property
     def hit(self) -> NDArray[np.bool_]:
         """Beams that hit something, (beams,)."""
-        mask: NDArray[np.bool_] = (
-            (self.ranges >= self.range_min) & (self.ranges > 0.0) & (self.ranges < self.range_max)
-        )
+        mask: NDArray[np.bool_] = (self.ranges >= self.range_min) & (self.ranges > 0.0) & (self.ranges < self.range_max)
         return mask
 
     @property

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: MIT
+"""Compiled parts of the tile pools: which tiles a change needs, private copies of them, and where a cell lies.
+
+Cells are numbered from the corner of the tile tables: `cx` counts to the right, `cy` upwards, both from 0. A table
+holds the number of each particle's tile at `[particle, cy >> SHIFT, cx >> SHIFT]`; number 0 is the empty tile that
+everybody shares and nobody writes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam._jit import kernel
+
+SHIFT = 5
+SIDE = 1 << SHIFT
+MASK = SIDE - 1
+
+
+class Demand(NamedTuple):
+    """The tiles that each particle is about to write."""
+
+    tiles: NDArray[np.int32]
+    """Flat places in the table, (particles, table rows * columns); the first `count` of each row are valid."""
+    count: NDArray[np.int64]
+    """Number of places, (particles,)."""
+    seen: NDArray[np.uint8]
+    """1 where the place is in the list, (particles, table rows * columns)."""
+
+
+@kernel
+def clear_demand(demand):
+    """Empty all lists; costs as much as there are entries."""
+    for particle in range(demand.count.shape[0]):
+        for k in range(demand.count[particle]):
+            demand.seen[particle, demand.tiles[particle, k]] = 0
+        demand.count[particle] = 0
+
+
+@kernel
+def make_private(table, references, free, free_count, demand, copies):
+    """Give every particle tiles of its own where it wants to write; the caller copies the contents.
+
+    table (particles, rows, columns) tile numbers;  references (tiles,) owners of each tile
+    free (tiles,) stack of unused tile numbers, its first `free_count` are valid; must hold enough
+    copies (sum of demand, 2) out: tile to copy from, tile to copy to, in particle order
+    Returns the number of copies of each particle, (particles,), and the new free_count. Serial, so that tile numbers
+    do not depend on the number of threads.
+    """
+    particles = table.shape[0]
+    flat = table.reshape(particles, -1)
+    per_particle = np.zeros(particles, np.int64)
+    total = 0
+    for particle in range(particles):
+        for k in range(demand.count[particle]):
+            place = demand.tiles[particle, k]
+            old = flat[particle, place]
+            if old != 0 and references[old] == 1:
+                continue
+            free_count -= 1
+            new = free[free_count]
+            flat[particle, place] = new
+            references[new] = 1
+            if old != 0:
+                references[old] -= 1
+            copies[total, 0] = old
+            copies[total, 1] = new
+            total += 1
+            per_particle[particle] += 1
+    return per_particle, free_count
+
+
+@kernel
+def copy_tiles(start, stop, data, copies):
+    """Copy whole tiles: rows [start, stop) of copies (n, 2) as (from, to); data (tiles, cells)."""
+    for k in range(start, stop):
+        data[copies[k, 1]] = data[copies[k, 0]]

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""From scans to rays: readings sorted into hits, no returns and invalid ones, in the robot's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slam import se2
+from slam._map_kernels import Rays
+from slam.scan import Scan
+
+
+def displacement(twist: ArrayLike, seconds: ArrayLike) -> se2.Pose:
+    """Pose (..., 3) reached from the origin at constant twist `(vx, vy, omega)` after `seconds` (...,).
+
+    The exponential map of SE(2), Sola et al. (2018), equation 158.
+    """
+    twist, seconds = np.asarray(twist, dtype=np.float64), np.asarray(seconds, dtype=np.float64)
+    angle = twist[2] * seconds
+    # sin(a)/a and (1 - cos(a))/a with their limits at 0
+    s = np.sinc(angle / np.pi)
+    c = np.sinc(angle / (2.0 * np.pi)) * np.sin(angle / 2.0)
+    x, y = twist[0] * seconds, twist[1] * seconds
+    return np.stack([s * x - c * y, c * x + s * y, angle], axis=-1)
+
+
+def rays_of(
+    scans: Sequence[Scan], *, usable_range: float, free_range: float = 0.0, twist: ArrayLike | None = None
+) -> Rays:
+    """Rays of one or several lidars in the robot's frame at the time of the first beam of the first scan.
+
+    Hits beyond `usable_range` [m] count as no returns; these become rays without a hit up to `free_range` [m], or are
+    left out where it is 0; invalid readings are left out. With a `twist` `(vx, vy, omega)` [m/s, m/s, rad/s] the
+    robot's motion between the beams is undone wherever a scan knows its beams' times.
+    """
+    parts = [_rays_of_one(scan, usable_range, free_range, twist, scans[0].stamp) for scan in scans]
+    return Rays(
+        origins=np.concatenate([p.origins for p in parts]),
+        ends=np.concatenate([p.ends for p in parts]),
+        hit=np.concatenate([p.hit for p in parts]),
+    )
+
+
+def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: ArrayLike | None, reference: float) -> Rays:
+    aimed = np.isfinite(scan.angles)
+    hit = scan.hit & aimed & (scan.ranges <= usable_range)
+    blank = ~hit & aimed & (scan.no_return | (scan.hit & (scan.ranges > usable_range)))
+    used = hit | blank if free_range > 0.0 else hit
+    length = np.where(hit, scan.ranges, min(free_range, scan.range_max))[used]
+    mount = np.asarray(scan.mount, dtype=np.float64)
+    T_robot_lidar: NDArray[np.float64] = np.broadcast_to(mount, (length.size, 3))
+    if twist is not None and scan.time_offsets is not None:
+        moved = displacement(twist, scan.stamp - reference + scan.time_offsets[used])
+        T_robot_lidar = se2.compose(moved, mount)
+    angles = scan.angles[used]
+    in_lidar = np.stack([length * np.cos(angles), length * np.sin(angles)], axis=-1)
+    ends = se2.transform_points(T_robot_lidar, in_lidar[:, None, :])[:, 0, :]
+    return Rays(origins=np.ascontiguousarray(T_robot_lidar[:, :2]), ends=ends, hit=hit[used])

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: MIT
+"""Rao-Blackwellized particle filter with improved proposals: Algorithm 1 of Grisetti, Stachniss, Burgard,
+"Improved Techniques for Grid Mapping with Rao-Blackwellized Particle Filters", IEEE T-RO 23(1), 2007."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slam import se2
+from slam._map_kernels import Rays
+from slam._match_kernels import BeamModel
+from slam._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Draws, Proposed, Search, propose
+from slam.ancestry import Ancestry
+from slam.beams import rays_of
+from slam.config import FilterConfig, GateConfig, MapConfig, MatchConfig, MotionConfig
+from slam.motion import motion_prior
+from slam.occupancy import OccupancyGrid
+from slam.parallel import Threads
+from slam.particle_maps import ParticleMaps
+from slam.resampling import SCHEMES
+from slam.revisits import Revisits
+from slam.scan import Scan
+from slam.weights import Weights
+
+KINDS = {"improved": IMPROVED, "scan-match": SCAN_MATCH, "motion": MOTION}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepReport:
+    """What one scan did to the filter."""
+
+    updated: bool
+    """Whether the filter took the scan in; below the update gates only the pose moves on by odometry."""
+    pose: se2.Pose
+    """Pose of the best particle at this scan in the map's frame, (3,)."""
+    covariance: NDArray[np.float64]
+    """Covariance of the pose over the particles in the map's frame, (3, 3)."""
+    ess: float
+    """Effective sample size before resampling."""
+    resampled: bool = False
+    """Whether particles were resampled after this scan."""
+    matched_share: float = 0.0
+    """Share of the hits within the outlier distance of a wall, weighted mean over the particles."""
+    match_failures: int = 0
+    """Particles whose scan matching failed."""
+    log_evidence: float = 0.0
+    """Log-likelihood of this scan given all earlier ones [nats]."""
+    unique_ancestors: int = 0
+    """Founders of which particles are alive; starts anew after all descended from a single one."""
+    best: int = 0
+    """Number of the particle of the largest weight."""
+    map_bytes: int = 0
+    """Memory of all maps [bytes]."""
+    loop_closed: bool = False
+    """Whether the best particle has just come back to a place that it left long ago."""
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Wall time of the stages: match (proposal and weights), map, resample."""
+    proposed: Proposed | None = None
+    """Gaussians and poses of all particles before resampling; None where the filter did not take the scan in."""
+
+
+class GMapping:
+    """The filter: feed it odometry and scans in the order in which they were taken.
+
+    The map's frame is the robot's pose at the first scan. Same settings, seed and input: the same bits, with any
+    number of threads.
+    """
+
+    def __init__(
+        self,
+        config: FilterConfig | None = None,
+        *,
+        seed: int | np.random.SeedSequence = 0,
+        threads: int | None = None,
+    ) -> None:
+        """A filter without a map; `threads` defaults to the cores of this machine."""
+        self.config = config or FilterConfig()
+        n = self.config.particles
+        self._rng = np.random.default_rng(seed)
+        self._threads = Threads(threads)
+        self.maps = ParticleMaps(n, self.config.map, self._threads)
+        self.ancestry = Ancestry(n)
+        self._weights = Weights.uniform(n)
+        self._poses = np.zeros((n, 3))
+        self._revisits = Revisits()
+        self._odometry: se2.Pose | None = None  # at the last scan that was taken in
+        self._stamp = 0.0
+        self._scans = 0
+        self._update_scans: list[int] = []
+        self._spread = np.zeros((n, 3, 3))
+
+    def process(
+        self, odometry: ArrayLike, scan: Scan | Sequence[Scan], *, twist: ArrayLike | None = None
+    ) -> StepReport:
+        """Take in one scan, or the scans of several lidars at the same time.
+
+        odometry: `T_odom_robot` (3,) at the first beam;  twist: velocity `(vx, vy, omega)` [m/s, m/s, rad/s] of the
+        robot in its own frame while the scan was taken, to undo the motion where the beams' times are known
+
+        Raises:
+            ValueError: the odometry is not three finite numbers, or the map would grow beyond all bounds.
+        """
+        now = np.asarray(odometry, dtype=np.float64)
+        if now.shape != (3,) or not np.all(np.isfinite(now)):
+            raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {odometry}")
+        scans = [scan] if isinstance(scan, Scan) else list(scan)
+        self._scans += 1
+        first = self._odometry is None
+        motion = np.zeros(3) if self._odometry is None else se2.between(self._odometry, now)
+        if not first and not self._far_enough(motion, scans[0].stamp, self.config.gate):
+            return self._report_between(motion)
+        rays = rays_of(
+            scans,
+            usable_range=self.config.map.usable_range,
+            free_range=self.config.map.free_range,
+            twist=twist if self.config.deskew else None,
+        )
+        if not first and not rays.hit.any():
+            return self._report_between(motion)  # a scan that saw nothing tells nothing
+        self._odometry, self._stamp = now, scans[0].stamp
+        self._update_scans.append(self._scans - 1)
+        return self._begin(rays) if first else self._update(motion, rays)
+
+    def _far_enough(self, motion: se2.Pose, stamp: float, gate: GateConfig) -> bool:
+        return bool(
+            np.hypot(motion[0], motion[1]) >= gate.distance
+            or abs(motion[2]) >= gate.angle
+            or (gate.seconds > 0.0 and stamp - self._stamp >= gate.seconds)
+        )
+
+    def _report_between(self, motion: se2.Pose) -> StepReport:
+        """The state carried on by odometry, for a scan that is not taken in."""
+        return StepReport(
+            updated=False,
+            pose=se2.compose(self._poses[self.best], motion),
+            covariance=self.covariance,
+            ess=self._weights.ess,
+            unique_ancestors=self.ancestry.unique_ancestors,
+            best=self.best,
+            map_bytes=self.maps.bytes_in_use,
+        )
+
+    def _begin(self, rays: Rays) -> StepReport:
+        """The first scan: all particles start at the origin and draw it into their maps."""
+        started = time.perf_counter()
+        self.maps.register(self._poses, rays)
+        self.ancestry.add(self._poses)
+        return StepReport(
+            updated=True,
+            pose=self._poses[self.best].copy(),
+            covariance=self.covariance,
+            ess=self._weights.ess,
+            unique_ancestors=self.ancestry.unique_ancestors,
+            best=self.best,
+            map_bytes=self.maps.bytes_in_use,
+            seconds={"match": 0.0, "map": time.perf_counter() - started, "resample": 0.0},
+        )
+
+    def _update(self, motion: se2.Pose, rays: Rays) -> StepReport:
+        """One pass of Algorithm 1."""
+        clock = [time.perf_counter()]
+        proposed = self._propose(motion, rays)
+        self._poses = proposed.pose.copy()
+        self._weights, evidence = self._weights.times(proposed.log_gain)
+        clock.append(time.perf_counter())
+
+        self.maps.register(self._poses, rays)
+        self.ancestry.add(self._poses)
+        self._spread = proposed.covariance
+        clock.append(time.perf_counter())
+
+        ess, best, weights = self._weights.ess, self.best, self._weights.values
+        pose, covariance = self._poses[best].copy(), self.covariance
+        resampled = self._resample(ess)
+        clock.append(time.perf_counter())
+
+        return StepReport(
+            updated=True,
+            pose=pose,
+            covariance=covariance,
+            ess=ess,
+            resampled=resampled,
+            matched_share=float(weights @ proposed.matched),
+            match_failures=int(proposed.failed.sum()),
+            log_evidence=evidence,
+            unique_ancestors=self.ancestry.unique_ancestors,
+            best=best,
+            map_bytes=self.maps.bytes_in_use,
+            loop_closed=self._revisits.arrive(pose, float(np.hypot(motion[0], motion[1]))),
+            seconds=dict(zip(("match", "map", "resample"), np.diff(clock).tolist(), strict=True)),
+            proposed=proposed,
+        )
+
+    def _propose(self, motion: se2.Pose, rays: Rays) -> Proposed:
+        """Lines 4 to 21 of Algorithm 1 for all particles: match, sample, fit, draw, weigh."""
+        cfg, n = self.config, self.config.particles
+        draws = Draws(
+            near=self._rng.standard_normal((cfg.proposal.samples, 3)),
+            pose=self._rng.standard_normal((n, 3)),
+            component=self._rng.uniform(size=n),
+        )
+        out = Proposed(
+            pose=np.empty((n, 3)),
+            log_gain=np.empty(n),
+            mean=np.empty((n, 3)),
+            covariance=np.zeros((n, 3, 3)),
+            matched=np.empty(n),
+            failed=np.empty(n, np.bool_),
+        )
+        self._threads.run(
+            propose,
+            n,
+            self.maps.grids,
+            se2.compose(self._poses, motion),
+            np.ascontiguousarray(rays.ends[rays.hit]),
+            beam_model(cfg.match, cfg.map),
+            motion_prior(motion, cfg.motion),
+            search_of(motion, cfg.match, cfg.motion, KINDS[cfg.proposal.kind]),
+            draws,
+            out,
+        )
+        return out
+
+    def _resample(self, ess: float) -> bool:
+        policy, n = self.config.resample, self.config.particles
+        due = policy.when == "always" or (policy.when == "ess" and ess < policy.threshold * n)
+        if not due:
+            return False
+        ancestors = SCHEMES[policy.scheme](self._weights.values, self._rng)
+        self._poses = self._poses[ancestors]
+        self._spread = self._spread[ancestors]
+        self.maps.descend(ancestors)
+        self.ancestry.descend(ancestors)
+        self._weights = Weights.uniform(n)
+        return True
+
+    @property
+    def poses(self) -> se2.Pose:
+        """Poses of the particles at the last scan that was taken in, (particles, 3)."""
+        return self._poses.copy()
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """Weights of the particles, (particles,); they sum to 1."""
+        return self._weights.values
+
+    @property
+    def best(self) -> int:
+        """Number of the particle of the largest weight."""
+        return self._weights.best
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance (3, 3) of the pose in the map's frame: spread of the particles plus that of their proposals."""
+        weights = self._weights.values
+        heading = np.arctan2(weights @ np.sin(self._poses[:, 2]), weights @ np.cos(self._poses[:, 2]))
+        away = np.column_stack([self._poses[:, :2], se2.wrap_angle(self._poses[:, 2] - heading)])
+        away -= weights @ away
+        covariance: NDArray[np.float64] = (weights[:, None] * away).T @ away + np.tensordot(weights, self._spread, 1)
+        return covariance
+
+    @property
+    def update_scans(self) -> NDArray[np.int64]:
+        """Numbers of the scans that were taken in, (updates,); the rows of a path belong to them."""
+        return np.array(self._update_scans, dtype=np.int64)
+
+    def path(self, particle: int | None = None) -> se2.Pose:
+        """Path of a particle (default: the best) through all updates, (updates, 3)."""
+        return self.ancestry.path(self.best if particle is None else particle)
+
+    def map(self, particle: int | None = None) -> OccupancyGrid:
+        """Map of a particle (default: the best)."""
+        return self.maps.occupancy(self.best if particle is None else particle)
+
+
+def beam_model(match: MatchConfig, grid: MapConfig) -> BeamModel:
+    """Numbers of the beam end point model from the settings."""
+    return BeamModel(
+        per_sigma2=match.hit_sigma**-2.0,
+        per_outlier2=match.outlier_distance**-2.0,
+        weight=match.beam_weight,
+        far=grid.field_radius,
+    )
+
+
+def search_of(motion: se2.Pose, match: MatchConfig, prior: MotionConfig, kind: int) -> Search:
+    """Settings of the search for one displacement (3,): where it starts again if the first optimum is poor."""
+    shift = max(match.retry_shift, 2.0 * float(np.hypot(motion[0], motion[1])))
+    starts = np.zeros((4, 3))
+    starts[:, 0] = shift * np.array([-1.0, -0.5, 0.5, 1.0])
+    return Search(
+        kind=kind,
+        iterations=match.iterations,
+        starts=starts,
+        retry_share=match.retry_share,
+        fail_share=match.min_matched_share,
+        second_share=prior.failure_share,
+        spread=1.2,
+    )

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: MIT
+"""The grid maps of all particles: counts, sub-cell surface and nearest-wall field, in shared tiles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam._map_kernels import (
+    LARGEST_OFFSET,
+    Grids,
+    Rays,
+    demand_of_changes,
+    demand_of_rays,
+    register_scans,
+    update_fields,
+)
+from slam._tile_kernels import SHIFT, SIDE
+from slam.config import MapConfig
+from slam.occupancy import OccupancyGrid
+from slam.parallel import Threads
+from slam.tiles import TilePool
+
+LARGEST_TABLE = 1 << 22
+"""Tiles that the table of one particle may span; at 0.05 m cells a square of 3.2 km."""
+
+
+class ParticleMaps:
+    """One occupancy grid per particle; grows where the beams go."""
+
+    def __init__(self, particles: int, config: MapConfig, threads: Threads) -> None:
+        """Empty maps.
+
+        Raises:
+            ValueError: the field's radius is less than one cell or more than 63.
+        """
+        self.config = config
+        self.threads = threads
+        self._walls = TilePool(particles, (np.uint32, np.uint32))
+        self._field = TilePool(particles, (np.int16,))
+        self._corner = np.zeros(2, np.int64)
+        self._radius = round(config.field_radius / config.cell)
+        if not 1 <= self._radius <= LARGEST_OFFSET:
+            raise ValueError(
+                f"MapConfig.field_radius must be 1 to {LARGEST_OFFSET} cells of {config.cell} m, "
+                f"got {config.field_radius} m"
+            )
+        offsets = np.arange(-self._radius, self._radius + 1)
+        dx, dy = np.meshgrid(offsets, offsets)
+        inside = dx**2 + dy**2 <= self._radius**2
+        self._disc: NDArray[np.int64] = np.ascontiguousarray(np.stack([dx[inside], dy[inside]], axis=-1))
+
+    @property
+    def grids(self) -> Grids:
+        """The arrays that the kernels read; valid until the next change of the maps."""
+        counts, surface = self._walls.data
+        return Grids(
+            self._walls.table,
+            counts,
+            surface,
+            self._field.table,
+            self._field.data[0],
+            self._corner,
+            self.config.cell,
+            1.0 / self.config.cell,
+        )
+
+    @property
+    def bytes_in_use(self) -> int:
+        """Memory of all maps together [bytes]."""
+        return self._walls.bytes_in_use + self._field.bytes_in_use
+
+    def register(self, poses: se2.Pose, rays: Rays) -> None:
+        """Count one scan into every map; poses (particles, 3) of the robot in the map's frame.
+
+        Raises:
+            ValueError: the map would become larger than `LARGEST_TABLE` tiles.
+        """
+        particles = len(poses)
+        self._make_room(poses, rays)
+        self.threads.run(demand_of_rays, particles, self.grids, poses, rays, self._walls.demand)
+        self._walls.make_private(self.threads)
+        changes = np.empty((particles, 512 + 2 * len(rays.hit)), np.int64)
+        count = np.zeros(particles, np.int64)
+        self.threads.run(register_scans, particles, self.grids, poses, rays, self.config.occupied_share, changes, count)
+        self.threads.run(demand_of_changes, particles, self.grids, changes, count, self._radius, self._field.demand)
+        self._field.make_private(self.threads)
+        self.threads.run(update_fields, particles, self.grids, changes, count, self._disc, self._radius)
+
+    def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
+        """Extend the tables to all ends of the rays and the fields about them."""
+        reach = np.concatenate([rays.ends, rays.origins, np.zeros((1, 2))])
+        far = float(np.hypot(reach[:, 0], reach[:, 1]).max())
+        margin = self._radius * self.config.cell
+        low = np.floor((poses[:, :2].min(axis=0) - far - margin) / self.config.cell).astype(np.int64) >> SHIFT
+        high = np.floor((poses[:, :2].max(axis=0) + far + margin) / self.config.cell).astype(np.int64) >> SHIFT
+        _, rows, columns = self._walls.table.shape
+        first = self._corner >> SHIFT
+        if rows == 0:
+            first = low
+        last = np.maximum(first + (columns, rows) - 1, high)
+        new_first = np.minimum(first, low)
+        if int(np.prod(last - new_first + 1)) > LARGEST_TABLE:
+            spans = (last - new_first + 1) * SIDE * self.config.cell
+            raise ValueError(
+                f"the map would span {spans[0]:.0f} x {spans[1]:.0f} m, more than {LARGEST_TABLE} tiles: "
+                "is there a jump in the odometry?"
+            )
+        left, below = (int(n) for n in first - new_first)
+        right, above = (int(n) for n in last - (first + (columns, rows) - 1))
+        if left or below or right or above:
+            for pool in (self._walls, self._field):
+                pool.extend(below, above, left, right)
+        self._corner = new_first << SHIFT
+
+    def descend(self, ancestors: NDArray[np.int64]) -> None:
+        """Let particle i go on with the map of particle `ancestors[i]`."""
+        self._walls.descend(ancestors)
+        self._field.descend(ancestors)
+
+    def occupancy(self, particle: int) -> OccupancyGrid:
+        """The map of one particle, cut to what was observed.
+
+        The counts are read as a log-odds grid in which a hit adds `HIT_LOG_ODDS` and a pass takes away as much as
+        makes a cell even at the configured occupied share, clamped as in OctoMap (Hornung et al. 2013).
+        """
+        counts = self._dense(particle)
+        rows = np.flatnonzero(counts.any(axis=1))
+        columns = np.flatnonzero(counts.any(axis=0))
+        if len(rows) == 0:
+            raise ValueError("the map is empty: no scan was taken in")
+        counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        hits = ((counts >> 16) & 0x7FFF).astype(np.float32)
+        visits = (counts & 0xFFFF).astype(np.float32)
+        share = self.config.occupied_share
+        log_odds = HIT_LOG_ODDS * (hits - (visits - hits) * share / (1.0 - share))
+        probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, *LOG_ODDS_LIMITS)))
+        probability[visits == 0] = np.nan
+        cell = self.config.cell
+        return OccupancyGrid(
+            probability=probability.astype(np.float32),
+            resolution=cell,
+            origin=(
+                float(self._corner[0] + columns[0]) * cell,
+                float(self._corner[1] + rows[0]) * cell,
+                0.0,
+            ),
+        )
+
+    def _dense(self, particle: int) -> NDArray[np.uint32]:
+        """Counts words of one particle's whole table, (rows, columns) of cells."""
+        table = self._walls.table[particle]
+        tiles = self._walls.data[0][table].reshape(*table.shape, SIDE, SIDE)
+        dense: NDArray[np.uint32] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
+        return dense
+
+
+HIT_LOG_ODDS = 1.2
+"""What one hit adds to a cell's log-odds; with the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, -0.4)."""
+LOG_ODDS_LIMITS = (-2.0, 3.5)
+"""Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: MIT
+"""Pools of fixed-size tiles, shared between particles by reference count and copied on the first write."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from slam._tile_kernels import SIDE, Demand, clear_demand, copy_tiles, make_private
+from slam.parallel import Threads
+
+
+class TilePool:
+    """Tiles of `SIDE` x `SIDE` cells and, for each particle, a table that says which tile lies where.
+
+    Tile 0 is empty for ever: reading where nobody wrote needs no special case. One pool may hold several arrays, as
+    for counts and surfaces, that are always written together.
+    """
+
+    def __init__(self, particles: int, dtypes: tuple[DTypeLike, ...]) -> None:
+        """An empty table (particles, 0, 0) and one array (tiles, SIDE * SIDE) per dtype."""
+        self.table: NDArray[np.int32] = np.zeros((particles, 0, 0), np.int32)
+        self.references: NDArray[np.int32] = np.ones(1, np.int32)
+        self.data = [np.zeros((1, SIDE * SIDE), dtype) for dtype in dtypes]
+        self._free: NDArray[np.int32] = np.zeros(1, np.int32)
+        self._free_count = 0
+        self.demand = self._no_demand()
+
+    def _no_demand(self) -> Demand:
+        particles, rows, columns = self.table.shape
+        return Demand(
+            tiles=np.zeros((particles, rows * columns), np.int32),
+            count=np.zeros(particles, np.int64),
+            seen=np.zeros((particles, rows * columns), np.uint8),
+        )
+
+    @property
+    def tiles_in_use(self) -> int:
+        """Tiles that at least one particle refers to."""
+        return len(self.references) - 1 - self._free_count
+
+    @property
+    def bytes_in_use(self) -> int:
+        """Memory of the tiles in use and of the tables [bytes]."""
+        per_tile = sum(array.dtype.itemsize for array in self.data) * SIDE * SIDE
+        return self.tiles_in_use * per_tile + self.table.nbytes
+
+    def extend(self, below: int, above: int, left: int, right: int) -> None:
+        """Add that many rows and columns of tiles at the four sides of all tables."""
+        self.table = np.pad(self.table, ((0, 0), (below, above), (left, right)))
+        self.demand = self._no_demand()
+
+    def make_private(self, threads: Threads) -> None:
+        """Give the particles copies of their own of all tiles in `demand`, and empty it."""
+        wanted = int(self.demand.count.sum())
+        if wanted > self._free_count:
+            self._grow(wanted - self._free_count)
+        copies = np.empty((wanted, 2), np.int32)
+        per_particle, self._free_count = make_private(
+            self.table, self.references, self._free, self._free_count, self.demand, copies
+        )
+        for array in self.data:
+            threads.run(copy_tiles, int(per_particle.sum()), array, copies)
+        clear_demand(self.demand)
+
+    def _grow(self, missing: int) -> None:
+        old = len(self.references)
+        new = old + max(missing, old // 2, 64)
+        self.references = np.concatenate([self.references, np.zeros(new - old, np.int32)])
+        self.data = [np.concatenate([array, np.zeros((new - old, array.shape[1]), array.dtype)]) for array in self.data]
+        free = np.empty(new, np.int32)
+        free[: self._free_count] = self._free[: self._free_count]
+        free[self._free_count : self._free_count + new - old] = np.arange(new - 1, old - 1, -1)
+        self._free, self._free_count = free, self._free_count + new - old
+
+    def descend(self, ancestors: NDArray[np.int64]) -> None:
+        """Let particle i take over the table of particle `ancestors[i]`; contents are shared, not copied."""
+        self.table = np.ascontiguousarray(self.table[ancestors])
+        self.references[:] = np.bincount(self.table.ravel(), minlength=len(self.references))
+        self.references[0] = 1
+        unused = np.flatnonzero(self.references == 0)[::-1]
+        self._free_count = len(unused)
+        self._free[: self._free_count] = unused
