@@ -39,7 +39,13 @@ def best_rigid_alignment(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_grid
     change = np.zeros(3)
     for reach in (1.0, 0.2):
         fit = optimize.least_squares(
-            residuals, change, args=(reach,), loss="soft_l1", f_scale=0.05, diff_step=1e-3, x_scale=[0.1, 0.1, 0.01]
+            residuals,
+            change,
+            args=(reach,),
+            loss="soft_l1",
+            f_scale=0.05,
+            diff_step=[1e-3] * 3,
+            x_scale=[0.1, 0.1, 0.01],
         )
         if np.mean(residuals(fit.x, 0.2)) < np.mean(residuals(change, 0.2)):
             change = fit.x

@@ -168,8 +168,9 @@ def _repeated(trajectory: Trajectory, poses: Pose, stamps: NDArray[np.float64]) 
     repeats = len(trajectory) - len(stamps)
     if repeats == 0:
         return ()
-    moved = np.abs(trajectory.poses - poses[np.searchsorted(stamps, trajectory.stamps)]).max()
-    return (f"{repeats} repeated stamps: the first pose of each counts (others differ by up to {moved:.3g})",)
+    off = trajectory.poses[:, :2] - poses[np.searchsorted(stamps, trajectory.stamps), :2]
+    moved = np.hypot(off[:, 0], off[:, 1]).max()
+    return (f"{repeats} repeated stamps: the first pose of each counts, the others are up to {moved:.3f} m off",)
 
 
 def _pair_errors(translation: NDArray[np.float64], rotation: NDArray[np.float64]) -> PairErrors:

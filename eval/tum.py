@@ -14,6 +14,7 @@ import numpy as np
 
 from eval.files import write_aside
 from eval.trajectory import Trajectory
+from slam.se2 import wrap_angle
 
 NORM_TOLERANCE = 1e-3
 """A quaternion's length may differ from 1 by this much (files with 4 digits); it is then made a unit."""
@@ -66,7 +67,7 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
             f"{path}:{lines[bad[0]]}: expected a pose in the plane (qx = qy = 0), got one that leans by "
             f"{np.degrees(tilt[bad[0]]):.1f} degrees"
         )
-    return Trajectory(table[:, 0], np.column_stack([table[:, 1], table[:, 2], 2.0 * np.arctan2(qz, qw)]))
+    return Trajectory(table[:, 0], np.column_stack([table[:, 1], table[:, 2], wrap_angle(2.0 * np.arctan2(qz, qw))]))
 
 
 def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:

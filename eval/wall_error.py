@@ -62,9 +62,8 @@ def wall_distances(
     asked = cell_centres(truth, truth.occupied & observable)
     if len(found) == 0 or len(asked) == 0:
         return None
-    to_truth, _ = cKDTree(all_true).query(found)
-    from_truth, _ = cKDTree(found).query(asked)
-    return _distance(to_truth), _distance(from_truth)
+    to_truth, from_truth = cKDTree(all_true).query(found)[0], cKDTree(found).query(asked)[0]
+    return _distance(np.asarray(to_truth)), _distance(np.asarray(from_truth))
 
 
 def wall_profile(
@@ -84,8 +83,8 @@ def wall_profile(
         return None
     cell = truth.resolution
     steps = 2 * int(np.ceil(REACH / cell))
-    offsets = (np.arange(-steps, steps) + 0.5) * 0.5 * cell  # two samples a cell, none on a line between cells
-    wide = (np.arange(-steps - 4, steps + 4) + 0.5) * 0.5 * cell
+    wide = 0.5 * cell * (np.arange(-steps - 4, steps + 4, dtype=np.float64) + 0.5)  # two a cell, none between cells
+    offsets = wide[4:-4]
     T_grid_truth = inverse(T_truth_grid)
 
     def cut(of: OccupancyGrid, at: NDArray[np.float64], T: ArrayLike) -> NDArray[np.bool_]:
