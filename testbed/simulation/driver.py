@@ -80,6 +80,11 @@ class TourDriver:
         return float(self._starts[-1])
 
     @property
+    def share(self) -> float:
+        """Share of the path that is behind the robot, 0 to 1."""
+        return self._along / self.length
+
+    @property
     def finished(self) -> bool:
         """The end of the path is reached."""
         return self.length - self._along < _ARRIVED
