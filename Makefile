@@ -1,0 +1,32 @@
+# Two commands do everything on a machine that has Python 3.11 and make: `make run` and `make test`.
+PYTHON ?= $(firstword $(shell command -v python3.11 python3))
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+
+.PHONY: run test lint bench clean
+
+run: $(VENV)/.run  ## install, then the main job; its last line is the path of the report
+	$(BIN)/testbed run office
+
+test: $(VENV)/.test  ## install with test dependencies, then the fast tests
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.lint  ## style, types, import rules
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.test  ## timings, never part of the tests
+	$(BIN)/python -m pytest -m benchmark
+
+clean:
+	rm -rf $(VENV) runs build dist
+
+$(VENV)/.run $(VENV)/.test $(VENV)/.lint: $(VENV)/.%: pyproject.toml | $(BIN)/python
+	$(PIP) install --editable '.$(if $(filter-out run,$*),[$*])'
+	touch $@
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT
+"""Poses at every frame of a recording, from poses at some of them: odometry fills the gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam.se2 import Pose
+
+TURN_LENGTH = 0.5
+"""Metres that one radian of turning counts as, when the way between two known poses is divided."""
+
+
+def carry(odometry: Pose, known: NDArray[np.intp], poses: Pose) -> Pose:
+    """Poses (m, 3) at all frames: between two known ones by odometry from both sides, beyond them from the nearest.
+
+    odometry (m, 3) of all frames, in its own drifting frame;  known (k,) increasing indices of the frames whose pose
+    is known, k >= 1;  poses (k, 3) there. The result equals `poses` at `known`. Between two known poses the odometry's
+    motion is followed from the first, and what it misses at the second is spread over the way in proportion to the
+    distance travelled (turning included, see `TURN_LENGTH`).
+    """
+    if len(known) == 0 or len(known) != len(poses):
+        raise ValueError(f"expected one pose for each known frame and at least one, got {len(known)} and {len(poses)}")
+    frames = np.arange(len(odometry))
+    before = np.maximum(np.searchsorted(known, frames, side="right") - 1, 0)
+    after = np.minimum(before + 1, len(known) - 1)
+    after[frames <= known[0]] = 0
+    forward = se2.compose(poses[before], se2.between(odometry[known[before]], odometry))
+    backward = se2.compose(poses[after], se2.between(odometry[known[after]], odometry))
+
+    step = se2.between(odometry[:-1], odometry[1:])
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + TURN_LENGTH * np.abs(step[:, 2]))])
+    length = way[known[after]] - way[known[before]]
+    share = np.divide(way - way[known[before]], length, out=np.zeros(len(frames)), where=length > 0.0)
+    share[frames == known[after]] = 1.0
+    share[before == after] = 0.0
+    return _blend(forward, backward, share)
+
+
+def _blend(a: Pose, b: Pose, share: NDArray[np.float64]) -> Pose:
+    """Poses between a and b (m, 3): a where share (m,) is 0, b where it is 1; headings the short way round."""
+    blended = a.copy()
+    blended[:, :2] += share[:, None] * (b[:, :2] - a[:, :2])
+    blended[:, 2] = se2.wrap_angle(a[:, 2] + share * se2.wrap_angle(b[:, 2] - a[:, 2]))
+    return blended

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: MIT
+"""`--config FILE.toml`: settings from a file, such as the `config.toml` of an earlier run; the command line wins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cyclopts import App, ArgumentCollection
+from cyclopts.config import Toml
+
+LARGEST_CONFIG = 1_000_000
+"""Bytes."""
+
+
+def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Fill the arguments that were not given on the command line from the `[settings]` of the file in `--config`.
+
+    Raises ValueError for a file that cannot be read; unknown keys are reported by cyclopts with the nearest names.
+    """
+    option = next((argument for argument in arguments if argument.name == "--config"), None)
+    if option is None or not option.tokens:
+        return
+    path = Path(option.tokens[0].value)
+    if not path.is_file():
+        raise ValueError(f"{path}: no such file, expected the settings of a run (config.toml)")
+    if path.stat().st_size > LARGEST_CONFIG:
+        raise ValueError(f"{path}: larger than {LARGEST_CONFIG} bytes, expected the settings of a run (config.toml)")
+    Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)

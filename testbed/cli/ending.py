@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: MIT
+"""What `run` and `slam` do once their job is put together: carry it out, report, choose the exit status."""
+
+from __future__ import annotations
+
+from testbed.cli.console import console, progress_line
+from testbed.cli.options import OutputOptions
+from testbed.cli.status import GATE_FAILED, INTERRUPTED
+from testbed.cli.summary import headline_table
+from testbed.run import Job, execute
+from testbed.rundir import RunDirectory
+from testbed.views import Scene, open_view
+
+
+def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
+    """Run the job under a progress line, write the report, print the headline figures; returns the exit status."""
+    from eval.gate import check
+    from eval.report import write_report
+
+    check({}, output.fail_if)
+    view = open_view(directory / "recording.rrd", scene, output.view_options)
+    if view.address is not None:
+        console.print(f"live view: {view.address}")
+    with progress_line() as watcher:
+        metrics = execute(job, directory, watcher, view)
+        if metrics["outcome"] in ("interrupted", "failed"):
+            console.print(f"{metrics['outcome']}: {directory.path} keeps what there was")
+            return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED
+        watcher.stage("report")
+        report = write_report(directory.path)
+    console.print(headline_table(metrics))
+    broken = check(metrics, output.fail_if)
+    for sentence in broken:
+        console.print(f"limit broken: {sentence}")
+    console.print(f"report: {report.resolve()}", soft_wrap=True)
+    view.wait()
+    return GATE_FAILED if broken else 0

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: MIT
+"""`testbed report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from eval.comparison import write_comparison
+from eval.report import write_report
+from testbed.cli.console import console
+
+
+def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
+    """Write the report of a run anew from its files, or compare several runs side by side.
+
+    Examples:
+
+        testbed report runs/office-20250101-120000
+        testbed report runs/a runs/b runs/c --out comparison.html
+
+    Parameters
+    ----------
+    runs
+        Directories of runs: one for its report.html, several for a comparison.
+    out
+        File of the comparison.
+    """
+    written = write_report(runs[0]) if len(runs) == 1 else write_comparison(runs, out)
+    console.print(f"report: {written.resolve()}", soft_wrap=True)

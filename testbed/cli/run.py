@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""`testbed run`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Group, Parameter
+
+from eval.grids import true_grid
+from testbed.cli.console import announce_compilation
+from testbed.cli.ending import carry_out
+from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
+from testbed.presets import load_lidar, load_robot
+from testbed.provenance import config_document, settings_as_markdown
+from testbed.run import Job
+from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simulation, SimulationConfig, simulate
+from testbed.streams import streams
+from testbed.views import Scene
+from worlds import load, true_map
+
+SIMULATOR_GROUP = Group("Simulator", sort_key=5)
+DEFAULT = SimulationConfig()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SimulatorOptions:
+    """The simulated robot and its sensors."""
+
+    robot: str = DEFAULT.robot.name
+    """Name of a robot, or a TOML file."""
+    lidar: str = DEFAULT.lidar.name
+    """Name of a lidar, or a TOML file."""
+    duration: float | None = None
+    """Longest simulated time [s]; default: until the tour is finished."""
+    driver: Annotated[DriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=DriverConfig)
+    """How the tour is driven."""
+    odometry: Annotated[OdometryConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=OdometryConfig)
+    """Errors of the wheel odometry."""
+    layers: Annotated[LidarLayers, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=LidarLayers)
+    """Imperfections of the lidar."""
+
+    def simulation(self, seed: int) -> SimulationConfig:
+        """Settings of the simulator."""
+        return SimulationConfig(
+            robot=load_robot(self.robot),
+            lidar=load_lidar(self.lidar),
+            driver=self.driver,
+            odometry=self.odometry,
+            lidar_layers=self.layers,
+            duration=DEFAULT.duration if self.duration is None else self.duration,
+            seed=seed,
+        )
+
+
+SIMULATOR = SimulatorOptions()
+
+
+def run(
+    world: str,
+    *,
+    simulator: SimulatorOptions = SIMULATOR,
+    estimator: EstimatorOptions = ESTIMATOR,
+    output: OutputOptions = OUTPUT,
+) -> int:
+    """Simulate a robot in a world, map it with the particle filter, score map and trajectory against the truth.
+
+    The results go into a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
+
+    Examples:
+
+        testbed run office
+        testbed run loop --particles 50 --seed 3 --view
+        testbed run --config runs/office-20250101-120000/config.toml
+
+    Parameters
+    ----------
+    world
+        Name from the catalogue (`testbed worlds list`), or a TOML file.
+    """
+    config = simulator.simulation(estimator.seed)
+    place = load(world)
+    truth = true_grid(true_map(place, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
+    files = [path for path in map(Path, (world, simulator.robot, simulator.lidar)) if path.is_file()]
+    document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, files)
+    scene = Scene(
+        title=f"{place.name}, seed {estimator.seed}",
+        settings=settings_as_markdown(document),
+        particles=estimator.filter_config.particles,
+        true_map=truth,
+        robot_radius=config.robot.footprint_radius,
+    )
+    with simulate(place, config) as simulation:
+        announce_compilation()
+        directory = output.directory(place.name)
+        job = Job(
+            frames=simulation,
+            document=document,
+            seed=estimator.seed,
+            filter=estimator.filter_config,
+            filter_seed=streams(estimator.seed).filter,
+            threads=estimator.threads,
+            refine=estimator.refine,
+            truth_map=truth,
+            share_done=lambda: _share_done(simulation, simulator.duration),
+            ended=lambda: _ended(simulation, simulator.duration),
+        )
+        return carry_out(job, directory, scene, output)
+
+
+def _share_done(simulation: Simulation, duration: float | None) -> float:
+    """Share of the drive that is behind the robot: of the tour, or of the time where that ends first."""
+    of_time = 0.0 if duration is None else simulation.time / duration
+    return min(max(simulation.driver.share, of_time), 1.0)
+
+
+def _ended(simulation: Simulation, duration: float | None) -> str | None:
+    """Why the drive did not end as planned."""
+    if simulation.collided:
+        return "collided"
+    return None if simulation.finished or (duration is not None and not simulation.stuck) else "timeout"

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT
+"""`testbed score`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from eval.files import write_aside
+from eval.gate import check
+from eval.scoring import score_files
+from testbed.cli.console import console
+from testbed.cli.status import GATE_FAILED
+from testbed.cli.summary import headline_table
+
+
+def score(
+    dataset: Path,
+    *,
+    trajectory: Path,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    relations: Path | None = None,
+    out: Path | None = None,
+    fail_if: tuple[str, ...] = (),
+) -> int:
+    """Score the trajectory and the map of any SLAM system by the measures that `testbed run` uses.
+
+    The measures are printed as JSON, or written to --out.
+
+    Examples:
+
+        testbed score runs/office-20250101-120000 --trajectory other.tum --map other.yaml
+        testbed score runs/office-20250101-120000 --trajectory other.tum --fail-if 'trajectory.ate_rmse_m > 0.05'
+
+    Parameters
+    ----------
+    dataset
+        Directory with truth.tum, and truth_map.yaml where a map is scored: a dataset or a run.
+    trajectory
+        The system's trajectory in the TUM format, `t x y z qx qy qz qw`.
+    map_
+        The system's map as ROS map_server writes it (.yaml beside .pgm).
+    relations
+        Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw`.
+    out
+        Directory for metrics.json.
+    fail_if
+        Exit with 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
+    """
+    check({}, fail_if)
+    metrics = score_files(dataset, trajectory, map_, relations=relations)
+    text = json.dumps(metrics, indent=2, allow_nan=False) + "\n"
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        out.mkdir(parents=True, exist_ok=True)
+        with write_aside(out / "metrics.json") as aside:
+            aside.write_text(text, encoding="utf-8")
+    console.print(headline_table(metrics))
+    broken = check(metrics, fail_if)
+    for sentence in broken:
+        console.print(f"limit broken: {sentence}")
+    return GATE_FAILED if broken else 0

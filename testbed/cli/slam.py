@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: MIT
+"""`testbed slam`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from eval.association import associate
+from eval.relations import read_relations
+from eval.trajectory import Trajectory
+from eval.tum import read_tum
+from testbed.cli.console import announce_compilation, console
+from testbed.cli.ending import carry_out
+from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
+from testbed.formats import open_log
+from testbed.frame import Frame
+from testbed.provenance import config_document, settings_as_markdown
+from testbed.run import Job
+from testbed.streams import streams
+from testbed.views import Scene
+
+
+def slam(
+    log: Path,
+    *,
+    relations: Path | None = None,
+    truth: Path | None = None,
+    laser_offset: float | None = None,
+    range_max: float | None = None,
+    estimator: EstimatorOptions = ESTIMATOR,
+    output: OutputOptions = OUTPUT,
+) -> int:
+    """Map a recorded log with the particle filter, and score the result where something is known to compare it with.
+
+    The format is recognised from the content: CARMEN logs, plain or gzip.
+
+    Examples:
+
+        testbed slam intel.clf.gz --relations intel.relations
+        testbed slam robot.log --truth mocap.tum --particles 50 --view
+
+    Parameters
+    ----------
+    log
+        A recorded log.
+    relations
+        Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw` (Kümmerle et al. 2009).
+    truth
+        True trajectory in the TUM format, `t x y z qx qy qz qw`, with the clock of the log.
+    laser_offset
+        x of the laser in the robot's frame [m]; default: what the log says.
+    range_max
+        Readings from here on are no returns [m]; default: what the log says or shows.
+    """
+    recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
+    for note in recording.notes:
+        console.print(f"{log}: {note}", soft_wrap=True)
+    known_relations = None if relations is None else read_relations(relations)
+    frames = recording.frames if truth is None else _with_truth(recording.frames, read_tum(truth))
+    settings = {
+        "log": log.resolve(),
+        "relations": relations and relations.resolve(),
+        "truth": truth and truth.resolve(),
+        "laser_offset": laser_offset,
+        "range_max": range_max,
+        **estimator.settings(),
+    }
+    document = config_document(settings, [path for path in (log, relations, truth) if path is not None])
+    document["log"] = {"format": recording.format, "notes": list(recording.notes)}
+    name = log.name.split(".")[0]
+    done = _Counter(frames)
+    job = Job(
+        frames=done,
+        document=document,
+        seed=estimator.seed,
+        filter=estimator.filter_config,
+        filter_seed=streams(estimator.seed).filter,
+        threads=estimator.threads,
+        refine=estimator.refine,
+        relations=known_relations,
+        share_done=lambda: done.share,
+    )
+    announce_compilation()
+    scene = Scene(
+        title=f"{name}, seed {estimator.seed}",
+        settings=settings_as_markdown(document),
+        particles=estimator.filter_config.particles,
+    )
+    return carry_out(job, output.directory(name), scene, output)
+
+
+class _Counter(Iterator[Frame]):
+    """The frames of a log, and how many of them were taken."""
+
+    def __init__(self, frames: list[Frame]) -> None:
+        self._frames, self._taken = frames, 0
+
+    @property
+    def share(self) -> float:
+        return self._taken / len(self._frames)
+
+    def __next__(self) -> Frame:
+        if self._taken == len(self._frames):
+            raise StopIteration
+        self._taken += 1
+        return self._frames[self._taken - 1]
+
+
+def _with_truth(frames: list[Frame], truth: Trajectory) -> list[Frame]:
+    """The frames with the truth of their stamps, where there is one; ValueError where there is none at all."""
+    at = Trajectory(np.array([frame.stamp for frame in frames]), np.array([frame.odometry for frame in frames]))
+    found = associate(at, truth)
+    complete = list(frames)
+    for row, pose in zip(found.rows.tolist(), found.reference.poses, strict=True):
+        complete[row] = replace(frames[row], truth=pose)
+    return complete

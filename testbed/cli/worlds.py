@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""`testbed worlds`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from cyclopts import App
+from rich.console import Console
+from rich.table import Table
+
+from eval.files import write_aside
+from worlds import World, catalogue, load, true_map
+
+app = App(name="worlds", help="The catalogue of worlds.")
+
+
+@app.command(name="list")
+def list_worlds() -> None:
+    """Names, sizes and tours of the worlds that come with the package.
+
+    Example: `testbed worlds list`
+    """
+    table = Table(box=None, pad_edge=False)
+    for heading in ("name", "size", "tour", "description"):
+        table.add_column(heading)
+    for name in catalogue():
+        world = load(name)
+        table.add_row(name, _size(world), _tour(world), world.description)
+    Console().print(table)
+
+
+@app.command
+def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> None:
+    """Draw a world with its start and its tour, and print its measures.
+
+    Example: `testbed worlds show office --out office.png`
+
+    Parameters
+    ----------
+    world
+        Name from the catalogue, or a TOML file.
+    out
+        Picture to write (.png, .svg, .pdf); default: the world's name with .png.
+    overwrite
+        Replace a picture that exists.
+    """
+    place = load(world)
+    out = out or Path(f"{place.name}.png")
+    if out.exists() and not overwrite:
+        raise ValueError(f"{out}: exists; choose another --out or add --overwrite")
+    _draw(place, out)
+    truth = true_map(place)
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_row("name", place.name)
+    table.add_row("description", place.description)
+    table.add_row("size", _size(place))
+    table.add_row("free space", f"{truth.free.sum() * truth.resolution**2:.0f} m²")
+    table.add_row("tour", _tour(place))
+    table.add_row("picture", str(out))
+    Console().print(table)
+
+
+def _size(world: World) -> str:
+    segments = world.boundary_segments().reshape(-1, 2)
+    width, height = np.ptp(segments, axis=0)
+    return f"{width:.1f} x {height:.1f} m"
+
+
+def _tour(world: World) -> str:
+    return f"{np.linalg.norm(np.diff(world.path(), axis=0), axis=1).sum():.0f} m"
+
+
+def _draw(world: World, out: Path) -> None:
+    """Walls black, tour blue with the start as an arrow; the picture's format follows from the name."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.add_collection(LineCollection(world.boundary_segments().reshape(-1, 2, 2), colors="black", linewidths=1))
+    axes.plot(*world.path().T, color="tab:blue", linewidth=1)
+    start = world.start
+    axes.quiver(start.x, start.y, np.cos(start.theta), np.sin(start.theta), color="tab:blue", pivot="middle")
+    axes.set(title=world.name, xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.autoscale()
+    with write_aside(out) as aside:
+        figure.savefig(aside, format=out.suffix.lstrip(".") or "png", dpi=150)

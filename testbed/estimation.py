@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""From frames to an estimate: the filter is fed frame by frame, its answers are kept, gaps filled by odometry."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.trajectory import Trajectory
+from slam.config import FilterConfig
+from slam.gmapping import GMapping, StepReport
+from slam.occupancy import OccupancyGrid
+from slam.refine import refine
+from slam.scan import Scan
+from slam.se2 import Pose
+from testbed.carrying import carry
+from testbed.frame import Frame
+from testbed.steps import StepTable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """What is believed of a whole recording at its end; poses are `T_map_robot`."""
+
+    dense: Trajectory
+    """At every frame, in the order of the recording."""
+    scan_frames: NDArray[np.intp]
+    """Which frames carry a scan, (scans,)."""
+    map: OccupancyGrid
+    """The map that belongs to the poses."""
+
+    @property
+    def at_scans(self) -> Trajectory:
+        """At every scan."""
+        return self.dense[self.scan_frames]
+
+
+@dataclass
+class Estimation:
+    """Runs the filter over a recording, one frame after the other, and remembers what its files will need."""
+
+    config: FilterConfig
+    seed: int | np.random.SeedSequence
+    threads: int | None = None
+    """Threads of the filter; None = all cores. The result does not depend on it."""
+    mapper: GMapping = field(init=False)
+    steps: StepTable = field(init=False)
+    frames: list[Frame] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.mapper = GMapping(self.config, seed=self.seed, threads=self.threads)
+        self.steps = StepTable(self.config.particles)
+
+    def process(self, frame: Frame) -> StepReport | None:
+        """Take in one frame: its scan goes to the filter; None where it has no scan."""
+        self.frames.append(frame)
+        if frame.scan is None:
+            return None
+        start = time.perf_counter()
+        try:
+            report = self.mapper.process(frame.odometry, frame.scan, twist=frame.twist)
+        except BaseException:  # Ctrl-C within the filter: the frame was not taken in
+            self.frames.pop()
+            raise
+        self.steps.add(frame, report, time.perf_counter() - start)
+        return report
+
+    @property
+    def scan_frames(self) -> NDArray[np.intp]:
+        """Which frames carry a scan, (scans,)."""
+        return np.flatnonzero([frame.scan is not None for frame in self.frames])
+
+    @property
+    def odometry(self) -> Pose:
+        """`T_odom_robot` at every frame, (frames, 3)."""
+        return np.array([frame.odometry for frame in self.frames])
+
+    @property
+    def stamps(self) -> NDArray[np.float64]:
+        """Stamps of the frames [s], (frames,)."""
+        return np.array([frame.stamp for frame in self.frames])
+
+    def trajectory_at_scans(self, source: Literal["odometry", "truth"]) -> Trajectory | None:
+        """Odometry or truth at every scan where it is known; None where it is known at no scan."""
+        known = [
+            (frame.stamp, pose)
+            for frame in self.frames
+            if frame.scan is not None and (pose := getattr(frame, source)) is not None
+        ]
+        if not known:
+            return None
+        stamps, poses = zip(*known, strict=True)
+        return Trajectory(np.array(stamps), np.array(poses))
+
+    def filtered(self) -> Estimate:
+        """The best particle's path and map; needs at least one scan."""
+        scan_frames = self.scan_frames
+        updates = scan_frames[np.asarray(self.mapper.update_scans)]
+        dense = carry(self.odometry, updates, self.mapper.path())
+        return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
+
+    def refined(self, estimate: Estimate) -> Estimate:
+        """The estimate after the final pass over all frames, see `slam.refine`."""
+        scans: list[Scan | None] = [frame.scan for frame in self.frames]
+        result = refine(self.odometry, scans, estimate.dense.poses, self.config)
+        dense = Trajectory(self.stamps, result.poses)
+        return Estimate(dense=dense, scan_frames=estimate.scan_frames, map=result.map)

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: MIT
+"""Ctrl-C and SIGTERM during a run: the frame at hand is finished, then the run ends and keeps what it has."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interruption:
+    """Set by the first signal; the second one raises KeyboardInterrupt at once."""
+
+    def __init__(self) -> None:
+        self.requested = False
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            raise KeyboardInterrupt
+        self.requested = True
+
+
+@contextmanager
+def deferred_interruption() -> Iterator[Interruption]:
+    """Note signals instead of raising KeyboardInterrupt, so that no half-processed frame is left behind.
+
+    In other threads than the main one, where Python allows no signal handlers, nothing is changed.
+    """
+    interruption = Interruption()
+    if threading.current_thread() is not threading.main_thread():
+        yield interruption
+        return
+    previous = {number: signal.signal(number, interruption._note) for number in SIGNALS}
+    try:
+        yield interruption
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""Where a result comes from: versions, machine, input files; the part of `config.toml` that nobody types."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Iterable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+PACKAGES = ("slam-testbed", "numpy", "numba", "scipy", "shapely", "pybullet", "rerun-sdk")
+
+
+def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) -> dict[str, Any]:
+    """Content of `config.toml`: `[settings]` to repeat the run with `--config`, and where it was made.
+
+    inputs: files that were read; their SHA-256 tells whether they are still the same.
+    """
+    return {
+        "command": shlex.join(["testbed", *sys.argv[1:]]),
+        "settings": dict(settings),
+        "inputs": {str(path): _sha256(path) for path in inputs},
+        "versions": {"python": platform.python_version(), **_versions()},
+        "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
+    }
+
+
+def settings_as_markdown(document: Mapping[str, Any]) -> str:
+    """The command and the settings of a `config_document`, as a viewer shows them."""
+    return f"`{document['command']}`\n\n```toml\n{dump_toml(document['settings'])}```\n"
+
+
+def dump_toml(document: Mapping[str, Any]) -> str:
+    """A document as TOML; values that are None are left out, TOML has no word for them."""
+    return tomli_w.dumps(_without_none(document))
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _processor() -> str:
+    """Name of the processor; `platform` knows only its architecture on Linux."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: MIT
+"""One run: frames go through the filter into a run directory, scored, with a view of it beside."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from eval.relations import Relations
+from eval.scoring import score
+from slam.config import FilterConfig
+from slam.gmapping import StepReport
+from slam.occupancy import OccupancyGrid
+from testbed.estimation import Estimate, Estimation
+from testbed.frame import Frame
+from testbed.interruption import deferred_interruption
+from testbed.rundir import RunDirectory, result_hash
+from testbed.views import NullView, Snapshot, View
+
+
+class Watcher(Protocol):
+    """Who is told how the run goes, such as a progress line."""
+
+    def stage(self, text: str) -> None:
+        """A new stage of the job begins."""
+        ...
+
+    def step(self, stamp: float, share: float | None, error: float | None) -> None:
+        """One scan is done: its stamp [s], the share of the job behind us, the position error where known [m]."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Job:
+    """What a run needs besides the place it writes to."""
+
+    frames: Iterable[Frame]
+    """What the sensors said."""
+    document: Mapping[str, Any]
+    """Content of `config.toml`."""
+    seed: int
+    """The run's seed, as `metrics.json` states it."""
+    filter: FilterConfig
+    """Settings of the filter."""
+    filter_seed: np.random.SeedSequence
+    """Seed of the filter's random numbers."""
+    threads: int | None = None
+    """Threads of the filter; None = all cores. Results do not depend on it."""
+    refine: bool = True
+    """Whether the final pass over all frames is made."""
+    truth_map: OccupancyGrid | None = None
+    """The true map: 1 occupied, 0 free, NaN not visible to any lidar."""
+    relations: Relations | None = None
+    """Hand-checked relations between poses."""
+    share_done: Callable[[], float | None] = lambda: None
+    """How much of the job is behind us, in [0, 1]; None = unknown."""
+    ended: Callable[[], str | None] = lambda: None
+    """Why the drive did not end as planned, asked after the last frame: `collided`, `timeout`; None = it did."""
+
+
+def execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View | None = None) -> dict[str, Any]:
+    """Run the job, write all files but the report, return what is in `metrics.json`.
+
+    Ctrl-C ends the run after the frame at hand: the outcome is `interrupted`, and what was there is kept. If anything
+    else breaks, the outcome is `failed` and the exception goes on to the caller.
+    """
+    try:
+        directory.write_config(job.document)
+        return _execute(job, directory, watcher, view if view is not None else NullView())
+    except BaseException as error:
+        with suppress(OSError):  # the disk may be full: then no metrics.json says that the run did not finish
+            outcome = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+            directory.write_metrics({"outcome": outcome, "reason": " ".join(f"{error}".split())})
+        raise
+
+
+def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) -> dict[str, Any]:
+    started = time.perf_counter()
+    watcher.stage("mapping")
+    estimation = Estimation(job.filter, job.filter_seed, job.threads)
+    with view:
+        interrupted = _feed(job, estimation, watcher, view)
+        wall_seconds = time.perf_counter() - started
+        if not len(estimation.scan_frames):
+            metrics = {"outcome": "interrupted" if interrupted else "failed", "reason": "no scan", "scans": 0}
+            directory.write_metrics(metrics)
+            return metrics
+        filtered = estimation.filtered()
+        estimate = filtered
+        if job.refine and not interrupted:
+            watcher.stage("final pass")
+            try:
+                estimate = estimation.refined(filtered)
+                view.finish(estimate.at_scans.poses, estimate.map)
+            except KeyboardInterrupt:
+                interrupted = True
+    watcher.stage("scoring")
+    _write(job, directory, estimation, filtered, estimate)
+    ended = "interrupted" if interrupted else job.ended()
+    metrics = _metrics(job, estimation, estimate, wall_seconds, ended)
+    directory.write_metrics(metrics)
+    return metrics
+
+
+def _feed(job: Job, estimation: Estimation, watcher: Watcher, view: View) -> bool:
+    """Feed all frames; True if the user interrupted it."""
+    with deferred_interruption() as interruption:
+        for frame in job.frames:
+            report = estimation.process(frame)
+            if report is not None:
+                view.show(_snapshot(frame, report, estimation))
+                watcher.step(frame.stamp, job.share_done(), estimation.steps.last_error)
+            if interruption.requested:
+                return True
+    return False
+
+
+def _snapshot(frame: Frame, report: StepReport, estimation: Estimation) -> Snapshot:
+    mapper = estimation.mapper
+    return Snapshot(
+        stamp=frame.stamp,
+        estimate=report.pose,
+        odometry=frame.odometry,
+        truth=frame.truth,
+        scan=frame.scan,
+        step=report,
+        poses=mapper.poses,
+        weights=mapper.weights,
+        path=mapper.path,
+        map=mapper.map,
+    )
+
+
+def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: Estimate, estimate: Estimate) -> None:
+    """All files but the metrics and the report."""
+    directory.write_trajectory("estimate.tum", estimate.at_scans)
+    directory.write_trajectory("estimate_dense.tum", estimate.dense)
+    if estimate is not filtered:
+        directory.write_trajectory("filter.tum", filtered.at_scans)
+    for name in ("odometry", "truth"):
+        trajectory = estimation.trajectory_at_scans(name)
+        if trajectory is not None:
+            directory.write_trajectory(f"{name}.tum", trajectory)
+    directory.write_map("map", estimate.map)
+    if job.truth_map is not None:
+        directory.write_map("truth_map", job.truth_map)
+    estimation.steps.write(directory / "steps.parquet")
+
+
+def _metrics(
+    job: Job, estimation: Estimation, estimate: Estimate, wall_seconds: float, ended: str | None
+) -> dict[str, Any]:
+    """All measures, JSON-ready."""
+    return score(
+        estimate.at_scans,
+        odometry=estimation.trajectory_at_scans("odometry"),
+        truth=estimation.trajectory_at_scans("truth"),
+        dense=estimate.dense,
+        relations=job.relations,
+        grid=estimate.map,
+        truth_grid=job.truth_map,
+        steps=estimation.steps.columns(),
+        ended=ended,
+        facts={
+            "seed": job.seed,
+            "particles": job.filter.particles,
+            "wall_s": wall_seconds,
+            "peak_rss_mb": peak_memory_mb(),
+            "result_hash": result_hash(estimate.at_scans, estimate.map),
+        },
+        range_max=max(frame.scan.range_max for frame in estimation.frames if frame.scan is not None),
+    )
+
+
+def peak_memory_mb() -> float:
+    """Largest resident set of this process so far [MB]."""
+    unit = 1 if sys.platform == "darwin" else 1024  # macOS counts bytes, Linux kibibytes
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
