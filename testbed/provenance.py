@@ -23,10 +23,11 @@ def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) ->
 
     inputs: files that were read; their SHA-256 tells whether they are still the same.
     """
+    read = {str(path): _sha256(path) for path in inputs}
     return {
         "command": shlex.join(["testbed", *sys.argv[1:]]),
         "settings": dict(settings),
-        "inputs": {str(path): _sha256(path) for path in inputs},
+        **({"inputs": read} if read else {}),
         "versions": {"python": platform.python_version(), **_versions()},
         "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
     }

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from eval.relations import Relations
-from eval.scoring import score
+from eval.scoring import Reference, score
 from slam.config import FilterConfig
 from slam.gmapping import StepReport
 from slam.occupancy import OccupancyGrid
@@ -160,12 +160,15 @@ def _metrics(
     """All measures, JSON-ready."""
     return score(
         estimate.at_scans,
+        reference=Reference(
+            trajectory=estimation.trajectory_at_scans("truth"),
+            relations=job.relations,
+            grid=job.truth_map,
+            range_max=max(frame.scan.range_max for frame in estimation.frames if frame.scan is not None),
+        ),
         odometry=estimation.trajectory_at_scans("odometry"),
-        truth=estimation.trajectory_at_scans("truth"),
         dense=estimate.dense,
-        relations=job.relations,
         grid=estimate.map,
-        truth_grid=job.truth_map,
         steps=estimation.steps.columns(),
         ended=ended,
         facts={
@@ -175,7 +178,6 @@ def _metrics(
             "peak_rss_mb": peak_memory_mb(),
             "result_hash": result_hash(estimate.at_scans, estimate.map),
         },
-        range_max=max(frame.scan.range_max for frame in estimation.frames if frame.scan is not None),
     )
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What a person sees while a command works: a progress line, tables, and news about compilation. All on stderr, so
-that what a command prints on stdout can be piped."""
+"""What a person sees while a command works: a progress line and news. Results go to stdout, all else to stderr, so that
+results can be piped."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from testbed.warmup import compile_kernels, is_compiled
 
 console = Console(stderr=True, highlight=False)
+"""For news."""
+results = Console(highlight=False, soft_wrap=True)
+"""For what a command was asked for."""
 
 
 def announce_compilation() -> None:

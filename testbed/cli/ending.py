@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from testbed.cli.console import console, progress_line
+from eval.gate import check
+from eval.report import write_report
+from testbed.cli.console import console, progress_line, results
 from testbed.cli.options import OutputOptions
 from testbed.cli.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.summary import headline_table
@@ -14,10 +16,6 @@ from testbed.views import Scene, open_view
 
 def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
     """Run the job under a progress line, write the report, print the headline figures; returns the exit status."""
-    from eval.gate import check
-    from eval.report import write_report
-
-    check({}, output.fail_if)
     view = open_view(directory / "recording.rrd", scene, output.view_options)
     if view.address is not None:
         console.print(f"live view: {view.address}")
@@ -28,10 +26,10 @@ def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOpt
             return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED
         watcher.stage("report")
         report = write_report(directory.path)
-    console.print(headline_table(metrics))
+    results.print(headline_table(metrics))
     broken = check(metrics, output.fail_if)
     for sentence in broken:
         console.print(f"limit broken: {sentence}")
-    console.print(f"report: {report.resolve()}", soft_wrap=True)
+    results.print(f"report: {report.resolve()}")
     view.wait()
     return GATE_FAILED if broken else 0

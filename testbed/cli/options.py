@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from eval.gate import Limit
 from slam.config import FilterConfig
 from testbed.rundir import RunDirectory, default_directory
 from testbed.views import ViewOptions
@@ -62,6 +63,10 @@ class OutputOptions:
     """Serve the live view to a web browser on this machine."""
     connect: str | None = None
     """Address of a Rerun viewer that is running already (rerun+http://…)."""
+
+    def __post_init__(self) -> None:
+        for limit in self.fail_if:
+            Limit.parse(limit)  # complain before the run, not after it
 
     def directory(self, name: str) -> RunDirectory:
         """The directory of this run, made or emptied now."""

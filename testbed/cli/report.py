@@ -7,7 +7,7 @@ from pathlib import Path
 
 from eval.comparison import write_comparison
 from eval.report import write_report
-from testbed.cli.console import console
+from testbed.cli.console import results
 
 
 def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
@@ -26,4 +26,4 @@ def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
         File of the comparison.
     """
     written = write_report(runs[0]) if len(runs) == 1 else write_comparison(runs, out)
-    console.print(f"report: {written.resolve()}", soft_wrap=True)
+    results.print(f"report: {written.resolve()}")

@@ -11,7 +11,7 @@ from rich.table import Table
 HEADLINES = (
     ("trajectory.ate_rmse_m", "trajectory error (ATE)", "{:.3f} m"),
     ("trajectory.heading_rmse_deg", "heading error", "{:.2f} deg"),
-    ("odometry.ate_rmse_m", "odometry's error (ATE)", "{:.3f} m"),
+    ("trajectory.odometry.ate_rmse_m", "odometry's error (ATE)", "{:.3f} m"),
     ("relations.trans_mean_m", "relations, translation", "{:.4f} m"),
     ("relations.trans_std_m", "relations, translation, std", "{:.4f} m"),
     ("relations.rot_mean_deg", "relations, rotation", "{:.3f} deg"),

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from cyclopts import App
-from rich.console import Console
 from rich.table import Table
 
 from eval.files import write_aside
+from testbed.cli.console import results
 from worlds import World, catalogue, load, true_map
 
 app = App(name="worlds", help="The catalogue of worlds.")
@@ -28,7 +28,7 @@ def list_worlds() -> None:
     for name in catalogue():
         world = load(name)
         table.add_row(name, _size(world), _tour(world), world.description)
-    Console().print(table)
+    results.print(table)
 
 
 @app.command
@@ -59,7 +59,7 @@ def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> Non
     table.add_row("free space", f"{truth.free.sum() * truth.resolution**2:.0f} m²")
     table.add_row("tour", _tour(place))
     table.add_row("picture", str(out))
-    Console().print(table)
+    results.print(table)
 
 
 def _size(world: World) -> str:
