@@ -69,7 +69,7 @@ class Lidar:
 
     def __init__(self, preset: LidarPreset, layers: LidarLayers, rng: Generator) -> None:
         self._preset, self._layers, self._rng = preset, layers, rng
-        constant, scale = rng.uniform(-1.0, 1.0, 2) if layers.bias else (0.0, 0.0)
+        constant, scale = rng.uniform(-1.0, 1.0, 2) * layers.bias
         self._bias, self._scale = preset.bias_floor * constant, 1.0 + preset.bias_share * scale
 
     def sweep(self) -> Sweep:
@@ -127,9 +127,10 @@ class Lidar:
         if preset.field_of_view_deg < 360.0:
             neighbour[-1] = ranges[-1]
         both = np.isfinite(ranges) & np.isfinite(neighbour)
-        edge = both & (np.abs(np.where(both, neighbour, 0.0) - np.where(both, ranges, 0.0)) > _EDGE)
-        share = np.where(edge & (uniform < reached), 0.5 * uniform / reached, 0.0)
-        return np.where(share > 0.0, (1.0 - share) * ranges + share * np.where(both, neighbour, 0.0), ranges)
+        near, far = np.where(both, ranges, 0.0), np.where(both, neighbour, 0.0)
+        share = np.where((np.abs(far - near) > _EDGE) & (uniform < reached), 0.5 * uniform / reached, 0.0)
+        mixed: NDArray[np.float64] = np.where(share > 0.0, near + share * (far - near), ranges)
+        return mixed
 
 
 def _finite(ranges: NDArray[np.float64]) -> NDArray[np.float64]:

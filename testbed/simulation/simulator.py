@@ -44,8 +44,8 @@ class SimulationConfig:
     """Errors of the wheel odometry."""
     lidar_layers: LidarLayers = field(default_factory=LidarLayers)
     """Imperfections of the lidar."""
-    backend: Literal["pybullet"] = "pybullet"
-    """pybullet: physics and rays of PyBullet."""
+    backend: Literal["pybullet", "fast"] = "pybullet"
+    """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics."""
     duration: float = 1800.0
     """The simulation ends here at the latest [s]."""
     seed: int = 0
@@ -136,9 +136,14 @@ def _backend(world: World, config: SimulationConfig) -> Backend:
         min(config.driver.acceleration, config.robot.max_acceleration),
         min(config.driver.turn_acceleration, config.robot.max_turn_acceleration),
     )
+    height = config.robot.lidar_mount.height
+    if config.backend == "fast":
+        from testbed.simulation.fast_backend import FastBackend
+
+        return FastBackend(world, config.robot, limits, height)
     from testbed.simulation.pybullet_backend import PyBulletBackend
 
-    return PyBulletBackend(world, config.robot, limits, config.robot.lidar_mount.height)
+    return PyBulletBackend(world, config.robot, limits, height)
 
 
 class _Sensors:
@@ -210,9 +215,10 @@ class _Sensors:
         )
 
     def _twist(self, stamp: float, seconds: float) -> Pose:
-        """Mean velocity by odometry over `seconds` from `stamp` on, or as far as odometry was read; robot frame."""
+        """Mean velocity by odometry over `seconds` from `stamp` on, or as far as odometry was read (at
+        least over the last period before); robot frame."""
         end = min(stamp + seconds, self._odometry.end)
-        if end <= stamp:
+        if end - stamp < 0.5 * CONTROL_PERIOD:
             stamp = end - CONTROL_PERIOD
         twist: Pose = between(self._odometry.at(stamp), self._odometry.at(end)) / (end - stamp)
         return twist
