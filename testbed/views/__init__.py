@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: MIT
+"""Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
+
+from testbed.views.opening import OpenedRun, open_run, open_view
+from testbed.views.view import NullView, Scene, Snapshot, View, ViewOptions
+
+__all__ = ["NullView", "OpenedRun", "Scene", "Snapshot", "View", "ViewOptions", "open_run", "open_view"]

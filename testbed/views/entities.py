@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT
+"""Names of everything in a recording; readers of `recording.rrd` may rely on them (docs/views.md)."""
+
+APPLICATION = "slam-testbed"
+TIMELINE = "sim_time"
+SCAN_TIMELINE = "scan"
+
+WORLD = "/world"
+"""The world's frame; the map's frame where no truth is known."""
+TRUE_MAP = "/world/truth/map"
+TRUE_PATH = "/world/truth/path"
+TRUE_ROBOT = "/world/truth/robot"
+ODOMETRY = "/world/odometry"
+"""The odometry's frame, laid on the world's at the first scan."""
+ODOMETRY_PATH = "/world/odometry/path"
+SLAM = "/world/slam"
+"""The map's frame, laid on the world's at the first scan."""
+MAP = "/world/slam/map"
+PATH = "/world/slam/path"
+ESTIMATED_ROBOT = "/world/slam/robot"
+SCAN = "/world/slam/robot/scan"
+PARTICLES = "/world/slam/particles"
+PARTICLE_PATHS = "/world/slam/particle_paths"
+COVARIANCE = "/world/slam/covariance"
+PROPOSAL = "/world/slam/proposal"
+PROPOSAL_SAMPLES = "/world/slam/proposal/samples"
+PROPOSAL_GAUSSIAN = "/world/slam/proposal/gaussian"
+
+TRUE_MODEL, ESTIMATED_MODEL = "/true_robot", "/estimated_robot"
+ROBOT_MODELS = (TRUE_MODEL, ESTIMATED_MODEL)
+"""Shapes of the URDF; their root frames hang on the robots above."""
+
+COMPARE = "/compare"
+"""The map's frame once more, for the views that compare particles."""
+RANKS = ("heaviest", "upper_third", "lower_third", "lightest")
+
+POSITION_ERROR = "/metrics/position_error"
+HEADING_ERROR = "/metrics/heading_error"
+ESS = "/metrics/ess"
+MATCHED = "/metrics/matched_share"
+STAGES = "/metrics/stages"
+WEIGHTS = "/filter/weights"
+STATE = "/state"
+FILTER_STATE = "/state/filter"
+ROBOT_STATE = "/state/robot"
+EVENTS = "/events"
+SETTINGS = "/settings"

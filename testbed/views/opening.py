@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""Opening a view of a run that begins, and of one that is over."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbed.views import programs
+from testbed.views.view import NullView, Scene, View, ViewOptions
+
+logger = logging.getLogger(__name__)
+
+RECORDING = "recording.rrd"
+
+
+def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None = None) -> View:
+    """A view that writes the recording to a file, and shows it live as the options ask.
+
+    recording: the file to write;  None = the run is not to be watched at all
+
+    Raises:
+        ValueError: the URL to connect to is none of Rerun's.
+    """
+    if recording is None:
+        return NullView()
+    from testbed.views.rerun_view import RerunView
+
+    return RerunView(recording, scene, options or ViewOptions())
+
+
+@dataclass(frozen=True)
+class OpenedRun:
+    """The viewer that shows a run."""
+
+    process: subprocess.Popen[bytes]
+    address: str | None
+    """Address of the web page, where one is served."""
+
+    def wait(self) -> None:
+        """Until the window is closed, or Ctrl-C."""
+        try:
+            self.process.wait()
+        except KeyboardInterrupt:
+            logger.info("viewer closed")
+        finally:
+            self.process.terminate()
+            self.process.wait()
+
+
+def open_run(run: Path, serve: bool = False) -> OpenedRun:
+    """Show the recording of a run: in the native viewer, or on a web page of this machine.
+
+    run: a run directory, or a recording
+
+    Raises:
+        ValueError: there is no recording, or no display for a window.
+    """
+    recording = run / RECORDING if run.is_dir() else run
+    if not recording.is_file() or recording.suffix != ".rrd":
+        raise ValueError(f"{run}: no recording; expected a run directory with {RECORDING}, or an .rrd file")
+    if serve:
+        port, web_port = programs.free_port(), programs.free_port()
+        command = [*programs.server_command(port, web_port), str(recording)]
+        address = programs.web_address(port, web_port)
+    else:
+        if programs.display_missing():
+            raise ValueError("no display to open the viewer on; use --serve and a browser")
+        command = [*programs.window_command(programs.free_port()), str(recording)]
+        address = None
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return OpenedRun(process, address)

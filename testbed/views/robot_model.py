@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: MIT
+"""The robot's shape in a recording, as coloured outlines that hide no particle: from its URDF, or a plain disc."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import rerun as rr
+
+from testbed.views.view import Scene
+
+HEIGHT = 0.1
+"""Height of the plain disc [m]."""
+OUTLINES: dict[str, type[rr.Cylinders3D] | type[rr.Ellipsoids3D] | type[rr.Boxes3D]] = {
+    "cylinder": rr.Cylinders3D,
+    "sphere": rr.Ellipsoids3D,
+    "box": rr.Boxes3D,
+}
+"""What the elements of a URDF's geometry become; meshes stay as they are."""
+
+
+def log_robot(rec: rr.RecordingStream, scene: Scene, robot: str, model: str, colour: tuple[int, int, int]) -> None:
+    """Log the shape once: it moves with the entity `robot`. The URDF's entities go below `model`."""
+    line = rr.Radius.ui_points(1.0)
+    forward = rr.LineStrips3D([[[0, 0, 0.01], [1.5 * scene.robot_radius, 0, 0.01]]], radii=line, colors=colour)
+    rec.log(f"{robot}/heading", forward, static=True)
+    if scene.robot_urdf is not None:
+        log_urdf(rec, scene.robot_urdf, robot, model, colour)
+        return
+    disc = rr.Cylinders3D(
+        lengths=[HEIGHT],
+        radii=[scene.robot_radius],
+        centers=[[0, 0, HEIGHT / 2]],
+        colors=colour,
+        line_radii=line,
+        fill_mode="majorwireframe",
+    )
+    rec.log(f"{robot}/body", disc, static=True)
+
+
+def log_urdf(rec: rr.RecordingStream, urdf: str, robot: str, model: str, colour: tuple[int, int, int]) -> None:
+    """Log the visuals of a URDF below the entity `model` and hang them on the entity `robot`."""
+    root = ElementTree.fromstring(urdf)
+    for link in root.iter("link"):
+        for collision in link.findall("collision"):  # would be drawn on top of the visuals
+            link.remove(collision)
+    prefix = model.strip("/")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        ElementTree.ElementTree(root).write(path)
+        tree = rr.urdf.UrdfTree.from_file_path(
+            path, entity_path_prefix=prefix, frame_prefix=f"{prefix}/", static_transform_entity_path=f"{model}/joints"
+        )
+        tree.log_urdf_to_recording(rec)
+    for link in root.iter("link"):
+        shapes = [geometry[0].tag for geometry in link.iterfind("visual/geometry")]
+        paths = tree.get_visual_geometry_paths(tree.get_link_by_name(link.attrib["name"]))
+        for shape, entity in zip(shapes, paths, strict=True):
+            if shape in OUTLINES:
+                style = OUTLINES[shape].from_fields(
+                    colors=[colour], line_radii=rr.Radius.ui_points(1.0), fill_mode="majorwireframe"
+                )
+                rec.log(entity, style, static=True)
+    # entities have frames of their own, named tf#/<path>: hang the model's root there
+    rec.log(
+        f"{model}/mount",
+        rr.Transform3D(parent_frame=f"tf#{robot}", child_frame=f"{prefix}/{tree.root_link().name}"),
+        static=True,
+    )
