@@ -79,17 +79,17 @@ def bin_segments(segments, shape, origin, cell):
 @kernel
 def _distance_along(segment, x, y, cos, sin):
     """Distance [m] from (x, y) along (cos, sin) to the segment (4,); inf if the ray misses it or runs along it."""
-    ex, ey = segment[2] - segment[0], segment[3] - segment[1]
     ax, ay = segment[0] - x, segment[1] - y
+    bx, by = segment[2] - x, segment[3] - y
+    left, right = ay * cos - ax * sin, by * cos - bx * sin  # of the ray's line lie the ends: this far
+    if left * right > 0.0 and min(abs(left), abs(right)) > _SLACK:
+        return np.inf
+    ex, ey = bx - ax, by - ay
     denominator = cos * ey - sin * ex
     if denominator == 0.0:
         return np.inf
     along = (ax * ey - ay * ex) / denominator
-    share = (ax * sin - ay * cos) / denominator
-    slack = _SLACK / max(np.hypot(ex, ey), _SLACK)
-    if along < 0.0 or share < -slack or share > 1.0 + slack:
-        return np.inf
-    return along
+    return along if along >= 0.0 else np.inf
 
 
 @kernel

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from slam.se2 import Pose
 
@@ -37,20 +37,29 @@ class History:
         poses = poses + np.array([0.0, 0.0, 2.0 * math.pi * turns])
         self._poses = np.concatenate([self._poses, poses])
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
-        """Poses at `times` (...) [s], (..., 3), linear between the two neighbours.
+    def at(self, time: float) -> Pose:
+        """The pose (3,) at `time` [s], linear between its two neighbours. Raises `ValueError` if it is not kept."""
+        position = self._position(time, time)
+        index = min(int(position), len(self._poses) - 1)
+        before, after = self._poses[index], self._poses[min(index + 1, len(self._poses) - 1)]
+        pose: Pose = before + (position - index) * (after - before)
+        return pose
+
+    def between(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """All poses kept, (n, 3), and where increasing `times` (m,) [s] lie among them, as fractional indices (m,).
 
         Raises `ValueError` for times that are not kept.
         """
-        wanted = np.asarray(times, dtype=np.float64)
-        position = wanted / self._period - self._first_index
-        if np.any(position < -1e-6) or np.any(position > len(self._poses) - 1 + 1e-6):
-            raise ValueError(f"times up to {np.max(wanted)} s are not all among those kept, up to {self.end} s")
-        index = np.clip(np.floor(position).astype(np.intp), 0, max(len(self._poses) - 2, 0))
-        weight = np.clip(position - index, 0.0, 1.0)[..., None]
-        after = np.minimum(index + 1, len(self._poses) - 1)
-        poses: NDArray[np.float64] = (1.0 - weight) * self._poses[index] + weight * self._poses[after]
-        return poses
+        self._position(float(times[0]), float(times[-1]))
+        return self._poses, np.maximum(times / self._period - self._first_index, 0.0)
+
+    def _position(self, first: float, last: float) -> float:
+        """Fractional index of time `first` [s], once both are known to be kept."""
+        position = first / self._period - self._first_index
+        end = last / self._period - self._first_index
+        if position < -1e-6 or end > len(self._poses) - 1 + 1e-6:
+            raise ValueError(f"poses from {first} to {last} s are not all kept, the last is that of {self.end} s")
+        return max(position, 0.0)
 
     def forget_before(self, time: float) -> None:
         """Drop poses older than `time` [s], but keep one at or before it."""

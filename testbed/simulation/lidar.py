@@ -14,11 +14,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from testbed.presets import LidarPreset
+from testbed.presets import LidarPreset, Mount
+from testbed.simulation._lidar_kernels import Optics, read_beams
 from testbed.simulation.backend import Hits
-
-_EDGE = 0.1
-"""Neighbouring beams whose ranges differ by more than this lie on two sides of an edge [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +41,8 @@ class LidarLayers:
     """Random error of each range (`noise_floor`, `noise_share`)."""
     rounding: bool = True
     """Ranges in whole steps (`range_step`)."""
+    mounting: bool = True
+    """The lidar sits a little elsewhere than the robot's description says (`Mount.error`, `Mount.error_deg`)."""
     dropout: bool = True
     """Beams lost at random (`dropout`)."""
 
@@ -67,71 +67,51 @@ class Sweep:
 class Lidar:
     """One lidar with its own random stream; the numbers it draws do not depend on the layers or on what it sees."""
 
-    def __init__(self, preset: LidarPreset, layers: LidarLayers, rng: Generator) -> None:
+    def __init__(self, preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> None:
         self._preset, self._layers, self._rng = preset, layers, rng
+        self._angles = preset.angles()
         constant, scale = rng.uniform(-1.0, 1.0, 2) * layers.bias
-        self._bias, self._scale = preset.bias_floor * constant, 1.0 + preset.bias_share * scale
+        x, y, theta = rng.standard_normal(3) * layers.mounting
+        self._optics = Optics(
+            spot=math.radians(preset.spot_deg) * layers.mixed_pixels,
+            field_of_view=math.radians(preset.field_of_view_deg),
+            full_turn=preset.field_of_view_deg == 360.0,
+            grazing=math.radians(preset.grazing_deg) * layers.grazing,
+            short_return_rate=preset.short_return_rate * layers.short_returns,
+            bias=preset.bias_floor * float(constant),
+            scale=1.0 + preset.bias_share * float(scale),
+            noise_floor=preset.noise_floor * layers.range_noise,
+            noise_share=preset.noise_share * layers.range_noise,
+            range_step=preset.range_step * layers.rounding,
+            dropout=preset.dropout * layers.dropout,
+            range_min=preset.range_min,
+            range_max=preset.range_max,
+        )
+        self.mount = mount.pose
+        """`T_robot_lidar` as the robot's description says (x, y, theta) [m, m, rad]."""
+        self.true_mount = (
+            self.mount[0] + mount.error * float(x),
+            self.mount[1] + mount.error * float(y),
+            self.mount[2] + math.radians(mount.error_deg) * float(theta),
+        )
+        """`T_robot_lidar` as it is screwed on."""
 
     def sweep(self) -> Sweep:
         """Beams of the next scan."""
         preset, layers = self._preset, self._layers
-        jitter = float(self._rng.standard_normal())
-        beams = preset.beams
-        if layers.beam_count:
-            beams = max(1, round(beams * (1.0 + preset.beam_jitter * jitter)))
-        angles = preset.angles(beams)
-        noise = self._rng.standard_normal(beams) * math.radians(preset.angle_noise_deg)
+        jitter, angles = float(self._rng.standard_normal()), self._angles
+        if layers.beam_count and preset.beam_jitter > 0.0:
+            angles = preset.angles(max(1, round(preset.beams * (1.0 + preset.beam_jitter * jitter))))
+        noise = self._rng.standard_normal(len(angles)) * (math.radians(preset.angle_noise_deg) * layers.angle_noise)
         offsets = (angles - angles[0]) / (2.0 * math.pi * preset.scan_rate) if layers.motion else None
-        return Sweep(angles=angles, true_angles=angles + noise if layers.angle_noise else angles, time_offsets=offsets)
+        return Sweep(angles=angles, true_angles=angles + noise, time_offsets=offsets)
 
     def ranges(self, hits: Hits) -> NDArray[np.float64]:
         """Readings [m] for what the beams of a sweep met, (beams,).
 
         As in ROS REP 117: inf = no return, -inf = nearer than `range_min`, NaN = lost.
         """
-        preset, layers = self._preset, self._layers
         n = len(hits.distances)
-        uniform = self._rng.random((4, n))
-        normal = self._rng.standard_normal(n)
-
-        ranges = hits.distances.copy()
-        if layers.mixed_pixels and preset.spot_deg > 0.0:
-            ranges = self._mixed(ranges, uniform[0])
-        if layers.grazing:
-            ranges[hits.incidence < math.radians(preset.grazing_deg)] = np.inf
-        if layers.short_returns and preset.short_return_rate > 0.0:
-            light_path = np.minimum(ranges, preset.range_max)
-            interrupted = uniform[1] < -np.expm1(-preset.short_return_rate * light_path)
-            ranges = np.where(interrupted, uniform[2] * light_path, ranges)
-        ranges = ranges * self._scale + self._bias
-        if layers.range_noise:
-            ranges = ranges + np.maximum(preset.noise_floor, preset.noise_share * _finite(ranges)) * normal
-        if layers.rounding and preset.range_step > 0.0:
-            ranges = np.round(ranges / preset.range_step) * preset.range_step
-        ranges[ranges >= preset.range_max] = np.inf
-        ranges[ranges < preset.range_min] = -np.inf
-        if layers.dropout:
-            ranges[uniform[3] < preset.dropout] = np.nan
-        return ranges
-
-    def _mixed(self, ranges: NDArray[np.float64], uniform: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Ranges (beams,), with some beams at edges pulled to the neighbour's surface.
-
-        An edge lies anywhere between two beams with the same chance; a beam meets it if it lies within half a spot,
-        and then reads the mean of both surfaces, weighted with their parts of the spot.
-        """
-        preset = self._preset
-        step = preset.field_of_view_deg / max(len(ranges), 1)
-        reached = np.minimum(0.5 * preset.spot_deg / step, 0.5)
-        neighbour = np.roll(ranges, -1)
-        if preset.field_of_view_deg < 360.0:
-            neighbour[-1] = ranges[-1]
-        both = np.isfinite(ranges) & np.isfinite(neighbour)
-        near, far = np.where(both, ranges, 0.0), np.where(both, neighbour, 0.0)
-        share = np.where((np.abs(far - near) > _EDGE) & (uniform < reached), 0.5 * uniform / reached, 0.0)
-        mixed: NDArray[np.float64] = np.where(share > 0.0, near + share * (far - near), ranges)
-        return mixed
-
-
-def _finite(ranges: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(np.isfinite(ranges), np.abs(ranges), 0.0)
+        uniform, normal = self._rng.random((n, 4)), self._rng.standard_normal(n)
+        readings: NDArray[np.float64] = read_beams(hits.distances, hits.incidence, uniform, normal, self._optics)
+        return readings

@@ -14,6 +14,7 @@ from slam.scan import Scan
 from slam.se2 import Pose, between
 from testbed.frame import Frame
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
+from testbed.simulation._lidar_kernels import place_beams
 from testbed.simulation.backend import STEP_RATE, Backend, Limits
 from testbed.simulation.driver import DriverConfig, TourDriver
 from testbed.simulation.history import History
@@ -153,8 +154,9 @@ class _Sensors:
         seeds = streams(config.seed)
         self._backend, self._config = backend, config
         self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(seeds.odometry))
-        self._lidar = Lidar(config.lidar, config.lidar_layers, np.random.default_rng(seeds.lidar))
-        self._mount = config.robot.lidar_mount.pose
+        self._lidar = Lidar(
+            config.lidar, config.robot.lidar_mount, config.lidar_layers, np.random.default_rng(seeds.lidar)
+        )
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
         self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
         self._odometry = History(self._odometer.advance(*start.wheels[-1].tolist()), CONTROL_PERIOD)
@@ -192,18 +194,15 @@ class _Sensors:
         lidar = self._config.lidar
         sweep = self._lidar.sweep()
         times = np.full(len(sweep.angles), stamp) if sweep.time_offsets is None else stamp + sweep.time_offsets
-        robot = self.truth.at(times)
-        cos, sin = np.cos(robot[:, 2]), np.sin(robot[:, 2])
-        x, y, theta = self._mount
-        origins = robot[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-        hits = self._backend.cast(origins, robot[:, 2] + theta + sweep.true_angles, lidar.range_max)
+        origins, directions = place_beams(*self.truth.between(times), self._lidar.true_mount, sweep.true_angles)
+        hits = self._backend.cast(origins, directions, lidar.range_max)
         scan = Scan(
             ranges=self._lidar.ranges(hits),
             angles=sweep.angles,
             range_min=lidar.range_min,
             range_max=lidar.range_max,
             stamp=stamp,
-            mount=self._mount,
+            mount=self._lidar.mount,
             time_offsets=sweep.time_offsets,
         )
         return Frame(

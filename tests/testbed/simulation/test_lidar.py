@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from testbed.presets import LidarPreset
+from testbed.presets import LidarPreset, Mount
 from testbed.simulation.backend import Hits
 from testbed.simulation.lidar import Lidar, LidarLayers
 
@@ -23,7 +23,7 @@ PRESET = LidarPreset(name="test", title="test", sources=dict.fromkeys(NUMBERS, "
 def ranges(layer, distances, incidence=math.pi / 2, scans=20, seed=0):
     """Readings (scans, beams) with one layer on, of beams that meet surfaces at `distances`."""
     layers = dataclasses.replace(LidarLayers.none(), **({layer: True} if layer else {}))
-    lidar = Lidar(PRESET, layers, np.random.default_rng(seed))
+    lidar = Lidar(PRESET, Mount(), layers, np.random.default_rng(seed))
     distances = np.broadcast_to(np.asarray(distances, dtype=float), (1000,))
     return np.stack([lidar.ranges(Hits(distances, np.full(1000, incidence))) for _ in range(scans)])
 
@@ -79,7 +79,7 @@ def test_mixed_pixels_lie_between_the_two_surfaces_of_an_edge_only():
 
 
 def test_angle_noise_moves_the_beams_but_not_what_the_device_reports():
-    lidar = Lidar(PRESET, dataclasses.replace(LidarLayers.none(), angle_noise=True), np.random.default_rng(0))
+    lidar = Lidar(PRESET, Mount(), dataclasses.replace(LidarLayers.none(), angle_noise=True), np.random.default_rng(0))
     sweeps = [lidar.sweep() for _ in range(20)]
     noise = np.concatenate([sweep.true_angles - sweep.angles for sweep in sweeps])
     assert np.std(noise) == pytest.approx(math.radians(0.1), rel=0.03)
@@ -87,14 +87,14 @@ def test_angle_noise_moves_the_beams_but_not_what_the_device_reports():
 
 
 def test_beam_count_varies_about_the_nominal_one():
-    lidar = Lidar(PRESET, dataclasses.replace(LidarLayers.none(), beam_count=True), np.random.default_rng(0))
+    lidar = Lidar(PRESET, Mount(), dataclasses.replace(LidarLayers.none(), beam_count=True), np.random.default_rng(0))
     counts = [len(lidar.sweep().angles) for _ in range(300)]
     assert np.mean(counts) == pytest.approx(1000, abs=12)
     assert np.std(counts) == pytest.approx(50, rel=0.15)
 
 
 def test_a_full_turn_takes_the_scan_time_and_ends_one_step_before_its_beginning():
-    lidar = Lidar(PRESET, LidarLayers(beam_count=False), np.random.default_rng(0))
+    lidar = Lidar(PRESET, Mount(), LidarLayers(beam_count=False), np.random.default_rng(0))
     sweep = lidar.sweep()
     assert sweep.time_offsets[0] == 0.0
     assert sweep.time_offsets[-1] == pytest.approx(0.1 * 999 / 1000)
@@ -106,7 +106,17 @@ def test_layers_do_not_change_each_others_numbers():
     lone = dataclasses.replace(LidarLayers.none(), range_noise=True)
     both = dataclasses.replace(lone, dropout=True)
     hits = Hits(np.full(1000, 5.0), np.full(1000, 1.0))
-    a, b = (Lidar(PRESET, layers, np.random.default_rng(3)).ranges(hits) for layers in (lone, both))
+    a, b = (Lidar(PRESET, Mount(), layers, np.random.default_rng(3)).ranges(hits) for layers in (lone, both))
     kept = ~np.isnan(b)
     assert 0.8 < kept.mean() < 1.0
     assert np.array_equal(a[kept], b[kept])
+
+
+def test_mount_error_is_drawn_once_and_not_reported():
+    mount = Mount(x=0.1, y=0.2, theta_deg=90.0, error=0.01, error_deg=1.0)
+    layers = dataclasses.replace(LidarLayers.none(), mounting=True)
+    lidars = [Lidar(PRESET, mount, layers, np.random.default_rng(seed)) for seed in range(400)]
+    assert all(lidar.mount == (0.1, 0.2, math.pi / 2) for lidar in lidars)
+    errors = np.array([lidar.true_mount for lidar in lidars]) - lidars[0].mount
+    np.testing.assert_allclose(errors.std(axis=0), [0.01, 0.01, math.radians(1.0)], rtol=0.12)
+    assert Lidar(PRESET, mount, LidarLayers.none(), np.random.default_rng(0)).true_mount == lidars[0].mount

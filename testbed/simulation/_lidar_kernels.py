@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Where the beams of a scan start and go, and what the device reads for what they meet."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slam._jit import kernel
+
+_EDGE = 0.1  # neighbouring beams whose ranges differ by more lie on two sides of an edge [m]
+
+
+class Optics(NamedTuple):
+    """Sizes of all imperfections of a lidar; zero where a layer is off."""
+
+    spot: float
+    """Width of the beam [rad]."""
+    field_of_view: float
+    """Field of view [rad]."""
+    full_turn: bool
+    """The last beam is the first one's neighbour."""
+    grazing: float
+    """Surfaces met at a smaller angle send nothing back [rad]."""
+    short_return_rate: float
+    """Readings before the surface, per metre of beam [1/m]."""
+    bias: float
+    """Constant error [m]."""
+    scale: float
+    """Factor of all ranges; 1 = none."""
+    noise_floor: float
+    """Standard deviation near by [m]."""
+    noise_share: float
+    """Standard deviation as a share of the range."""
+    range_step: float
+    """Ranges are whole multiples of this [m]."""
+    dropout: float
+    """Share of beams lost."""
+    range_min: float
+    """Nearer surfaces give no valid reading [m]."""
+    range_max: float
+    """No return from here on [m]."""
+
+
+@kernel
+def place_beams(poses, positions, mount, angles):
+    """Origins (beams, 2) [m] and directions (beams,) [rad] in the world's frame.
+
+    poses (n, 3): `T_world_robot` at a constant rate, headings unwrapped;  positions (beams,): where among them each
+    beam is fired, as a fractional index;  mount (3,): `T_robot_lidar`;  angles (beams,): directions, lidar frame [rad]
+    """
+    n = angles.shape[0]
+    origins, directions = np.empty((n, 2)), np.empty(n)
+    last = poses.shape[0] - 1
+    for i in range(n):
+        k = min(max(int(positions[i]), 0), last)
+        after, weight = min(k + 1, last), positions[i] - k
+        x = poses[k, 0] + weight * (poses[after, 0] - poses[k, 0])
+        y = poses[k, 1] + weight * (poses[after, 1] - poses[k, 1])
+        theta = poses[k, 2] + weight * (poses[after, 2] - poses[k, 2])
+        cos, sin = np.cos(theta), np.sin(theta)
+        origins[i, 0] = x + cos * mount[0] - sin * mount[1]
+        origins[i, 1] = y + sin * mount[0] + cos * mount[1]
+        directions[i] = theta + mount[2] + angles[i]
+    return origins, directions
+
+
+@kernel
+def _with_edge(distances, i, uniform, optics):
+    """Range of beam i [m], perhaps mixed with its neighbour's.
+
+    An edge lies anywhere between two beams with the same chance; a beam meets it if it lies within half a spot, and
+    then reads the mean of both surfaces, weighted with their parts of the spot.
+    """
+    n = distances.shape[0]
+    if optics.spot == 0.0 or (i == n - 1 and not optics.full_turn):
+        return distances[i]
+    near, far = distances[i], distances[(i + 1) % n]
+    reached = min(0.5 * optics.spot * n / optics.field_of_view, 0.5)
+    if uniform >= reached or np.isinf(near) or np.isinf(far) or abs(far - near) <= _EDGE:
+        return near
+    return near + 0.5 * uniform / reached * (far - near)
+
+
+@kernel
+def read_beams(distances, incidence, uniform, normal, optics):
+    """Readings [m], (beams,): inf = no return, -inf = too near, NaN = lost (ROS REP 117).
+
+    distances [m], incidence [rad] (beams,): what the beams met;  uniform (beams, 4), normal (beams,): random numbers
+    """
+    n = distances.shape[0]
+    readings = np.empty(n)
+    for i in range(n):
+        reading = _with_edge(distances, i, uniform[i, 0], optics)
+        if incidence[i] < optics.grazing:
+            reading = np.inf
+        path = min(reading, optics.range_max)
+        if uniform[i, 1] < -np.expm1(-optics.short_return_rate * path):
+            reading = uniform[i, 2] * path
+        if np.isfinite(reading):
+            reading = reading * optics.scale + optics.bias
+            reading += max(optics.noise_floor, optics.noise_share * reading) * normal[i]
+            if optics.range_step > 0.0:
+                reading = np.round(reading / optics.range_step) * optics.range_step
+        if reading >= optics.range_max:
+            reading = np.inf
+        elif reading < optics.range_min:
+            reading = -np.inf
+        if uniform[i, 3] < optics.dropout:
+            reading = np.nan
+        readings[i] = reading
+    return readings
