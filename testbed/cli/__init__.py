@@ -9,9 +9,10 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from testbed.cli.config_file import apply_config_file
+from testbed.cli.help_texts import HELP
 from testbed.cli.status import INTERRUPTED, USAGE_ERROR
 
 app = App(
@@ -20,18 +21,13 @@ app = App(
     help_epilogue="First steps: `testbed run office`, then open the report whose path it prints.",
     version=lambda: version("slam-testbed"),
     config=apply_config_file,
+    default_parameter=Parameter(negative_iterable=()),
     help_format="markdown",
     suppress_keyboard_interrupt=False,
     result_action="return_value",
 )
-app.command("testbed.cli.run:run", name="run", help="Simulate a robot in a world, map it, score the result.")
-app.command("testbed.cli.slam:slam", name="slam", help="Map a recorded log, and score it where truth is known.")
-app.command("testbed.cli.score:score", name="score", help="Score the output of any SLAM system by the same measures.")
-app.command("testbed.cli.report:report", name="report", help="Write the report of a run anew, or compare several runs.")
-app.command("testbed.cli.view:view", name="view", help="Open a run in the Rerun viewer.")
-app.command("testbed.cli.convert:convert", name="convert", help="Turn a recorded log into another format.")
-app.command("testbed.cli.worlds:app", name="worlds", help="The catalogue of worlds.")
-app.command("testbed.cli.warmup:warmup", name="warmup", help="Compile the kernels now instead of in the first run.")
+for _name, _help in HELP.items():
+    app.command(f"testbed.cli.{_name}:{'app' if _name == 'worlds' else _name}", name=_name, help=_help)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -52,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             raise
         _complain(_one_line(error))
         status = USAGE_ERROR
-    sys.exit(status)
+    sys.exit(status or 0)  # commands that measure nothing return None
 
 
 def _one_line(error: Exception) -> str:

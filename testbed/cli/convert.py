@@ -22,8 +22,6 @@ def convert(
 ) -> None:
     """Turn a recorded log into another format; what both formats can hold is kept to the last digit.
 
-    Example: `testbed convert intel.clf.gz intel.log --to carmen`
-
     Parameters
     ----------
     log

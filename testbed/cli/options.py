@@ -8,14 +8,19 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Group, Parameter
 
 from eval.gate import Limit
 from slam.config import FilterConfig
 from testbed.rundir import RunDirectory, default_directory
+from testbed.streams import streams
 from testbed.views import ViewOptions
+from testbed.views.live import check_url
 
 FILTER_GROUP = Group("Filter", sort_key=10)
+FLAG = Parameter(negative=())
+"""A switch that is off unless it is named: no `--no-…` beside it."""
 
 
 @Parameter(name="*")
@@ -36,6 +41,15 @@ class EstimatorOptions:
     filter: Annotated[FilterConfig, Parameter(group=FILTER_GROUP)] = field(default_factory=FilterConfig)
     """Settings of the filter."""
 
+    def __post_init__(self) -> None:
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads must be at least 1, got {self.threads}")
+
+    @property
+    def filter_seed(self) -> np.random.SeedSequence:
+        """The filter's stream of random numbers."""
+        return streams(self.seed).filter
+
     @property
     def filter_config(self) -> FilterConfig:
         """Settings of the filter with the number of particles asked for."""
@@ -53,13 +67,13 @@ class OutputOptions:
 
     out: Path | None = None
     """Directory of the run; default: a new one below runs/."""
-    overwrite: bool = False
+    overwrite: Annotated[bool, FLAG] = False
     """Replace the run in --out."""
     fail_if: tuple[str, ...] = ()
     """Exit with 1 if this holds, e.g. 'trajectory.ate_rmse_m > 0.05'; keys of metrics.json; may be repeated."""
-    view: bool = False
+    view: Annotated[bool, FLAG] = False
     """Open the Rerun viewer and watch live."""
-    serve: bool = False
+    serve: Annotated[bool, FLAG] = False
     """Serve the live view to a web browser on this machine."""
     connect: str | None = None
     """Address of a Rerun viewer that is running already (rerun+http://…)."""
@@ -67,6 +81,8 @@ class OutputOptions:
     def __post_init__(self) -> None:
         for limit in self.fail_if:
             Limit.parse(limit)  # complain before the run, not after it
+        if self.connect is not None:
+            check_url(self.connect)
 
     def directory(self, name: str) -> RunDirectory:
         """The directory of this run, made or emptied now."""

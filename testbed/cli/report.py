@@ -13,11 +13,6 @@ from testbed.cli.console import results
 def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
     """Write the report of a run anew from its files, or compare several runs side by side.
 
-    Examples:
-
-        testbed report runs/office-20250101-120000
-        testbed report runs/a runs/b runs/c --out comparison.html
-
     Parameters
     ----------
     runs

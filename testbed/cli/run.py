@@ -17,7 +17,7 @@ from testbed.presets import load_lidar, load_robot
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run import Job
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simulation, SimulationConfig, simulate
-from testbed.streams import streams
+from testbed.simulation.urdf import robot_urdf
 from testbed.views import Scene
 from worlds import load, true_map
 
@@ -70,12 +70,6 @@ def run(
 
     The results go into a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
 
-    Examples:
-
-        testbed run office
-        testbed run loop --particles 50 --seed 3 --view
-        testbed run --config runs/office-20250101-120000/config.toml
-
     Parameters
     ----------
     world
@@ -91,24 +85,24 @@ def run(
         settings=settings_as_markdown(document),
         particles=estimator.filter_config.particles,
         true_map=truth,
+        robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
     )
     with simulate(place, config) as simulation:
         announce_compilation()
-        directory = output.directory(place.name)
         job = Job(
             frames=simulation,
             document=document,
             seed=estimator.seed,
             filter=estimator.filter_config,
-            filter_seed=streams(estimator.seed).filter,
+            filter_seed=estimator.filter_seed,
             threads=estimator.threads,
             refine=estimator.refine,
             truth_map=truth,
             share_done=lambda: _share_done(simulation, simulator.duration),
             ended=lambda: _ended(simulation, simulator.duration),
         )
-        return carry_out(job, directory, scene, output)
+        return carry_out(job, output.directory(place.name), scene, output)
 
 
 def _share_done(simulation: Simulation, duration: float | None) -> float:

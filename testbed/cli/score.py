@@ -31,11 +31,6 @@ def score(
 
     The measures are printed as JSON, or written to --out.
 
-    Examples:
-
-        testbed score runs/office-20250101-120000 --trajectory other.tum --map other.yaml
-        testbed score runs/office-20250101-120000 --trajectory other.tum --fail-if 'trajectory.ate_rmse_m > 0.05'
-
     Parameters
     ----------
     dataset

@@ -20,7 +20,6 @@ from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run import Job
-from testbed.streams import streams
 from testbed.views import Scene
 
 
@@ -37,11 +36,6 @@ def slam(
     """Map a recorded log with the particle filter, and score the result where something is known to compare it with.
 
     The format is recognised from the content: CARMEN logs, plain or gzip.
-
-    Examples:
-
-        testbed slam intel.clf.gz --relations intel.relations
-        testbed slam robot.log --truth mocap.tum --particles 50 --view
 
     Parameters
     ----------
@@ -78,7 +72,7 @@ def slam(
         document=document,
         seed=estimator.seed,
         filter=estimator.filter_config,
-        filter_seed=streams(estimator.seed).filter,
+        filter_seed=estimator.filter_seed,
         threads=estimator.threads,
         refine=estimator.refine,
         relations=known_relations,

@@ -11,8 +11,6 @@ def warmup() -> None:
     """Compile the kernels now instead of in the first run, for instance while a container image is built.
 
     The machine code is kept in `~/.cache/slam-testbed` (or `$TESTBED_CACHE`) until the kernels change.
-
-    Example: `testbed warmup`
     """
     if is_compiled():
         console.print("The kernels are compiled already.")

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eval._files import write_aside
+from eval.files import write_aside
 from slam import se2
 from slam.scan import Scan
 from testbed.formats.carmen import FLASER_LAYOUTS

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""What `--help` says of each command, in one place that loads nothing: the first line is the command's summary.
+
+Parameters are described where they are declared, in the module of the command.
+"""
+
+HELP = {
+    "run": """Simulate a robot in a world, map it, score the result.
+
+A robot drives a tour of the world; its lidar and wheel odometry feed the particle filter; map and trajectory are scored
+against the truth. The results go into a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
+
+```
+testbed run office
+testbed run loop --particles 50 --seed 3 --view
+testbed run --config runs/office-20250101-120000/config.toml
+```
+""",
+    "slam": """Map a recorded log, and score it where truth is known.
+
+The format is recognised from the content: CARMEN logs, plain or gzip. The results go into a directory, as those of
+`testbed run`.
+
+```
+testbed slam intel.clf.gz --relations intel.relations
+testbed slam robot.log --truth mocap.tum --particles 50 --view
+```
+""",
+    "score": """Score the output of any SLAM system by the same measures.
+
+The measures are printed as JSON, or written to `--out`.
+
+```
+testbed score runs/office-20250101-120000 --trajectory other.tum --map other.yaml
+testbed score runs/office-20250101-120000 --trajectory other.tum --fail-if 'trajectory.ate_rmse_m > 0.05'
+```
+""",
+    "report": """Write the report of a run anew, or compare several runs.
+
+```
+testbed report runs/office-20250101-120000
+testbed report runs/a runs/b runs/c --out comparison.html
+```
+""",
+    "view": """Open the recording of a run in the Rerun viewer.
+
+```
+testbed view runs/office-20250101-120000
+```
+""",
+    "convert": """Turn a recorded log into another format.
+
+What both formats can hold is kept to the last digit.
+
+```
+testbed convert intel.clf.gz intel.log --to carmen
+```
+""",
+    "worlds": """The catalogue of worlds.
+
+```
+testbed worlds list
+testbed worlds show office --out office.png
+```
+""",
+    "warmup": """Compile the kernels now instead of in the first run.
+
+Useful while a container image is built. The machine code is kept in `~/.cache/slam-testbed`, or `$TESTBED_CACHE`.
+
+```
+testbed warmup
+```
+""",
+}

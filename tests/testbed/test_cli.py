@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: MIT
+"""The command line: bad input is one line and exit status 2, and leaves nothing that looks finished."""
+
+import errno
+import gzip
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam.scan import Scan
+from testbed.cli import main
+from testbed.formats.carmen_writer import write_carmen
+from testbed.frame import Frame
+from testbed.rundir import RunDirectory
+from worlds import catalogue
+
+TESTBED = [sys.executable, "-c", "from testbed.cli import main; main()"]
+
+
+def room_log(path: Path, scans: int = 5) -> Path:
+    """A robot that drives 0.2 m a scan through a square room of 8 m."""
+    angles = np.linspace(-np.pi, np.pi, 180, endpoint=False)
+    frames = []
+    for k in range(scans):
+        x = 0.2 * k - 2.0
+        with np.errstate(divide="ignore"):
+            to_x = (np.where(np.cos(angles) > 0, 4.0, -4.0) - x) / np.cos(angles)
+            to_y = np.where(np.sin(angles) > 0, 4.0, -4.0) / np.sin(angles)
+        scan = Scan(ranges=np.minimum(to_x, to_y), angles=angles, range_max=20.0)
+        pose = np.array([x, 0.0, 0.0])
+        frames.append(Frame(stamp=float(k), odometry=pose, scan=scan, truth=pose))
+    write_carmen(path, frames)
+    return path
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    return end.value.code
+
+
+def assert_refused(capsys, complaint: str, *arguments: str) -> None:
+    """Exit status 2, one line on stderr that says `complaint`, nothing on stdout."""
+    assert call(*arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert complaint in captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["rn", "office"], 'Did you mean "run"'),
+        (["run"], "--world"),
+        (["run", "ofice"], "office"),
+        (["run", "office", "--particles", "0"], "particles must be at least 1"),
+        (["run", "office", "--particles", "-3"], "particles must be at least 1"),
+        (["run", "office", "--particles", "many"], "many"),
+        (["run", "office", "--robot", "creat3"], "create3"),
+        (["run", "office", "--lidar", "rplidar_b2"], "rplidar_a2"),
+        (["run", "office", "--seed", "-1"], "seed must not be negative"),
+        (["run", "office", "--duration", "0"], "duration must be positive"),
+        (["run", "office", "--filter.match.hit-sigm", "1"], "Did you mean --filter.match.hit-sigma"),
+        (["run", "office", "--filter.match.hit-sigma", "-1"], "must be positive"),
+        (["run", "office", "--filter.resample.scheme", "best"], "systematic"),
+        (["run", "office", "--fail-if", "ate too large"], "expected KEY COMPARISON VALUE"),
+        (["run", "office", "--config", "nowhere.toml"], "nowhere.toml: no such file"),
+        (["run", "--config", "."], "no such file"),
+        (["slam", "nowhere.log"], "nowhere.log: no such file"),
+        (["worlds", "show", "ofice"], "office"),
+        (["report", "."], "."),
+        (["view", "."], "recording.rrd"),
+        (["convert", "nowhere.log", "out.log", "--to", "carmen"], "nowhere.log: no such file"),
+    ],
+)
+def test_bad_usage_is_one_line_and_leaves_no_directory(here, capsys, arguments, complaint):
+    assert_refused(capsys, complaint, *arguments)
+    assert list(here.iterdir()) == []
+
+
+GOOD_SCAN = "FLASER 180 " + "1.00 " * 180 + "0 0 0 0 0 0 1.0 host 1.0\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"ODOM 0 0 0 0 0 0 1.0 host 1.0\n", "no scans"),
+        (gzip.compress(os.urandom(3000) + GOOD_SCAN.encode() * 50)[:-50], "truncated"),
+        (GOOD_SCAN.replace("FLASER 180", "FLASER 181").encode(), ":1: FLASER with 181 beams"),
+        (GOOD_SCAN.replace("0 0 0 1.0", "0 nan 0 1.0").encode(), ":1: odometry pose must be finite"),
+        (b"some notes\n", "not a log that can be read"),
+    ],
+)
+def test_bad_log_is_one_line_and_leaves_no_directory(here, capsys, content, complaint):
+    Path("bad.log").write_bytes(content)
+    assert_refused(capsys, complaint, "slam", "bad.log", "--out", "run")
+    assert [path.name for path in here.iterdir()] == ["bad.log"]
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("nam = 'x'\n", "name"),
+        ("name = \n", "line"),
+        ("name = 'x'\n[start]\ntheta = 90.0\n", "theta"),
+    ],
+)
+def test_bad_world_file_is_one_line(here, capsys, line, complaint):
+    Path("world.toml").write_text(line)
+    assert_refused(capsys, complaint, "run", "world.toml", "--out", "run")
+    assert not Path("run").exists()
+
+
+def test_a_directory_with_other_work_is_left_alone(here, capsys):
+    room_log(here / "room.log")
+    (here / "run").mkdir()
+    (here / "run" / "thesis.tex").write_text("years of work")
+    assert_refused(capsys, "run: is not empty", "slam", "room.log", "--out", "run")
+    assert [path.name for path in (here / "run").iterdir()] == ["thesis.tex"]
+
+
+def test_unknown_key_in_a_settings_file_is_named(here, capsys):
+    Path("settings.toml").write_text("[settings]\nseed = 3\n[settings.filter.match]\nhit_sigm = 0.1\n")
+    assert_refused(capsys, "hit_sigm", "run", "office", "--config", "settings.toml")
+
+
+def test_a_full_disk_is_one_line_and_no_run_looks_finished(here, capsys, monkeypatch):
+    room_log(here / "room.log")
+
+    def full(self: RunDirectory, name: str, *_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(self.path / name))
+
+    monkeypatch.setattr(RunDirectory, "write_map", full)
+    assert call("slam", "room.log", "--out", "run") == 2
+    assert "map: no space left on the disk" in capsys.readouterr().err
+    assert json.loads(Path("run/metrics.json").read_text())["outcome"] == "failed"
+
+
+def test_slam_writes_a_run_that_its_own_config_repeats(here, capsys):
+    room_log(here / "room.log.gz")
+    assert call("slam", "room.log.gz", "--particles", "3", "--seed", "7", "--out", "a") == 0
+    captured = capsys.readouterr()
+    assert captured.out.splitlines()[-1] == f"report: {here / 'a' / 'report.html'}"
+    metrics = json.loads(Path("a/metrics.json").read_text())
+    assert (metrics["outcome"], metrics["seed"], metrics["particles"], metrics["scans"]) == ("ok", 7, 3, 5)
+    assert metrics["trajectory"]["ate_rmse_m"] < 0.02
+    assert call("slam", "--config", "a/config.toml", "--out", "b") == 0
+    assert json.loads(Path("b/metrics.json").read_text())["result_hash"] == metrics["result_hash"]
+    assert call("slam", "--config", "a/config.toml", "--seed", "8", "--out", "c") == 0
+    assert json.loads(Path("c/metrics.json").read_text())["result_hash"] != metrics["result_hash"]
+
+
+def test_truth_from_a_file_scores_like_truth_in_the_log(here):
+    room_log(here / "room.log")
+    assert call("slam", "room.log", "--out", "a") == 0
+    lines = [line for line in Path("room.log").read_text().splitlines() if not line.startswith("TRUEPOS")]
+    Path("bare.log").write_text("\n".join(lines) + "\n")
+    assert call("slam", "bare.log", "--truth", "a/truth.tum", "--out", "b") == 0
+    a, b = (json.loads(Path(run, "metrics.json").read_text()) for run in "ab")
+    assert a["trajectory"]["ate_rmse_m"] == pytest.approx(b["trajectory"]["ate_rmse_m"])
+
+
+def test_a_broken_limit_is_exit_status_1(here, capsys):
+    room_log(here / "room.log")
+    assert call("slam", "room.log", "--out", "a", "--fail-if", "trajectory.ate_rmse_m > 1") == 0
+    assert call("slam", "room.log", "--out", "b", "--fail-if", "trajectory.ate_rmse_m > 0") == 1
+    assert "trajectory.ate_rmse_m > 0" in capsys.readouterr().out
+
+
+def test_score_gives_the_run_its_own_figures(here, capsys):
+    room_log(here / "room.log")
+    call("slam", "room.log", "--out", "a")
+    capsys.readouterr()
+    assert call("score", "a", "--trajectory", "a/estimate.tum", "--out", "scored") == 0
+    scored, own = (json.loads(Path(run, "metrics.json").read_text()) for run in ("scored", "a"))
+    assert scored["trajectory"]["ate_rmse_m"] == pytest.approx(own["trajectory"]["ate_rmse_m"])
+
+
+def test_convert_keeps_the_frames(here):
+    room_log(here / "room.log")
+    assert call("convert", "room.log", "again.log.gz", "--to", "carmen") == 0
+    assert gzip.decompress(Path("again.log.gz").read_bytes()) == Path("room.log").read_bytes()
+
+
+def test_worlds_list_names_the_catalogue(here, capsys):
+    assert call("worlds", "list") == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in catalogue())
+
+
+def test_worlds_show_draws_a_picture(here, capsys):
+    assert call("worlds", "show", "office", "--out", "office.png") == 0
+    assert Path("office.png").read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+    assert_refused(capsys, "exists", "worlds", "show", "office", "--out", "office.png")
+
+
+# --- as a program of its own ------------------------------------------------------------------------------------------
+
+HEAVY = ("numpy", "numba", "pybullet", "rerun", "matplotlib", "pydantic", "pyarrow", "scipy")
+
+
+def test_help_loads_nothing_heavy(here):
+    """What makes `testbed --help` answer in under 0.5 s."""
+    code = (
+        "import sys, testbed.cli\n"
+        "try: testbed.cli.main(['--help'])\n"
+        f"finally: print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert "run" in done.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_within_two_seconds_and_keeps_what_was_there(here, number):
+    run = subprocess.Popen([*TESTBED, "run", "office", "--out", "run"], stderr=subprocess.PIPE, text=True)
+    recording = here / "run" / "recording.rrd"
+    deadline = time.monotonic() + 120
+    while not (recording.exists() and recording.stat().st_size > 300_000):  # some seconds of driving
+        assert time.monotonic() < deadline
+        assert run.poll() is None
+        time.sleep(0.05)
+    sent = time.monotonic()
+    run.send_signal(number)
+    _, errors = run.communicate(timeout=30)
+    assert time.monotonic() - sent < 2.0
+    assert run.returncode == 130
+    assert "Traceback" not in errors
+    assert json.loads((here / "run" / "metrics.json").read_text())["outcome"] == "interrupted"
+    for name in ("config.toml", "estimate.tum", "map.pgm", "steps.parquet"):
+        assert (here / "run" / name).stat().st_size > 0
