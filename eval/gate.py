@@ -8,6 +8,7 @@ A limit is what must NOT hold: `trajectory.ate_rmse_m > 0.05`, `map.iou < 0.5`, 
 from __future__ import annotations
 
 import difflib
+import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -52,7 +53,7 @@ class Limit:
             if comparison not in ("==", "!="):
                 raise GateError(f"--fail-if {text!r}: expected a number after {comparison}, got {value}") from None
             bound = word
-        if bound != bound:
+        if isinstance(bound, float) and math.isnan(bound):
             raise GateError(f"--fail-if {text!r}: nothing can be compared with NaN")
         return cls(text.strip(), key, comparison, bound)
 

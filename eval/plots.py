@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: MIT
+"""The report's plots as SVG, each a function of plain arrays; matplotlib's settings are left as they were."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from eval.map_images import Picture
+
+ESTIMATE, TRUTH, ODOMETRY, BAD, QUIET = "#1864ab", "#1b1f24", "#e67700", "#c92a2a", "#868e96"
+"""Blue, black and orange are told apart by every eye and in grey print."""
+STAGES = {"match": "#1864ab", "sample": "#63a4d8", "map": "#e8a33d", "resample": "#868e96"}
+ERROR_COLOURS = LinearSegmentedColormap.from_list("error", ["#2b8a3e", "#f2b705", "#c92a2a"])
+WIDE, TALL = (5.6, 2.5), (5.6, 4.6)
+MAX_POINTS = 1200
+_STYLE: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#adb5bd",
+    "axes.labelcolor": "#495057",
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": "#e9ecef",
+    "grid.linewidth": 0.8,
+    "xtick.color": "#495057",
+    "ytick.color": "#495057",
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "lines.linewidth": 1.4,
+    "lines.solid_joinstyle": "round",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "slam-testbed",  # equal runs give equal bytes
+    "figure.constrained_layout.use": True,
+}
+Series = tuple[str, ArrayLike, str]
+"""Label, values, colour."""
+
+
+def svg_uri(figure: Figure) -> str:
+    """A figure as a `data:` address for HTML."""
+    buffer = io.BytesIO()
+    with rc_context(_STYLE):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def over_time(
+    time: ArrayLike,
+    series: Sequence[Series],
+    label: str,
+    *,
+    marks: Mapping[str, tuple[ArrayLike, str]] | None = None,
+    cursor: float | None = None,
+    band: tuple[float, float] | None = None,
+    log: bool = False,
+) -> str:
+    """Values over time [s]; `marks` are times ticked at the foot (name: times, colour), `cursor` a line at one time."""
+    t = np.asarray(time, dtype=np.float64)
+    with rc_context(_STYLE):
+        figure, ax = _figure(WIDE)
+        if band is not None:
+            ax.axhspan(*band, color="#d3f9d8", lw=0, zorder=0)
+        for name, values, colour in series:
+            ax.plot(*thinned(t, np.asarray(values, dtype=np.float64)), color=colour, label=name)
+        if log:
+            ax.set_yscale("log")
+        elif all(np.nanmin(np.asarray(values)) >= 0.0 for _, values, _ in series if np.isfinite(values).any()):
+            ax.set_ylim(bottom=0.0)
+        for row, (name, (at, colour)) in enumerate((marks or {}).items()):
+            times = np.asarray(at, dtype=np.float64)
+            if len(times):
+                height = np.full(len(times), 0.03 + 0.05 * row)
+                transform = ax.get_xaxis_transform()
+                ax.plot(times, height, "|", ms=7, mew=1.1, color=colour, transform=transform, label=name, zorder=5)
+        if cursor is not None:
+            ax.axvline(cursor, color=BAD, lw=1.0, ls=(0, (4, 2)), label="first bad scan")
+        ax.set(xlabel="time [s]", ylabel=label)
+        ax.margins(x=0.01)
+        _legend(ax)
+        return svg_uri(figure)
+
+
+def stacked_over_time(time: ArrayLike, parts: Mapping[str, ArrayLike], label: str) -> str:
+    """Parts of a whole over time [s], stacked; each bucket of time shows its mean."""
+    t = np.asarray(time, dtype=np.float64)
+    with rc_context(_STYLE):
+        figure, ax = _figure(WIDE)
+        buckets = np.array_split(np.arange(len(t)), min(len(t), 200))
+        middle = [float(np.mean(t[rows])) for rows in buckets]
+        means = [[float(np.nanmean(np.asarray(part)[rows])) for rows in buckets] for part in parts.values()]
+        ax.stackplot(middle, means, labels=list(parts), colors=[STAGES.get(name, QUIET) for name in parts], lw=0)
+        ax.set(xlabel="time [s]", ylabel=label)
+        ax.margins(x=0.01)
+        _legend(ax)
+        return svg_uri(figure)
+
+
+def paths(
+    curves: Sequence[Series],
+    *,
+    background: Picture | None = None,
+    point: tuple[float, float] | None = None,
+    window: tuple[float, float, float, float] | None = None,
+) -> str:
+    """Paths (n, 2) [m] seen from above, over a faint map; `point` is circled, `window` = x, x, y, y to show."""
+    with rc_context(_STYLE):
+        figure, ax = _figure(TALL)
+        _ground(ax, background)
+        for name, path, colour in curves:
+            xy = np.asarray(path, dtype=np.float64)[:: -(-len(np.asarray(path)) // (4 * MAX_POINTS))]
+            ax.plot(xy[:, 0], xy[:, 1], color=colour, label=name, lw=1.2)
+        if point is not None:
+            ax.plot(*point, "o", ms=13, mfc="none", mec=BAD, mew=1.8, label="this scan", zorder=6)
+        if window is not None:
+            ax.set_xlim(window[0], window[1])
+            ax.set_ylim(window[2], window[3])
+        _legend(ax)
+        return svg_uri(figure)
+
+
+def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | None = None) -> str:
+    """A path (n, 2) [m] coloured by the error (n,) [m] at each place."""
+    xy, e = np.asarray(path, dtype=np.float64), np.asarray(error, dtype=np.float64)
+    step = -(-len(xy) // (2 * MAX_POINTS))
+    xy, e = xy[::step], e[::step]
+    with rc_context(_STYLE):
+        figure, ax = _figure(TALL)
+        _ground(ax, background)
+        top = max(float(np.percentile(e, 99.0)), 1e-3)
+        lines = LineCollection(
+            list(np.stack([xy[:-1], xy[1:]], axis=1)), cmap=ERROR_COLOURS, norm=Normalize(0.0, 100.0 * top), lw=2.2
+        )
+        lines.set_array(50.0 * (e[:-1] + e[1:]))
+        ax.add_collection(lines)
+        ax.autoscale_view()
+        figure.colorbar(lines, ax=ax, label="error [cm]", shrink=0.75, pad=0.02).outline.set_visible(False)
+        return svg_uri(figure)
+
+
+def calibration(stated: ArrayLike, observed: ArrayLike, cells: ArrayLike) -> str:
+    """Calibration curve of the map's probabilities; the size of a dot grows with its number of cells."""
+    n = np.asarray(cells, dtype=np.float64)
+    with rc_context(_STYLE):
+        figure, ax = _figure(WIDE)
+        ax.plot([0, 1], [0, 1], color=QUIET, lw=1.0, ls=(0, (4, 2)), label="honest")
+        ax.plot(stated, observed, color=ESTIMATE, lw=1.2)
+        ax.scatter(np.asarray(stated), np.asarray(observed), s=15 + 90 * np.sqrt(n / n.max()), color=ESTIMATE, zorder=3)
+        ax.set(xlabel="stated P(occupied)", ylabel="truly occupied", xlim=(-0.03, 1.03), ylim=(-0.05, 1.05))
+        _legend(ax)
+        return svg_uri(figure)
+
+
+def thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """At most about `MAX_POINTS` points of a curve: of each bucket the lowest and the highest, so no spike is lost."""
+    if len(x) <= MAX_POINTS:
+        return x, y
+    kept = []
+    for rows in np.array_split(np.arange(len(x)), MAX_POINTS // 2):
+        finite = rows[np.isfinite(y[rows])]
+        ends = {int(finite[np.argmin(y[finite])]), int(finite[np.argmax(y[finite])])} if len(finite) else {int(rows[0])}
+        kept += sorted(ends)
+    return x[kept], y[kept]
+
+
+def _figure(size: tuple[float, float]) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=size)
+    return figure, figure.add_subplot()
+
+
+def _ground(ax: Axes, background: Picture | None) -> None:
+    """Equal axes in metres, over a faint map."""
+    ax.set_aspect("equal", adjustable="datalim" if background is None else "box")
+    ax.set(xlabel="x [m]", ylabel="y [m]")
+    if background is not None:
+        ax.imshow(background.pixels, extent=background.extent, alpha=0.45, interpolation="nearest", zorder=0)
+        ax.grid(False)
+
+
+def _legend(ax: Axes) -> None:
+    """Above the plot, where it hides nothing."""
+    handles, labels = ax.get_legend_handles_labels()
+    if len(handles) > 0:
+        ax.legend(
+            handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.4
+        )
