@@ -9,6 +9,7 @@ import rerun.blueprint as rrb
 
 from testbed.views import entities
 from testbed.views.drawing import Extent
+from testbed.views.scenery import Scenery
 
 Layout = Literal["overview", "compare"]
 
@@ -21,12 +22,10 @@ FOLLOW_HEIGHT = 25.0
 """Height of the eye above the robot while the size of the place is unknown [m]."""
 
 
-def blueprint(extent: Extent | None, particles: int, front: Layout = "overview") -> rrb.Blueprint:
+def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
     """Both layouts as tabs. Without an extent the eye follows the robot from above."""
     return rrb.Blueprint(
-        rrb.Tabs(
-            overview(extent, particles), compare_particles(extent), active_tab=("overview", "compare").index(front)
-        ),
+        rrb.Tabs(overview(scenery), compare_particles(scenery.extent), active_tab=("overview", "compare").index(front)),
         rrb.TimePanel(state="collapsed", timeline=entities.TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -35,18 +34,21 @@ def blueprint(extent: Extent | None, particles: int, front: Layout = "overview")
     )
 
 
-def overview(extent: Extent | None, particles: int) -> rrb.Horizontal:
+def overview(scenery: Scenery) -> rrb.Horizontal:
     """The map with everything on it, beside the plots, the event log and the settings."""
+    errors = [
+        plot(entities.POSITION_ERROR, "Position error [m]"),
+        plot(entities.HEADING_ERROR, "Heading error [deg]"),
+    ]
     return rrb.Horizontal(
         rrb.Vertical(
-            map_view(extent),
+            map_view(scenery.extent),
             rrb.StateTimelineView(origin=entities.STATE, name="State"),
-            row_shares=[8, 1],
+            row_shares=[6, 1],
         ),
         rrb.Vertical(
-            plot(entities.POSITION_ERROR, "Position error [m]"),
-            plot(entities.HEADING_ERROR, "Heading error [deg]"),
-            plot(entities.ESS, "Effective sample size", upper=float(particles) * 1.05),
+            *(errors if scenery.truth else []),
+            plot(entities.ESS, "Effective sample size", upper=1.05 * scenery.particles),
             rrb.Tabs(
                 plot(entities.MATCHED, "Matched share", upper=1.05),
                 plot(entities.STAGES, "Time per stage [ms]"),
@@ -58,7 +60,6 @@ def overview(extent: Extent | None, particles: int) -> rrb.Horizontal:
                 rrb.TextDocumentView(origin=entities.SETTINGS, name="Settings"),
                 active_tab=0,
             ),
-            row_shares=[3, 2, 2, 2, 2],
         ),
         column_shares=[3, 2],
         name="Overview",
@@ -96,7 +97,7 @@ def compare_particles(extent: Extent | None) -> rrb.Grid:
     return rrb.Grid(
         *(
             rrb.Spatial3DView(
-                origin=entities.COMPARE,
+                origin="/",
                 contents=[f"+ {entities.COMPARE}/{rank}/**"],
                 name=f"Particle: {rank.replace('_', ' ')}",
                 background=PAPER,

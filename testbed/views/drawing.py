@@ -88,7 +88,8 @@ def quaternion(theta: float) -> tuple[float, float, float, float]:
 def weight_colours(weights: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Colours (n, 3) of particles: from light blue, no weight, to red, the heaviest of them."""
     share = (weights / weights.max())[:, None]
-    return np.rint((1.0 - share) * LIGHT + share * HEAVY).astype(np.uint8)
+    colours: NDArray[np.uint8] = np.rint((1.0 - share) * LIGHT + share * HEAVY).astype(np.uint8)
+    return colours
 
 
 def ellipse(covariance: NDArray[np.float64]) -> tuple[tuple[float, float], float]:

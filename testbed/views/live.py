@@ -13,17 +13,13 @@ import logging
 import subprocess
 import sys
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
-from urllib.parse import urlsplit
 
 from testbed.views import programs
-from testbed.views.drawing import Extent
+from testbed.views.scenery import Scenery
 from testbed.views.view import ViewOptions
 
 logger = logging.getLogger(__name__)
-
-SCHEMES = ("rerun", "rerun+http", "rerun+https")
 
 
 class LiveViewer:
@@ -66,25 +62,18 @@ class LiveViewer:
             self._process.wait()
 
 
-def start_viewers(
-    recording: Path, run: str, particles: int, extent: Extent | None, options: ViewOptions
-) -> list[LiveViewer]:
+def start_viewers(recording: Path, run: str, scenery: Scenery, options: ViewOptions) -> list[LiveViewer]:
     """Start what the options ask for; a viewer that cannot be started costs a warning, never the run.
 
-    recording: the file, which is there already;  run: its recording id
-
-    Raises:
-        ValueError: the URL to connect to is none of Rerun's.
+    recording: the file, which is there already;  run: its recording id;  scenery: what its blueprint depends on
     """
     job: dict[str, object] = {
         "recording": str(recording.resolve()),
         "run": run,
-        "particles": particles,
-        "extent": None if extent is None else asdict(extent),
+        "scenery": scenery.to_json(),
     }
     viewers = []
     if options.connect is not None:
-        check_url(options.connect)
         viewers.append(LiveViewer(f"viewer at {options.connect}", job | {"url": options.connect}))
     try:
         if options.window and programs.display_missing():
@@ -106,10 +95,3 @@ def start_viewers(
     except OSError as error:
         logger.warning("no viewer: %s; the run goes on", error)
     return viewers
-
-
-def check_url(url: str) -> None:
-    """Raise a ValueError unless `url` is that of a Rerun viewer or server."""
-    parts = urlsplit(url)
-    if parts.scheme not in SCHEMES or not parts.hostname or parts.path != "/proxy":
-        raise ValueError(f"not the address of a viewer: {url!r}; expected e.g. rerun+http://127.0.0.1:9876/proxy")

@@ -20,9 +20,6 @@ def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None 
     """A view that writes the recording to a file, and shows it live as the options ask.
 
     recording: the file to write;  None = the run is not to be watched at all
-
-    Raises:
-        ValueError: the URL to connect to is none of Rerun's.
     """
     if recording is None:
         return NullView()

@@ -102,12 +102,11 @@ def send(
 
     from testbed.views import entities
     from testbed.views.blueprints import blueprint
-    from testbed.views.drawing import Extent
+    from testbed.views.scenery import Scenery
 
     warnings.simplefilter("ignore", rr.error_utils.RerunWarning)  # each batch is a file without footer
-    extent = Extent(**job["extent"]) if job["extent"] else None
     rec = rr.RecordingStream(entities.APPLICATION, recording_id=job["run"])
-    rec.set_sinks(rr.GrpcSink(job["url"]), default_blueprint=blueprint(extent, job["particles"]))
+    rec.set_sinks(rr.GrpcSink(job["url"]), default_blueprint=blueprint(Scenery.from_json(job["scenery"])))
     with tempfile.TemporaryDirectory() as folder:
         part = Path(folder) / "part.rrd"
         for batch in batches(source, gone):
@@ -130,8 +129,8 @@ def await_end_of_stdin(gone: threading.Event) -> None:
 def relay(job: dict[str, Any]) -> None:
     """Start the job's program, if it has one, and feed it.
 
-    job: recording, run (its id), particles, extent (of the first view, or None), url, and where a viewer is to be
-    started its command as `program`; `serving` where that is a server that shall end with the run
+    job: recording, run (its id), scenery (see `Scenery.to_json`), url, and where a viewer is to be started its
+    command as `program`; `serving` where that is a server that shall end with the run
 
     Raises:
         Lost: the viewer is gone.

@@ -24,9 +24,9 @@ from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.views import drawing, entities
 from testbed.views.blueprints import blueprint
-from testbed.views.drawing import Extent
 from testbed.views.live import LiveViewer, start_viewers
 from testbed.views.robot_model import log_robot
+from testbed.views.scenery import Scenery
 from testbed.views.schedule import Schedule
 from testbed.views.view import Scene, Snapshot, ViewOptions
 
@@ -60,17 +60,20 @@ class RerunView:
         self._start = 0.0
         self._scans = 0
         self._T_world_map = np.zeros(3)
-        self._tails: dict[str, list[Pose]] = {}
+        self._path_ends: dict[str, Pose] = {}
         self._states: dict[str, str] = {}
         run = str(uuid.uuid4())  # of its own: a viewer would merge runs of one id
-        self._extent: Extent | None = None
-        if scene.true_map is not None:
-            self._extent = drawing.extent_of(scene.true_map, np.zeros(3))
+        known = scene.true_map
+        scenery = Scenery(
+            particles=scene.particles,
+            truth=known is not None,
+            extent=None if known is None else drawing.extent_of(known, np.zeros(3)),
+        )
         self._rec = rr.RecordingStream(entities.APPLICATION, recording_id=run)
-        self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(self._extent, scene.particles))
+        self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(scenery))
         self._rec.send_recording_name(scene.title)
         self._log_scene()
-        self._viewers: list[LiveViewer] = start_viewers(recording, run, scene.particles, self._extent, options)
+        self._viewers: list[LiveViewer] = start_viewers(recording, run, scenery, options)
 
     @property
     def address(self) -> str | None:
@@ -93,6 +96,8 @@ class RerunView:
         if step is not None and updated:
             self._log_filter(step)
             self._log_particles(snapshot)
+            self._extend_path(entities.ODOMETRY_PATH, snapshot.odometry, Z_ODOMETRY)
+            self._extend_path(entities.TRUE_PATH, snapshot.truth, Z_TRUTH)
         if updated and self._schedule.map_due(snapshot.stamp, resampled):
             self._log_map(snapshot)
         for viewer in self._viewers:
@@ -275,16 +280,18 @@ class RerunView:
             positions = drawing.lifted(snapshot.proposal_samples, Z_TOP)
             samples = rr.Points3D(positions, colors=PROPOSAL, radii=rr.Radius.ui_points(2.0))
             rec.log(entities.PROPOSAL_SAMPLES, samples)
-        self._tails.setdefault(entities.ODOMETRY_PATH, []).append(snapshot.odometry)
-        if snapshot.truth is not None:
-            self._tails.setdefault(entities.TRUE_PATH, []).append(snapshot.truth)
+
+    def _extend_path(self, entity: str, pose: Pose | None, z: float) -> None:
+        """Log the last piece of a path that never changes afterwards; the view shows all pieces up to its time."""
+        if pose is None:
+            return
+        end = self._path_ends.get(entity)
+        self._path_ends[entity] = pose
+        if end is not None:
+            self._rec.log(entity, strip(np.stack([end, pose]), z))
 
     def _log_map(self, snapshot: Snapshot, last: bool = False) -> OccupancyGrid | None:
         """Log the best map, all paths and the weights; the map, if there is one."""
-        for entity, tail in self._tails.items():
-            if len(tail) > 1:
-                self._rec.log(entity, strip(np.array(tail), Z_TRUTH if entity == entities.TRUE_PATH else Z_ODOMETRY))
-                del tail[:-1]
         if snapshot.path is not None:
             self._rec.log(entities.PATH, strip(snapshot.path(None), Z_ESTIMATE))
             self._log_fan([snapshot.path(i)[-FAN_LENGTH:] for i in range(min(self._scene.particles, MOST_BRANCHES))])
@@ -314,17 +321,18 @@ class RerunView:
             self._rec.log(f"{base}/path", strip(snapshot.path(particle), Z_ESTIMATE, ESTIMATE))
             self._rec.log(f"{base}/robot", pose_transform(snapshot.poses[particle]))
             label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}"
-            self._rec.log(
-                f"{base}/robot/label",
-                rr.Points3D([[0, 0, Z_TOP]], labels=label, colors=ESTIMATE, radii=self._scene.robot_radius),
-            )
+            mark = rr.Points3D([[0, 0, Z_TOP]], labels=label, colors=(255, 255, 255), radii=rr.Radius.ui_points(4.0))
+            self._rec.log(f"{base}/robot/label", mark)
 
     def _fit_eye(self, grid: OccupancyGrid) -> None:
         """Once the place is known, let a viewer that opens the file see all of it."""
         if self._scene.true_map is None:
-            extent = drawing.extent_of(grid, self._T_world_map)
-            layout = blueprint(extent, self._scene.particles)
-            self._rec.send_blueprint(layout, make_active=False, make_default=True)
+            scenery = Scenery(
+                particles=self._scene.particles,
+                truth=entities.TRUE_PATH in self._path_ends,
+                extent=drawing.extent_of(grid, self._T_world_map),
+            )
+            self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)
 
 
 def grid_map(grid: OccupancyGrid, z: float = 0.0, opacity: float = 1.0) -> rr.GridMap:

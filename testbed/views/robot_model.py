@@ -13,12 +13,8 @@ from testbed.views.view import Scene
 
 HEIGHT = 0.1
 """Height of the plain disc [m]."""
-OUTLINES: dict[str, type[rr.Cylinders3D] | type[rr.Ellipsoids3D] | type[rr.Boxes3D]] = {
-    "cylinder": rr.Cylinders3D,
-    "sphere": rr.Ellipsoids3D,
-    "box": rr.Boxes3D,
-}
-"""What the elements of a URDF's geometry become; meshes stay as they are."""
+OUTLINED = ("cylinder", "sphere", "box")
+"""Elements of a URDF's geometry that are drawn as outlines; meshes stay as they are."""
 
 
 def log_robot(rec: rr.RecordingStream, scene: Scene, robot: str, model: str, colour: tuple[int, int, int]) -> None:
@@ -56,16 +52,23 @@ def log_urdf(rec: rr.RecordingStream, urdf: str, robot: str, model: str, colour:
         tree.log_urdf_to_recording(rec)
     for link in root.iter("link"):
         shapes = [geometry[0].tag for geometry in link.iterfind("visual/geometry")]
-        paths = tree.get_visual_geometry_paths(tree.get_link_by_name(link.attrib["name"]))
+        paths = tree.get_visual_geometry_paths(link.attrib["name"])
         for shape, entity in zip(shapes, paths, strict=True):
-            if shape in OUTLINES:
-                style = OUTLINES[shape].from_fields(
-                    colors=[colour], line_radii=rr.Radius.ui_points(1.0), fill_mode="majorwireframe"
-                )
-                rec.log(entity, style, static=True)
+            if shape in OUTLINED:
+                rec.log(entity, outline(shape, colour), static=True)
     # entities have frames of their own, named tf#/<path>: hang the model's root there
     rec.log(
         f"{model}/mount",
         rr.Transform3D(parent_frame=f"tf#{robot}", child_frame=f"{prefix}/{tree.root_link().name}"),
         static=True,
     )
+
+
+def outline(shape: str, colour: tuple[int, int, int]) -> rr.AsComponents:
+    """Style of a URDF's shape: coloured edges, no faces."""
+    width = rr.Radius.ui_points(1.0)
+    if shape == "cylinder":
+        return rr.Cylinders3D.from_fields(colors=[colour], line_radii=width, fill_mode="majorwireframe")
+    if shape == "sphere":
+        return rr.Ellipsoids3D.from_fields(colors=[colour], line_radii=width, fill_mode="majorwireframe")
+    return rr.Boxes3D.from_fields(colors=[colour], radii=width, fill_mode="majorwireframe")

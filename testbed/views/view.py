@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
+from urllib.parse import urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from slam.gmapping import StepReport
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose
+
+SCHEMES = ("rerun", "rerun+http", "rerun+https")
+"""Of the addresses of Rerun's viewers and servers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,6 +82,15 @@ class ViewOptions:
     """Serve the web viewer on this machine's loopback address."""
     connect: str | None = None
     """Send to a viewer that is already there, e.g. rerun+http://127.0.0.1:9876/proxy."""
+
+    def __post_init__(self) -> None:
+        if self.connect is None:
+            return
+        parts = urlsplit(self.connect)
+        if parts.scheme not in SCHEMES or not parts.hostname or parts.path != "/proxy":
+            raise ValueError(
+                f"not the address of a viewer: {self.connect!r}, expected e.g. rerun+http://127.0.0.1:9876/proxy"
+            )
 
 
 class View(Protocol):

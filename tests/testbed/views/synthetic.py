@@ -68,7 +68,7 @@ def snapshots(seconds: float, particles: int = 30, seed: int = 0) -> Iterator[Sn
     for k in range(round(seconds / PERIOD) + 1):
         stamp = k * PERIOD
         truth = truth_at(stamp)
-        slip = rng.normal(0.0, (0.002, 0.001, 0.002)) + (0.001, 0.0, 0.002)
+        slip = rng.normal((0.001, 0.0, 0.002), (0.002, 0.001, 0.002))
         odometry = se2.compose(odometry, se2.between(previous, truth) + (slip if k else 0.0))
         previous = truth
         scan = scan_at(truth, stamp)

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: MIT
+"""What is in a recording, asked of Rerun's own reader."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from slam import se2
+from slam.occupancy import OccupancyGrid
+from testbed.presets import load_robot
+from testbed.simulation.urdf import robot_urdf
+from testbed.views import NullView, ViewOptions, entities, open_run, open_view
+from tests.testbed.views.conftest import Recorded
+from tests.testbed.views.synthetic import scene, snapshots, true_map
+
+
+def rows(path: Path, entity: str, column: str, static: bool = False) -> list[tuple[float, Any]]:
+    """(time [s], value) of each row of a component, in the order of time; time 0 where static."""
+    found = []
+    for chunk in rr.chunk.RrdReader(path).stream().filter(content=entity, is_static=static):
+        batch = chunk.to_record_batch()
+        if column in batch.schema.names:
+            times = [0.0] * len(batch)
+            if not static:
+                times = [t.total_seconds() for t in batch.column(entities.TIMELINE).to_pylist()]
+            values = batch.column(column).to_pylist()
+            found += [(t, v) for t, v in zip(times, values, strict=True) if v is not None]
+    return sorted(found, key=lambda row: row[0])
+
+
+def test_every_scan_has_its_pose_and_the_last_one_is_the_estimates(recorded: Recorded) -> None:
+    translations = rows(recorded.path, entities.ESTIMATED_ROBOT, "Transform3D:translation")
+    assert len(translations) == len(recorded.snapshots) + 1  # once more when the view is closed
+    for (stamp, value), snapshot in zip(translations, recorded.snapshots, strict=False):
+        assert stamp == pytest.approx(snapshot.stamp)
+        assert value[0][:2] == pytest.approx(snapshot.estimate[:2], abs=1e-6)
+    quaternions = rows(recorded.path, entities.ESTIMATED_ROBOT, "Transform3D:quaternion")
+    _, _, z, w = quaternions[-1][1][0]
+    assert 2.0 * np.arctan2(z, w) == pytest.approx(recorded.snapshots[-1].estimate[2], abs=1e-6)
+
+
+def test_truth_and_estimate_start_at_the_same_pose_of_the_world(recorded: Recorded) -> None:
+    first = recorded.snapshots[0]
+    assert first.truth is not None
+    (_, translation), (_, quaternion) = (
+        rows(recorded.path, entities.SLAM, f"Transform3D:{part}", static=True)[0]
+        for part in ("translation", "quaternion")
+    )
+    T_world_map = np.array([*translation[0][:2], 2.0 * np.arctan2(quaternion[0][2], quaternion[0][3])])
+    assert se2.compose(T_world_map, first.estimate) == pytest.approx(first.truth, abs=1e-6)
+
+
+def test_errors_are_those_of_the_aligned_poses(recorded: Recorded) -> None:
+    errors = rows(recorded.path, entities.POSITION_ERROR, "Scalars:scalars")
+    first, last = recorded.snapshots[0], recorded.snapshots[-1]
+    assert first.truth is not None
+    assert last.truth is not None
+    assert errors[0][1] == pytest.approx([0.0, 0.0], abs=1e-12)
+    expected = [
+        np.linalg.norm(se2.between(first.truth, last.truth)[:2] - se2.between(start, end)[:2])
+        for start, end in ((first.estimate, last.estimate), (first.odometry, last.odometry))
+    ]
+    assert errors[-1][1] == pytest.approx(expected, abs=1e-9)
+
+
+def test_what_the_filter_did_is_there_scan_by_scan(recorded: Recorded) -> None:
+    steps = [s.step for s in recorded.snapshots if s.step is not None and s.step.updated]
+    resamplings = sum(step.resampled for step in steps)
+    assert resamplings > 0
+    ess = rows(recorded.path, f"{entities.ESS}/value", "Scalars:scalars")
+    assert [value[0] for _, value in ess] == pytest.approx([step.ess for step in steps])
+    assert len(rows(recorded.path, entities.PARTICLES, "Arrows3D:origins")) == len(steps)
+    assert len(rows(recorded.path, entities.PROPOSAL_GAUSSIAN, "Ellipsoids3D:centers")) == len(steps) - 1
+    assert len(rows(recorded.path, f"{entities.ESS}/resampled", "Scalars:scalars")) == resamplings
+    log = [text[0] for _, text in rows(recorded.path, entities.EVENTS, "TextLog:text")]
+    assert sum(line.startswith("resampled") for line in log) == resamplings
+    states = [state[0] for _, state in rows(recorded.path, entities.FILTER_STATE, "StateChange:state")]
+    assert {"mapping", "resampled"} <= set(states)
+    assert all(before != after for before, after in itertools.pairwise(states))
+
+
+def test_maps_come_about_once_a_second_and_at_the_end(recorded: Recorded) -> None:
+    maps = rows(recorded.path, entities.MAP, "GridMap:data")
+    duration = recorded.snapshots[-1].stamp
+    resamplings = sum(s.step is not None and s.step.resampled for s in recorded.snapshots)
+    assert 0.7 * duration <= len(maps) <= duration + resamplings + 2
+    assert maps[-1][0] == pytest.approx(duration)
+    final = recorded.snapshots[-1].map
+    assert final is not None
+    cells = final(None).probability.size
+    assert len(bytes(maps[-1][1][0])) == cells
+
+
+def test_the_result_of_a_final_pass_replaces_path_map_and_last_pose(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    refined = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5]])
+    grid = OccupancyGrid(probability=np.ones((2, 3), np.float32), resolution=1.0, origin=(0.0, 0.0, 0.0))
+    with open_view(path, scene()) as view:
+        for snapshot in snapshots(2.0):
+            view.show(snapshot)
+        view.finish(refined, grid)
+    assert rows(path, entities.ESTIMATED_ROBOT, "Transform3D:translation")[-1][1][0] == pytest.approx([1.0, 2.0, 0.0])
+    assert bytes(rows(path, entities.MAP, "GridMap:data")[-1][1][0]) == bytes([100] * 6)
+    assert len(rows(path, entities.PATH, "LineStrips3D:strips")[-1][1][0]) == 2
+
+
+def test_the_robots_urdf_hangs_on_both_robots(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    with open_view(path, scene(urdf=robot_urdf(load_robot("create3")))) as view:
+        view.show(next(iter(snapshots(0.0))))
+    for robot, model in (
+        (entities.TRUE_ROBOT, entities.TRUE_MODEL),
+        (entities.ESTIMATED_ROBOT, entities.ESTIMATED_MODEL),
+    ):
+        hung = rows(path, f"{model}/mount", "Transform3D:parent_frame", static=True)
+        assert hung[0][1] == [f"tf#{robot}"]
+        shapes = rr.chunk.RrdReader(path).store().schema().entity_paths()
+        assert sum(shape.startswith(f"{model}/create3/visual") for shape in shapes) == 4  # body, wheels, caster
+
+
+def test_a_log_without_truth_has_neither_true_robot_nor_errors(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    with open_view(path, replace(scene(), true_map=None)) as view:
+        for snapshot in snapshots(1.0):
+            view.show(replace(snapshot, truth=None, stamp=snapshot.stamp + 1e9))
+    assert rows(path, entities.TRUE_ROBOT, "Transform3D:translation") == []
+    assert rows(path, entities.POSITION_ERROR, "Scalars:scalars") == []
+    assert rows(path, entities.TRUE_PATH, "LineStrips3D:strips") == []
+    assert rows(path, entities.ESTIMATED_ROBOT, "Transform3D:translation")[0][0] == 0.0  # times count from the start
+
+
+def test_collisions_and_notes_are_in_the_event_log(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    with open_view(path, scene()) as view:
+        for snapshot in snapshots(0.5):
+            view.show(replace(snapshot, collided=snapshot.stamp > 0.25, notes=("hello",) if not snapshot.stamp else ()))
+    log = [text[0] for _, text in rows(path, entities.EVENTS, "TextLog:text")]
+    assert log.count("hello") == 1
+    assert log.count("collision") == 1  # when it begins, not at every scan
+    assert [s[0] for _, s in rows(path, entities.ROBOT_STATE, "StateChange:state")] == ["driving", "collided"]
+
+
+def test_without_a_file_nothing_is_watched() -> None:
+    view = open_view(None, scene())
+    assert isinstance(view, NullView)
+    with view:
+        view.show(next(iter(snapshots(0.0))))
+        view.finish(np.zeros((1, 3)), true_map())
+    view.wait()
+
+
+def test_a_wrong_address_and_a_missing_recording_are_told_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"localhost:9876.*expected e\.g\. rerun\+http"):
+        ViewOptions(connect="localhost:9876")
+    with pytest.raises(ValueError, match="no recording"):
+        open_run(tmp_path)
