@@ -79,7 +79,9 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
 
 def _first_problem(error: ValidationError, text: str, place: str) -> str:
     """One line about the first problem that pydantic found."""
-    problem = error.errors(include_url=False)[0]
+    problems = error.errors(include_url=False)
+    # a misspelt key is unknown under its own name and missing under the right one: tell the former
+    problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     loc = problem["loc"]
     line = _line_of(text, loc)
     where = f"{place}: {f'line {line}: ' if line else ''}{_key(loc)}".removesuffix(": ")

@@ -59,7 +59,9 @@ def _load(model: type[_Preset], kind: str, name: str) -> _Preset:
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise PresetError(f"{place}: {error}, expected TOML") from None
     except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
+        problems = error.errors(include_url=False)
+        # a misspelt key is unknown under its own name and missing under the right one: tell the former
+        problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
         key = ".".join(str(part) for part in problem["loc"])
         if problem["type"] == "extra_forbidden":
             near = difflib.get_close_matches(str(problem["loc"][-1]), list(model.model_fields), n=1, cutoff=0.5)

@@ -51,6 +51,10 @@ class Mount(BaseModel):
     """Counter-clockwise rotation [degrees]."""
     height: Positive = 0.2
     """Of the beams above the floor [m]."""
+    error: NotNegative = 0.0
+    """Standard deviation of x and y of the true mount about these numbers [m]."""
+    error_deg: NotNegative = 0.0
+    """Standard deviation of its rotation [degrees]."""
 
     @property
     def pose(self) -> tuple[float, float, float]:

@@ -54,6 +54,7 @@ def test_every_catalogue_world_can_be_driven_by_a_robot_of_40_cm(name):
     ("old", "new", "parts"),
     [
         ("rotation = 0.1", "rotaton = 0.1", ["room.toml", "line 17", "boxes[0].rotaton", "expected 'rotation'"]),
+        ("width = 1.2", "widht = 1.2", ["line 15", "boxes[0].widht is not known", "expected 'width'"]),
         ("rotation = 0.1", "rotation = 90", ["line 17", "boxes[0].rotation = 90", "radians"]),
         ("x = 3.0", "x = 3000.0", ["line 13", "boxes[0].x = 3000.0", "metres"]),
         ("x = 3.0", 'x = "3 m"', ["line 13", "boxes[0].x = '3 m'", "a valid number"]),

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: MIT
+"""Presets: every number has a source, and wrong files get one clear line."""
+
+import math
+
+import numpy as np
+import pytest
+
+from testbed.presets import PresetError, lidars, load_lidar, load_robot, robots
+from testbed.simulation.backend import STEP_RATE, Limits
+from testbed.simulation.umbmark import umbmark
+from tests.testbed.simulation.places import room
+
+ROBOT = """
+name = "mine"
+title = "My robot"
+wheel_radius = 0.05
+track = 0.3
+length = 0.4
+width = 0.35
+height = 0.2
+mass = 5.0
+max_speed = 0.5
+max_turn_rate = 2.0
+max_acceleration = 0.5
+max_turn_acceleration = 2.0
+ticks_per_turn = 1000
+lidar_mount = { x = 0.1, height = 0.3 }
+
+[sources]
+wheel_radius = "measured"
+track = "measured"
+length = "measured"
+width = "measured"
+height = "measured"
+mass = "measured"
+max_speed = "assumed"
+max_turn_rate = "assumed"
+max_acceleration = "assumed"
+max_turn_acceleration = "assumed"
+ticks_per_turn = "data sheet"
+lidar_mount = "measured"
+"""
+
+
+def test_the_promised_devices_are_there():
+    assert set(robots()) >= {"burger", "waffle_pi", "create3", "pioneer3dx", "dingo_d"}
+    assert set(lidars()) >= {
+        "lds01", "lds02", "rplidar_a1", "urg04lx", "utm30lx", "ust10lx", "lms200", "tim571"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", lidars())
+def test_lidars_have_sane_angles_and_times(name):
+    lidar = load_lidar(name)
+    angles = lidar.angles()
+    assert lidar.name == name
+    assert len(angles) == lidar.beams
+    assert np.all(np.diff(angles) > 0)
+    assert angles[0] == pytest.approx(-math.radians(lidar.field_of_view_deg) / 2)
+    if lidar.field_of_view_deg < 360.0:
+        assert angles[-1] == pytest.approx(-angles[0])
+    assert lidar.sweep_time <= 1.0 / lidar.scan_rate
+
+
+@pytest.mark.parametrize("name", robots())
+def test_every_robot_drives_straight_and_turns_true_in_pybullet(name):
+    module = pytest.importorskip("testbed.simulation.pybullet_backend")
+    robot = load_robot(name)
+    speed, turn_rate = 0.9 * robot.max_speed, min(0.5, robot.max_turn_rate)
+    backend = module.PyBulletBackend(room(half=30.0), robot, Limits(0.3, 2.0), robot.lidar_mount.height)
+    straight = backend.drive(speed, 0.0, 10 * STEP_RATE).poses[-1]
+    backend.drive(0.0, 0.0, 5 * STEP_RATE)
+    backend.drive(0.0, turn_rate, 2 * STEP_RATE)
+    turn = backend.drive(0.0, turn_rate, 5 * STEP_RATE).poses
+    backend.close()
+    assert straight[0] == pytest.approx(speed * 10.0 - 0.5 * speed**2 / 0.3, rel=0.01)
+    assert abs(straight[1]) < 0.01 * straight[0]
+    assert (turn[-1, 2] - turn[0, 2]) * STEP_RATE / (len(turn) - 1) == pytest.approx(turn_rate, rel=0.005)
+
+
+@pytest.mark.parametrize("name", ["burger", "create3"])
+def test_umbmark_errors_grow_with_the_grade_and_uncalibrated_robots_miss_by_some_hundred_millimetres(name):
+    errors = {grade: umbmark(load_robot(name), grade, runs=15).return_error for grade in ("good", "typical", "poor")}
+    assert errors["good"] < errors["typical"] < errors["poor"]
+    assert 0.1 < errors["typical"] < 1.5
+
+
+def test_a_users_own_file_works_the_same_way(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(ROBOT)
+    assert load_robot(path).footprint_radius == pytest.approx(math.hypot(0.2, 0.175))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('track = "measured"\n', "", "sources lacks track"),
+        ("track = 0.3\n", "", "track is missing"),
+        ("track = 0.3", "trakc = 0.3", "trakc is not known, expected 'track'"),
+        ("track = 0.3", "track = -0.3", "track = -0.3: expected greater than 0"),
+        ("track = 0.3", "track = inf", "track = inf"),
+        ("[sources]", '[sources]\ncolour = "red"', "sources names colour"),
+        ('name = "mine"', "name = ", "expected TOML"),
+    ],
+)
+def test_bad_files_are_explained_in_one_line(tmp_path, old, new, message):
+    path = tmp_path / "mine.toml"
+    path.write_text(ROBOT.replace(old, new, 1))
+    with pytest.raises(PresetError) as caught:
+        load_robot(path)
+    assert message in str(caught.value)
+    assert "mine.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_names_get_the_nearest_ones(tmp_path):
+    with pytest.raises(PresetError, match=r"unknown robot 'creat3'.*create3"):
+        load_robot("creat3")
+    with pytest.raises(PresetError, match=r"unknown lidar 'utm30'.*utm30lx"):
+        load_lidar("utm30")
+    with pytest.raises(PresetError, match="No such file"):
+        load_lidar(tmp_path / "gone.toml")
