@@ -111,7 +111,9 @@ def send(
         part = Path(folder) / "part.rrd"
         for batch in batches(source, gone):
             part.write_bytes(batch)
-            rec.send_chunks(rr.chunk.RrdReader(part).stream())
+            reader = rr.chunk.RrdReader(part)
+            if reader.recordings():  # else it holds the blueprint only, which the sink has sent
+                rec.send_chunks(reader.stream())
             try:
                 rec.flush(timeout_sec=SEND_TIMEOUT)
             except RuntimeError as error:
