@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import shapely
 from shapely.geometry import LineString, Point
@@ -10,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from worlds.elements import Element
 from worlds.errors import WorldError
+from worlds.movers import PERSON_CLEARANCE, PERSON_RADIUS
 from worlds.world import World, surface_of
 
 
@@ -36,6 +39,7 @@ def check_world(world: World, *, footprint_radius: float = 0.0, place: str = "")
             "expected walls that leave no way out"
         )
     _check_tour(world, footprint_radius, place)
+    _check_movers(world, footprint_radius, place)
 
 
 def _check_shape(element: Element, place: str) -> None:
@@ -60,6 +64,35 @@ def _check_tour(world: World, footprint_radius: float, place: str) -> None:
             f"{place}: tour from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m passes {clearance[worst]:.2f} m from "
             f"{_described(_nearest(world, legs[worst]))}, expected more than {footprint_radius:.2f} m (the footprint)"
         )
+
+
+def _check_movers(world: World, footprint_radius: float, place: str) -> None:
+    """People need room on their ways and must be able to step aside; open doors must not stand in the way."""
+    surface = surface_of(world.cross_section())
+    drive = LineString(world.path()) if world.tour is not None else Point(world.start.x, world.start.y)
+    for index, person in enumerate(world.people):
+        room = float(person.way().distance(surface))
+        if room < PERSON_RADIUS:
+            raise WorldError(
+                f"{place}: people[{index}] {person.name!r} passes {room:.2f} m from a wall, "
+                f"expected at least {PERSON_RADIUS} m"
+            )
+        for x, y in (person.points[0], person.points[-1]):
+            aside = Point(x, y).distance(drive)
+            if aside < footprint_radius + PERSON_CLEARANCE:
+                raise WorldError(
+                    f"{place}: people[{index}] {person.name!r} stops at ({x:g}, {y:g}) m, {aside:.2f} m from the tour, "
+                    f"expected at least {footprint_radius + PERSON_CLEARANCE:.2f} m"
+                )
+    for index, door in enumerate(world.doors):
+        angle = door.closed + door.swing
+        tip = (door.x + door.width * math.cos(angle), door.y + door.width * math.sin(angle))
+        aside = LineString([(door.x, door.y), tip]).distance(drive)
+        if aside <= footprint_radius:
+            raise WorldError(
+                f"{place}: doors[{index}] {door.name!r} stands {aside:.2f} m from the tour when open, "
+                f"expected more than {footprint_radius:.2f} m (the footprint)"
+            )
 
 
 def _nearest(world: World, leg: LineString) -> Element:

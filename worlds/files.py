@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
 from worlds.errors import WorldError
+from worlds.movers import Door, Person
 from worlds.world import Start, Tour, World
 
 MAX_FILE_BYTES = 8_000_000
@@ -22,6 +23,7 @@ MAX_FILE_BYTES = 8_000_000
 
 _MODEL_OF_KEY: dict[str, type[Model]] = {
     "walls": Wall, "boxes": Box, "discs": Disc, "polygons": Block, "openings": Opening, "start": Start, "tour": Tour,
+    "people": Person, "doors": Door,
 }  # fmt: skip
 
 
@@ -97,7 +99,7 @@ def _first_problem(error: ValidationError, text: str, place: str) -> str:
 
 def _expectation(problem: Any, loc: tuple[int | str, ...]) -> str:
     if problem["type"] in {"greater_than_equal", "less_than_equal", "greater_than", "finite_number"}:
-        if loc[-1] in {"rotation", "theta"}:
+        if loc[-1] in {"rotation", "theta", "closed", "swing"}:
             return "an angle in radians between -6.283 and 6.283"
         if abs(problem["input"]) > MAX_COORDINATE:
             return f"metres, at most {MAX_COORDINATE:g}"

@@ -17,6 +17,7 @@ from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from worlds.elements import Angle, Block, Box, Coordinate, Disc, Element, Model, Position, Wall
+from worlds.movers import Door, Person
 
 MAX_ELEMENTS = 50_000
 """Most elements in one world."""
@@ -69,6 +70,11 @@ class World(Model):
     """Round blocks."""
     polygons: list[Block] = Field(default_factory=list)
     """Blocks of any outline."""
+
+    people: Annotated[list[Person], Field(max_length=1000)] = Field(default_factory=list)
+    """Who walks about."""
+    doors: Annotated[list[Door], Field(max_length=1000)] = Field(default_factory=list)
+    """Doors that swing."""
 
     @model_validator(mode="after")
     def _not_too_large(self) -> World:

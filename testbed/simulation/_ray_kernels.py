@@ -77,7 +77,7 @@ def bin_segments(segments, shape, origin, cell):
 
 
 @kernel
-def _distance_along(segment, x, y, cos, sin):
+def distance_along(segment, x, y, cos, sin):
     """Distance [m] from (x, y) along (cos, sin) to the segment (4,); inf if the ray misses it or runs along it."""
     ax, ay = segment[0] - x, segment[1] - y
     bx, by = segment[2] - x, segment[3] - y
@@ -110,7 +110,7 @@ def _cast_one(grid, x, y, cos, sin, reach):
     while 0 <= row < rows and 0 <= col < cols and entered <= min(best, reach):
         k = row * cols + col
         for i in range(grid.first[k], grid.first[k + 1]):
-            distance = _distance_along(grid.segments[grid.items[i]], x, y, cos, sin)
+            distance = distance_along(grid.segments[grid.items[i]], x, y, cos, sin)
             if distance < best:
                 best, best_segment = distance, grid.items[i]
         if to_col < to_row:

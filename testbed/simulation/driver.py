@@ -111,6 +111,11 @@ class TourDriver:
         bearing = _wrapped(math.atan2(goal_y - y, goal_x - x) - theta)
         return self._pursue(distance, bearing)
 
+    def wait(self, stamp: float) -> tuple[float, float]:
+        """The command to stand still, with the reason elsewhere: time [s] spent so does not count as being stuck."""
+        self._last_progress = (stamp, *self._last_progress[1:])
+        return 0.0, 0.0
+
     def _pursue(self, distance: float, bearing: float) -> tuple[float, float]:
         if abs(bearing) > self._config.turn_on_spot_above:
             return 0.0, math.copysign(min(self._turn_rate, 2.0 * abs(bearing)), bearing)

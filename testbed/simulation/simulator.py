@@ -19,6 +19,7 @@ from testbed.simulation.backend import STEP_RATE, Backend, Limits
 from testbed.simulation.driver import DriverConfig, TourDriver
 from testbed.simulation.history import History
 from testbed.simulation.lidar import Lidar, LidarLayers
+from testbed.simulation.movers import Movers
 from testbed.simulation.odometry import Odometry, OdometryConfig
 from testbed.streams import streams
 from worlds import World, WorldError, check_world
@@ -76,6 +77,8 @@ class Simulation(Iterator[Frame]):
         self.collided = False
         """The robot has touched something."""
         self._periods = 0
+        self.movers: Movers
+        """People and doors, once the first frame was asked for."""
         self._frames = self._run()
 
     @property
@@ -110,17 +113,27 @@ class Simulation(Iterator[Frame]):
         config = self.config
         backend = _backend(self.world, config)
         try:
-            sensors = _Sensors(backend, config)
+            rng = np.random.default_rng(streams(config.seed).movers)
+            self.movers = Movers(self.world, config.robot.footprint_radius, CONTROL_PERIOD, rng)
+            sensors = _Sensors(backend, self.movers, config)
             while self.time < config.duration and not self.finished and not self.stuck:
                 x, y, theta = sensors.truth.latest.tolist()
-                motion = backend.drive(*self.driver.command(self.time, x, y, theta), CONTROL_STEPS)
+                motion = backend.drive(*self._command(x, y, theta), CONTROL_STEPS)
                 self.collided = self.collided or motion.contact
                 self._periods += 1
                 sensors.truth.extend(motion.poses)
                 sensors.read_wheels(*motion.wheels[-1].tolist())
+                self.movers.advance(*motion.poses[-1, :2].tolist())
                 yield from sensors.frames_until(self.time)
         finally:
             backend.close()
+
+    def _command(self, x: float, y: float, theta: float) -> tuple[float, float]:
+        driver = self.config.driver
+        stopping_distance = 0.5 * driver.speed**2 / driver.acceleration
+        if self.movers and self.movers.in_the_way(x, y, theta, stopping_distance):
+            return self.driver.wait(self.time)
+        return self.driver.command(self.time, x, y, theta)
 
 
 def simulate(world: World, config: SimulationConfig | None = None) -> Simulation:
@@ -150,9 +163,9 @@ def _backend(world: World, config: SimulationConfig) -> Backend:
 class _Sensors:
     """Truth in, frames out: keeps what the robot did until the scan that was being taken meanwhile is complete."""
 
-    def __init__(self, backend: Backend, config: SimulationConfig) -> None:
+    def __init__(self, backend: Backend, movers: Movers, config: SimulationConfig) -> None:
         seeds = streams(config.seed)
-        self._backend, self._config = backend, config
+        self._backend, self._movers, self._config = backend, movers, config
         self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(seeds.odometry))
         self._lidar = Lidar(
             config.lidar, config.robot.lidar_mount, config.lidar_layers, np.random.default_rng(seeds.lidar)
@@ -179,6 +192,7 @@ class _Sensors:
                 self._next_odometry += 1
         self.truth.forget_before(time - self._keep)
         self._odometry.forget_before(time - self._keep)
+        self._movers.forget_before(time - self._keep)
 
     def _odometry_frames(self, before: float) -> Iterator[Frame]:
         while (stamp := self._next_odometry * CONTROL_PERIOD) < before - 1e-9:
@@ -196,6 +210,7 @@ class _Sensors:
         times = np.full(len(sweep.angles), stamp) if sweep.time_offsets is None else stamp + sweep.time_offsets
         origins, directions = place_beams(*self.truth.between(times), self._lidar.true_mount, sweep.true_angles)
         hits = self._backend.cast(origins, directions, lidar.range_max)
+        hits = self._movers.before(hits, origins, directions, times)
         scan = Scan(
             ranges=self._lidar.ranges(hits),
             angles=sweep.angles,
