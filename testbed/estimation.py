@@ -106,6 +106,7 @@ class Estimation:
     def refined(self, estimate: Estimate) -> Estimate:
         """The estimate after the final pass over all frames, see `slam.refine`."""
         scans: list[Scan | None] = [frame.scan for frame in self.frames]
-        result = refine(self.odometry, scans, estimate.dense.poses, self.config)
+        twists = [frame.twist for frame in self.frames]
+        result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
         dense = Trajectory(self.stamps, result.poses)
         return Estimate(dense=dense, scan_frames=estimate.scan_frames, map=result.map)

@@ -168,7 +168,7 @@ def _metrics(
         ),
         odometry=estimation.trajectory_at_scans("odometry"),
         dense=estimate.dense,
-        grid=estimate.map,
+        grid=None if ended == "interrupted" else estimate.map,  # the dear measures: Ctrl-C must end soon
         steps=estimation.steps.columns(),
         ended=ended,
         facts={

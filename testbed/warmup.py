@@ -23,18 +23,25 @@ def is_compiled() -> bool:
     """Whether kernels of this version are on disk, or no disk cache is in use at all."""
     if os.environ.get("SLAM_KERNEL_CACHE", "1") != "1":
         return True
-    return any(cache_folder(Path(slam.__file__).parent).rglob("*.nbc"))
+    packages = (Path(slam.__file__).parent, Path(__file__).parent / "simulation")
+    return all(any(cache_folder(package).rglob("*.nbc")) for package in packages)
 
 
 def compile_kernels() -> float:
-    """Compile all kernels of the filter, unless they are on disk already; returns the time it took [s]."""
+    """Compile all kernels, unless they are on disk already; returns the time it took [s]."""
     start = time.perf_counter()
     subprocess.run([sys.executable, "-m", "testbed.warmup"], check=True)
     return time.perf_counter() - start
 
 
 def exercise_kernels() -> None:
-    """Map a small room from four poses and refine it: calls every kernel of the filter with its usual types."""
+    """Call every kernel with its usual types."""
+    _map_a_room()
+    _drive_a_little()
+
+
+def _map_a_room() -> None:
+    """Map a small room from four poses and refine it."""
     from slam.config import FilterConfig, ResampleConfig
     from slam.gmapping import GMapping
     from slam.refine import refine
@@ -51,6 +58,16 @@ def exercise_kernels() -> None:
         mapper.process(pose, scan)
     mapper.map()
     refine(odometry, [scan] * len(odometry), mapper.path(), config)
+
+
+def _drive_a_little() -> None:
+    """Half a second of simulation."""
+    from testbed.simulation import SimulationConfig, simulate
+    from worlds import load
+
+    with simulate(load("loop"), SimulationConfig(backend="fast", duration=0.5)) as simulation:
+        for _ in simulation:
+            pass
 
 
 if __name__ == "__main__":

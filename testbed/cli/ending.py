@@ -27,7 +27,7 @@ def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOpt
         watcher.stage("report")
         report = write_report(directory.path)
     results.print(headline_table(metrics))
-    broken = check(metrics, output.fail_if)
+    broken = check(metrics, output.limits)
     for sentence in broken:
         console.print(f"limit broken: {sentence}")
     results.print(f"report: {report.resolve()}")

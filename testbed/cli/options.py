@@ -16,7 +16,6 @@ from slam.config import FilterConfig
 from testbed.rundir import RunDirectory, default_directory
 from testbed.streams import streams
 from testbed.views import ViewOptions
-from testbed.views.live import check_url
 
 FILTER_GROUP = Group("Filter", sort_key=10)
 FLAG = Parameter(negative=())
@@ -79,14 +78,16 @@ class OutputOptions:
     """Address of a Rerun viewer that is running already (rerun+http://…)."""
 
     def __post_init__(self) -> None:
-        for limit in self.fail_if:
-            Limit.parse(limit)  # complain before the run, not after it
-        if self.connect is not None:
-            check_url(self.connect)
+        _ = self.limits, self.view_options  # complain before the run, not after it
 
     def directory(self, name: str) -> RunDirectory:
         """The directory of this run, made or emptied now."""
         return RunDirectory.create(self.out or default_directory(name, datetime.now()), overwrite=self.overwrite)
+
+    @property
+    def limits(self) -> list[Limit]:
+        """The limits of --fail-if."""
+        return [Limit.parse(text) for text in self.fail_if]
 
     @property
     def view_options(self) -> ViewOptions:

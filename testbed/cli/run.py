@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
 
@@ -34,6 +34,8 @@ class SimulatorOptions:
     """Name of a robot, or a TOML file."""
     lidar: str = DEFAULT.lidar.name
     """Name of a lidar, or a TOML file."""
+    backend: Literal["pybullet", "fast"] = "pybullet"
+    """pybullet: physics and rays of PyBullet; fast: exact arcs and a ray caster of ours."""
     duration: float | None = None
     """Longest simulated time [s]; default: until the tour is finished."""
     driver: Annotated[DriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=DriverConfig)
@@ -51,6 +53,7 @@ class SimulatorOptions:
             driver=self.driver,
             odometry=self.odometry,
             lidar_layers=self.layers,
+            backend=self.backend,
             duration=DEFAULT.duration if self.duration is None else self.duration,
             seed=seed,
         )

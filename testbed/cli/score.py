@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from eval.files import write_aside
-from eval.gate import check
+from eval.gate import Limit, check
 from eval.scoring import score_files
 from testbed.cli.console import console
 from testbed.cli.status import GATE_FAILED
@@ -46,6 +46,7 @@ def score(
     fail_if
         Exit with 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
     """
+    limits = [Limit.parse(text) for text in fail_if]
     metrics = score_files(dataset, trajectory, map_, relations=relations)
     text = json.dumps(metrics, indent=2, allow_nan=False) + "\n"
     if out is None:
@@ -55,7 +56,7 @@ def score(
         with write_aside(out / "metrics.json") as aside:
             aside.write_text(text, encoding="utf-8")
     console.print(headline_table(metrics))
-    broken = check(metrics, fail_if)
+    broken = check(metrics, limits)
     for sentence in broken:
         console.print(f"limit broken: {sentence}")
     return GATE_FAILED if broken else 0

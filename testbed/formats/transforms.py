@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: MIT
+"""Static transforms between the frames of a robot, and what of them lies in the plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.se2 import Pose
+
+LARGEST_TILT = math.radians(5.0)
+"""Lidars and poses that lean more than this are not planar [rad]."""
+
+
+@dataclass
+class Transforms:
+    """A tree of frames, each with the transform from its parent, (4, 4)."""
+
+    parents: dict[str, tuple[str, NDArray[np.float64]]] = field(default_factory=dict)
+
+    def add(self, message: Any) -> None:
+        """Take in a tf2_msgs/TFMessage; ValueError where a transform is not finite."""
+        for transform in message.transforms:
+            T = _matrix(transform.transform.translation, transform.transform.rotation)
+            self.parents[_name(transform.child_frame_id)] = (_name(transform.header.frame_id), T)
+
+    def mount(self, robot: str, lidar: str) -> tuple[tuple[float, float, float], bool]:
+        """`T_robot_lidar` in the plane [m, m, rad], and whether the lidar hangs upside down.
+
+        Without any transforms both frames are taken for the same. Raises ValueError where no chain of transforms
+        leads from one frame to the other, or the lidar is neither level nor upside down.
+        """
+        robot, lidar = _name(robot), _name(lidar)
+        if robot == lidar or not self.parents:
+            return (0.0, 0.0, 0.0), False
+        T = np.linalg.inv(self._from_root(robot, lidar)) @ self._from_root(lidar, robot)
+        up = float(T[2, 2])
+        if abs(up) < math.cos(LARGEST_TILT):
+            raise ValueError(f"the lidar ({lidar}) leans by {math.degrees(math.acos(abs(up))):.0f} degrees")
+        return (float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0])), up < 0.0
+
+    def _from_root(self, frame: str, other: str) -> NDArray[np.float64]:
+        """Transform from the common ancestor of two frames, or the root, to `frame`, (4, 4)."""
+        above_other = set(self._ancestors(other))
+        T = np.eye(4)
+        for ancestor in self._ancestors(frame):
+            if ancestor in above_other:
+                return T
+            T = self.parents[ancestor][1] @ T if ancestor in self.parents else T
+        raise ValueError(f"no transforms lead from {other} to {frame}")
+
+    def _ancestors(self, frame: str) -> list[str]:
+        """The frame, its parent, and so on up to the root; ValueError for a circle."""
+        chain = [frame]
+        while chain[-1] in self.parents:
+            parent = self.parents[chain[-1]][0]
+            if parent in chain:
+                raise ValueError(f"the transforms of {parent} run in a circle")
+            chain.append(parent)
+        return chain
+
+
+def planar_pose(position: Any, orientation: Any) -> Pose:
+    """x, y, yaw (3,) of a geometry_msgs pose; ValueError where it is not finite, no rotation, or leans."""
+    T = _matrix(position, orientation)
+    if T[2, 2] < math.cos(LARGEST_TILT):
+        raise ValueError(f"the robot leans by {math.degrees(math.acos(max(T[2, 2], -1.0))):.0f} degrees")
+    return np.array([T[0, 3], T[1, 3], math.atan2(T[1, 0], T[0, 0])])
+
+
+def _name(frame: str) -> str:
+    return frame.lstrip("/")  # tf of ROS 1 wrote a slash in front
+
+
+def _matrix(translation: Any, rotation: Any) -> NDArray[np.float64]:
+    """Homogeneous transform (4, 4) of a geometry_msgs translation and quaternion."""
+    numbers = [translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w]
+    x, y, z, qx, qy, qz, qw = (float(number) for number in numbers)
+    norm = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
+    if not (all(map(math.isfinite, numbers)) and abs(norm - 1.0) < 0.01):
+        raise ValueError(f"expected a finite pose with a unit quaternion, got {' '.join(f'{n:g}' for n in numbers)}")
+    qx, qy, qz, qw = qx / norm, qy / norm, qz / norm, qw / norm
+    return np.array(
+        [
+            [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw), x],
+            [2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw), y],
+            [2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy), z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
