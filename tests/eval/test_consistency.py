@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""Filter health: an honest covariance is found honest, an overconfident one is not; counts are counts."""
+
+import numpy as np
+import pytest
+
+from eval.consistency import coalescence_spans, consistency, filter_health, nees
+from slam.se2 import compose
+
+N = 4000
+
+
+def table(covariance, stated, seed: int = 0, world=(0.0, 0.0, 0.0)) -> dict:
+    """Poses whose errors have `covariance` (3, 3), with `stated` as their covariance; the truth seen from `world`."""
+    rng = np.random.default_rng(seed)
+    truth = np.column_stack([np.linspace(0, 50, N), np.sin(np.arange(N)), 0.1 * np.sin(np.arange(N))])
+    error = rng.multivariate_normal(np.zeros(3), covariance, N)
+    error[0] = 0.0  # both paths start at one pose
+    estimate, seen = truth + error, compose(world, truth)
+    names = ("xx", "xy", "xt", "yy", "yt", "tt")
+    index = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    return {
+        "updated": np.ones(N),
+        **dict(zip(("x", "y", "theta"), estimate.T, strict=True)),
+        **{f"true_{name}": seen[:, i] for i, name in enumerate(("x", "y", "theta"))},
+        **{f"cov_{name}": np.full(N, stated[i, j]) for name, (i, j) in zip(names, index, strict=True)},
+    }
+
+
+COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.02, -0.001], [0.002, -0.001, 0.003]])
+
+
+@pytest.mark.parametrize("world", [(0.0, 0.0, 0.0), (7.0, -3.0, 2.5)])
+def test_an_honest_covariance_has_a_nees_of_three_and_holds_95_percent(world):
+    found = consistency(table(COVARIANCE, COVARIANCE, world=world))
+    assert found.nees_band[0] < found.nees_mean < found.nees_band[1]
+    assert found.inside_share == pytest.approx(0.95, abs=0.01)
+    assert (found.steps, found.degenerate) == (N, 0)
+
+
+def test_a_covariance_four_times_too_small_is_found_out():
+    found = consistency(table(COVARIANCE, COVARIANCE / 4.0))
+    assert found.nees_mean == pytest.approx(12.0, rel=0.05)
+    assert found.nees_mean > found.nees_band[1]
+    assert found.inside_share < 0.6
+
+
+def test_particles_at_one_pose_have_no_covariance_to_judge():
+    steps = table(COVARIANCE, COVARIANCE)
+    for name in ("xx", "xy", "xt", "yy", "yt", "tt"):
+        steps[f"cov_{name}"][: N // 2] = 0.0
+    rows, values, degenerate = nees(steps)
+    assert (len(rows), len(values), degenerate) == (N // 2, N // 2, N // 2)
+
+
+def test_without_truth_there_is_no_consistency():
+    steps = table(COVARIANCE, COVARIANCE) | {f"true_{name}": [None] * N for name in ("x", "y", "theta")}
+    assert consistency(steps) is None
+
+
+def test_spans_to_the_common_ancestor_start_anew_with_the_next_resampling():
+    founders = np.array([9, 9, 5, 2, 1, 1, 1, 6, 3, 1, 1], dtype=float)
+    resampled = np.array([0, 0, 1, 1, 1, 0, 0, 1, 1, 1, 0], dtype=float)
+    # 0 -> 4, and from the row before the resampling at 7 (row 6) -> 9
+    np.testing.assert_array_equal(coalescence_spans(founders, resampled), [4, 3])
+    assert len(coalescence_spans(np.ones(5), np.zeros(5))) == 0
+
+
+def test_health_counts_updates_only():
+    steps = {
+        "updated": [True, False, True, True],
+        "particles": [10] * 4,
+        "ess": [10.0, 1.0, 6.0, 8.0],
+        "resampled": [False, True, True, False],
+        "match_failures": [0, 10, 5, 1],
+        "matched_share": [0.0, 0.0, 0.8, 0.6],
+        "unique_ancestors": [10, 10, 4, 4],
+        "loop_closed": [False, False, True, False],
+    }
+    found = filter_health(steps)
+    assert (found.updates, found.resamplings, found.match_failures, found.loop_closures) == (3, 1, 6, 1)
+    assert found.match_failure_share == pytest.approx(0.2)
+    assert (found.mean_ess, found.min_ess, found.mean_ess_share) == (8.0, 6.0, pytest.approx(0.8))
+    assert found.mean_matched_share == pytest.approx(0.7)
+    assert (found.coalescences, found.coalescence) == (0, None)
+    assert filter_health(steps | {"updated": [False] * 4}) is None
+    with pytest.raises(ValueError, match="no column 'ess'"):
+        filter_health({key: value for key, value in steps.items() if key != "ess"})

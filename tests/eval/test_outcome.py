@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: MIT
+"""Outcome labels: each rule fires on the failure it is for, and on nothing else."""
+
+import numpy as np
+import pytest
+
+from eval.association import associate
+from eval.outcome import (
+    evidence_from_relations,
+    evidence_from_truth,
+    judge,
+    loop_pairs,
+)
+from eval.relations import read_relations, relation_error
+from eval.trajectory import Trajectory
+from eval.tum import read_tum
+from slam.se2 import between, compose
+from tests.eval.helpers import chain, datasets
+from tests.eval.synthetic_run import drive
+
+POSES = drive()
+TRUTH = Trajectory(0.1 * np.arange(len(POSES)), POSES)
+MOTIONS = np.concatenate([POSES[:1], between(POSES[:-1], POSES[1:])])
+
+
+def label(motions=MOTIONS, ended=None) -> str:
+    estimate = Trajectory(TRUTH.stamps, chain(motions))
+    return judge(evidence_from_truth(associate(estimate, TRUTH)), ended).label
+
+
+def changed(row: int, by) -> np.ndarray:
+    motions = MOTIONS.copy()
+    motions[row] = compose(motions[row], by)
+    return motions
+
+
+def test_the_truth_and_small_noise_are_ok():
+    assert label() == "ok"
+    rng = np.random.default_rng(0)
+    assert label(MOTIONS + rng.normal(0.0, 0.0003, MOTIONS.shape)) == "ok"
+
+
+def test_a_jump_of_a_metre_or_a_sudden_quarter_turn_is_lost():
+    assert label(changed(400, [1.0, 0.0, 0.0])) == "lost"
+    assert label(changed(400, [0.0, 0.0, np.pi / 2])) == "lost"
+
+
+def test_a_turn_too_small_to_be_lost_that_no_loop_mends_is_a_broken_loop():
+    assert label(changed(400, [0.0, 0.0, np.radians(12.0)])) == "broken loop"
+
+
+def test_a_path_that_is_stretched_by_a_few_percent_drifts():
+    assert label(MOTIONS * [1.06, 1.06, 1.0]) == "drift"
+
+
+@pytest.mark.parametrize("ended", ["collided", "timeout", "interrupted", "failed"])
+def test_the_end_of_the_run_goes_before_everything(ended):
+    assert label(ended=ended) == ended
+    assert judge(None, ended).label == ended
+
+
+def test_without_anything_to_judge_by_nothing_is_claimed():
+    assert judge(None).label == "unjudged"
+    with pytest.raises(ValueError, match="ended: expected one of"):
+        judge(None, "exploded")
+
+
+def test_loop_pairs_are_visits_of_one_place_with_path_between():
+    first, last = loop_pairs(associate(TRUTH, TRUTH))
+    assert len(first) > 100
+    assert np.linalg.norm(POSES[first, :2] - POSES[last, :2], axis=1).max() <= 1.0
+    assert (TRUTH.distance[last] - TRUTH.distance[first]).min() >= 10.0
+    once = TRUTH[: len(POSES) // 2 - 100]
+    assert len(loop_pairs(associate(once, once))[0]) == 0
+
+
+def test_many_visits_are_thinned_out():
+    standing = np.column_stack([0.3 * np.sin(np.arange(4000)), np.zeros(4000), np.zeros(4000)])
+    there = Trajectory(np.arange(4000.0), standing)
+    first, _ = loop_pairs(associate(there, there), limit=1000)
+    assert 0 < len(first) <= 20_000
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("intel_gmapping_30_seed1", "ok"), ("intel_karto", "ok"), ("intel_gmapping_5_seed1", "broken loop")],
+)
+def test_known_results_on_a_real_log_are_labelled_as_their_maps_look(name, expected):
+    folder = datasets()
+    path = folder.parent / "peers" / f"{name}.tum"
+    if not path.exists():
+        pytest.skip(f"{path} not found")
+    relations = read_relations(folder / "intel" / "intel-resolved.relations")
+    evidence = evidence_from_relations(relation_error(read_tum(path), relations), relations)
+    assert judge(evidence).label == expected

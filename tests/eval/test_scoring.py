@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: MIT
+"""The dict of all measures: right keys, plain values, honest notes, and never a good score by accident."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from eval.association import AssociationError
+from eval.map_server import read_map, write_map
+from eval.scoring import Reference, score, score_files
+from eval.trajectory import Trajectory
+from eval.tum import read_tum, write_tum
+from slam.occupancy import OccupancyGrid
+from slam.se2 import compose
+from tests.eval.helpers import moved, noisy, random_walk, room
+from tests.eval.synthetic_run import write_run
+
+TRUTH = random_walk(400, 1)
+
+
+PROMISED = [
+    "outcome",
+    "seed",
+    "particles",
+    "scans",
+    "updates",
+    "duration_s",
+    "wall_s",
+    "realtime_factor",
+    "filter_s",
+    "us_per_update_per_particle",
+    "peak_rss_mb",
+    "map_bytes_per_particle",
+    "result_hash",
+    "trajectory.ate_rmse_m",
+    "trajectory.ate_mean_m",
+    "trajectory.ate_first_pose_rmse_m",
+    "trajectory.rpe.1m.trans_rmse_m",
+    "trajectory.heading_rmse_deg",
+    "trajectory.odometry.ate_rmse_m",
+    "map.iou",
+    "map.f1",
+    "map.wall_distance_m",
+    "map.double_wall_rate",
+    "map.log_loss",
+    "map.coverage",
+    "map.best_rigid.iou",
+    "filter.resamplings",
+    "filter.match_failures",
+    "filter.mean_ess",
+    "filter.consistency.nees_mean",
+]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return write_run(tmp_path_factory.mktemp("runs") / "good")
+
+
+def test_a_run_has_every_measure_that_the_design_promises(run):
+    metrics = json.loads((run / "metrics.json").read_text())
+    for key in PROMISED:
+        value = metrics
+        for part in key.split("."):
+            value = value[part]
+        assert value is not None, key
+    assert metrics["outcome"] == "ok"
+    assert metrics["trajectory"]["ate_rmse_m"] < 0.1 * metrics["trajectory"]["odometry"]["ate_rmse_m"]
+    # 213 updates of 12 ms with 30 particles
+    assert metrics["us_per_update_per_particle"] == pytest.approx(12_000.0 / 30)
+    assert metrics["realtime_factor"] == pytest.approx(metrics["duration_s"] / 12.3)
+
+
+def test_scoring_the_files_of_a_run_gives_the_figures_of_the_run(run):
+    metrics, again = (
+        json.loads((run / "metrics.json").read_text()),
+        score_files(run, run / "estimate.tum", run / "map.yaml"),
+    )
+    assert again["trajectory"]["ate_rmse_m"] == pytest.approx(metrics["trajectory"]["ate_rmse_m"], abs=1e-12)
+    for key in ("iou", "wall_distance_m", "double_wall_rate", "coverage"):
+        assert again["map"][key] == pytest.approx(metrics["map"][key], abs=2e-3), key
+    assert again["map"]["log_loss"] == pytest.approx(metrics["map"]["log_loss"], rel=0.1)  # grey levels
+
+
+def test_a_moved_estimate_with_its_map_scores_the_same(run):
+    T = (3.0, -7.0, 1.0)
+    estimate, truth, grid = read_tum(run / "estimate.tum"), read_tum(run / "truth.tum"), read_map(run / "map.yaml")
+    reference = Reference(trajectory=truth, grid=read_map(run / "truth_map.yaml"))
+    a = score(estimate, reference=reference, grid=grid)
+    b = score(Trajectory(estimate.stamps, compose(T, estimate.poses)), reference=reference, grid=moved(grid, T))
+    assert a["trajectory"]["ate_rmse_m"] == pytest.approx(b["trajectory"]["ate_rmse_m"], abs=1e-9)
+    assert a["map"]["wall_distance_m"] == pytest.approx(b["map"]["wall_distance_m"], abs=1e-6)
+    assert a["map"]["iou"] == pytest.approx(b["map"]["iou"], abs=0.01)
+
+
+def test_a_map_that_is_only_misplaced_is_told_from_one_that_is_bent(run):
+    truth, true_map = read_tum(run / "truth.tum"), read_map(run / "truth_map.yaml")
+    metrics = score(truth, reference=Reference(trajectory=truth, grid=true_map), grid=moved(true_map, (0.2, 0.1, 0.01)))
+    assert metrics["map"]["wall_distance_m"] > 0.1
+    assert metrics["map"]["best_rigid"]["wall_distance_m"] < 0.02
+    assert metrics["map"]["best_rigid"]["moved_m"] == pytest.approx(np.hypot(0.2, 0.1), abs=0.05)
+
+
+def test_without_a_reference_nothing_is_scored_and_nothing_claimed():
+    metrics = score(TRUTH, reference=Reference(), grid=room())
+    assert metrics["outcome"] == "unjudged"
+    assert "trajectory" not in metrics
+    assert set(metrics["map"]) == {"structure"}
+
+
+def test_doubts_stand_in_the_notes():
+    few = TRUTH[:2]
+    late = Trajectory(np.r_[TRUTH.stamps, TRUTH.stamps + 1000.0], np.r_[TRUTH.poses, TRUTH.poses])
+    centimetres = Trajectory(TRUTH.stamps, TRUTH.poses * [100.0, 100.0, 1.0])
+    unknown = OccupancyGrid(probability=np.full((9, 9), np.nan, np.float32), resolution=0.1, origin=(0.0, 0.0, 0.0))
+    for estimate, grid, expected in (
+        (few, None, "2 matched poses"),
+        (late, None, "only 50% of the estimate"),
+        (centimetres, None, "metres?"),
+        (TRUTH, unknown, "not one known cell"),
+        (TRUTH, unknown, "cells of 0.1 m were drawn"),
+    ):
+        reference = Reference(trajectory=TRUTH, grid=room() if grid is not None else None)
+        notes = score(estimate, reference=reference, grid=grid)["notes"]
+        assert any(expected in note for note in notes), (expected, notes)
+
+
+def test_what_cannot_be_computed_is_none_never_nan():
+    one = Trajectory(np.array([TRUTH.stamps[0]]), TRUTH.poses[:1])
+    unknown = OccupancyGrid(probability=np.full((9, 9), np.nan, np.float32), resolution=0.05, origin=(0.0, 0.0, 0.0))
+    metrics = score(one, reference=Reference(trajectory=TRUTH, grid=room()), grid=unknown)
+    json.dumps(metrics, allow_nan=False)
+    assert metrics["trajectory"]["drift_percent"] is None
+    assert metrics["map"]["wall_distance_m"] is None
+    assert metrics["map"]["coverage"] in (None, 0.0)
+
+
+def test_no_common_time_and_no_truth_are_errors(tmp_path):
+    with pytest.raises(AssociationError, match="no pose of the estimate"):
+        score(Trajectory(TRUTH.stamps + 1e6, TRUTH.poses), reference=Reference(trajectory=TRUTH))
+    write_tum(tmp_path / "estimate.tum", TRUTH)
+    with pytest.raises(ValueError, match=r"expected truth\.tum in it"):
+        score_files(tmp_path, tmp_path / "estimate.tum")
+
+
+def test_a_relations_file_is_enough(tmp_path):
+    write_tum(tmp_path / "estimate.tum", noisy(TRUTH, 2, 0.01))
+    write_map(tmp_path / "map.yaml", room())
+    stamps = TRUTH.stamps.tolist()
+    rows = [f"{stamps[i]} {stamps[i + 1]} 0 0 0 0 0 0\n" for i in range(0, 300, 3)]
+    (tmp_path / "x.relations").write_text("".join(rows))
+    metrics = score_files(
+        tmp_path, tmp_path / "estimate.tum", tmp_path / "map.yaml", relations=tmp_path / "x.relations"
+    )
+    assert metrics["relations"]["pairs"] == 100
+    assert metrics["relations"]["loops"] is None
+
+
+@pytest.mark.benchmark
+def test_speed_of_ten_minutes_with_a_large_map_and_of_a_long_trajectory():
+    """Under 3 s and 1 s, in processor time: a busy machine must not fail it."""
+    n = 6000
+    angle = np.linspace(0.0, 12.0 * np.pi, n)
+    poses = np.column_stack([25.0 + 20.0 * np.cos(angle), 25.0 + 20.0 * np.sin(angle), angle + np.pi / 2])
+    truth = Trajectory(0.1 * np.arange(n), poses)
+    true_map = room(width=46.0, height=46.0, margin=2.0)
+    assert true_map.probability.shape == (1000, 1000)
+    started = time.process_time()
+    score(noisy(truth, 1, 0.02), reference=Reference(trajectory=truth, grid=true_map), odometry=truth, grid=true_map)
+    run_seconds = time.process_time() - started
+    long = random_walk(100_000, 3)
+    started = time.process_time()
+    score(noisy(long, 4), reference=Reference(trajectory=long))
+    trajectory_seconds = time.process_time() - started
+    print(f"\n10 min with 1000 x 1000 cells: {run_seconds:.2f} s; 100 000 poses: {trajectory_seconds:.2f} s")  # noqa: T201
+    assert run_seconds < 3.0
+    assert trajectory_seconds < 1.0
