@@ -88,4 +88,4 @@ def _see(unseen: NDArray[np.bool_], viewpoint: NDArray[np.float64], length: NDAr
 
 def _angles() -> NDArray[np.float64]:
     """Directions of the rays [rad], (RAYS,): the middle of equal sectors, the first of which begins at 0."""
-    return (np.arange(RAYS) + 0.5) * (2.0 * np.pi / RAYS)
+    return np.linspace(0.0, 2.0 * np.pi, RAYS, endpoint=False, dtype=np.float64) + np.pi / RAYS

@@ -66,8 +66,13 @@ def over_time(
     cursor: float | None = None,
     band: tuple[float, float] | None = None,
     log: bool = False,
+    axis: str = "time [s]",
 ) -> str:
-    """Values over time [s]; `marks` are times ticked at the foot (name: times, colour), `cursor` a line at one time."""
+    """Values over time [s], or over what `axis` says.
+
+    marks: times ticked at the foot (name: times, colour). cursor: a line at one time. band: values that are as they
+    should be.
+    """
     t = np.asarray(time, dtype=np.float64)
     with rc_context(_STYLE):
         figure, ax = _figure(WIDE)
@@ -87,7 +92,7 @@ def over_time(
                 ax.plot(times, height, "|", ms=7, mew=1.1, color=colour, transform=transform, label=name, zorder=5)
         if cursor is not None:
             ax.axvline(cursor, color=BAD, lw=1.0, ls=(0, (4, 2)), label="first bad scan")
-        ax.set(xlabel="time [s]", ylabel=label)
+        ax.set(xlabel=axis, ylabel=label)
         ax.margins(x=0.01)
         _legend(ax)
         return svg_uri(figure)
