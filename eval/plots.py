@@ -22,7 +22,8 @@ ESTIMATE, TRUTH, ODOMETRY, BAD, QUIET = "#1864ab", "#1b1f24", "#e67700", "#c92a2
 """Blue, black and orange are told apart by every eye and in grey print."""
 STAGES = {"match": "#1864ab", "sample": "#63a4d8", "map": "#e8a33d", "resample": "#868e96"}
 ERROR_COLOURS = LinearSegmentedColormap.from_list("error", ["#2b8a3e", "#f2b705", "#c92a2a"])
-WIDE, TALL = (5.6, 2.5), (5.6, 4.6)
+WIDE = (5.6, 2.5)
+"""Size of a plot [inch]; two stand side by side on a page, one fills a phone."""
 MAX_POINTS = 1200
 _STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -122,7 +123,7 @@ def paths(
 ) -> str:
     """Paths (n, 2) [m] seen from above, over a faint map; `point` is circled, `window` = x, x, y, y to show."""
     with rc_context(_STYLE):
-        figure, ax = _figure(TALL)
+        figure, ax = _figure(_size_for(background, window))
         _ground(ax, background)
         for name, path, colour in curves:
             xy = np.asarray(path, dtype=np.float64)[:: -(-len(np.asarray(path)) // (4 * MAX_POINTS))]
@@ -142,7 +143,7 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
     step = -(-len(xy) // (2 * MAX_POINTS))
     xy, e = xy[::step], e[::step]
     with rc_context(_STYLE):
-        figure, ax = _figure(TALL)
+        figure, ax = _figure(_size_for(background, None))
         _ground(ax, background)
         top = max(float(np.percentile(e, 99.0)), 1e-3)
         lines = LineCollection(
@@ -151,7 +152,7 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
         lines.set_array(50.0 * (e[:-1] + e[1:]))
         ax.add_collection(lines)
         ax.autoscale_view()
-        figure.colorbar(lines, ax=ax, label="error [cm]", shrink=0.75, pad=0.02).outline.set_visible(False)
+        figure.colorbar(lines, ax=ax, label="error [cm]", pad=0.02).outline.set_visible(False)
         return svg_uri(figure)
 
 
@@ -178,6 +179,13 @@ def thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.
         ends = {int(finite[np.argmin(y[finite])]), int(finite[np.argmax(y[finite])])} if len(finite) else {int(rows[0])}
         kept += sorted(ends)
     return x[kept], y[kept]
+
+
+def _size_for(background: Picture | None, window: tuple[float, float, float, float] | None) -> tuple[float, float]:
+    """A size as high as the place is, in proportion, but neither a strip nor a tower."""
+    shown = window or (background.extent if background is not None else None)
+    ratio = 0.75 if shown is None else (shown[3] - shown[2]) / (shown[1] - shown[0])
+    return WIDE[0], float(np.clip(0.88 * WIDE[0] * ratio + 0.8, 2.0, 6.0))
 
 
 def _figure(size: tuple[float, float]) -> tuple[Figure, Axes]:

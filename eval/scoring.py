@@ -26,6 +26,7 @@ from eval.trajectory import Trajectory, suspicions
 from eval.trajectory_error import AbsoluteError, RelativeError, Statistics, absolute_error, drift, relative_error
 from eval.tum import read_tum
 from slam.occupancy import OccupancyGrid
+from slam.se2 import wrap_angle
 
 RPE_LENGTHS = (1.0, 5.0, 20.0, 50.0)
 """Pieces of path for the relative error [m]."""
@@ -241,7 +242,7 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
         "best_rigid": {
             "T_truth_map": best,
             "moved_m": float(np.hypot(*(best - alignment)[:2])),
-            "turned_deg": float(np.degrees(best[2] - alignment[2])),
+            "turned_deg": float(np.degrees(wrap_angle(best[2] - alignment[2]))),
             **_map_error_metrics(map_error(grid, truth, best, observable)),
         },
     }

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: MIT
+"""Several runs side by side: the better figure is marked, differing settings are found, failures are counted."""
+
+import re
+
+import pytest
+
+from eval.comparison import write_comparison
+from eval.run_files import RunFilesError
+from tests.eval.synthetic_run import write_run
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    write_run(folder / "good")
+    write_run(folder / "broken", broken=True, seed=3)
+    write_run(folder / "log", truth=False)
+    return folder
+
+
+def cells(text: str, label: str) -> list[str]:
+    row = re.search(rf"<tr><td>{re.escape(label)}</td>(.*?)</tr>", text, re.DOTALL)[1]
+    return re.findall(r"<td.*?</td>", row)
+
+
+def test_the_better_run_is_marked_and_what_is_unknown_is_a_dash(folder):
+    text = write_comparison([folder / "good", folder / "broken", folder / "log"], folder / "c.html").read_text()
+    good, broken, log = cells(text, "trajectory error, rmse [cm]")
+    assert 'class="best"' in good
+    assert 'class="best"' not in broken
+    assert log == "<td>–</td>"
+    assert [">good<" in text, ">broken<" in text, ">log<" in text] == [True] * 3
+    assert "1 of 2 judged runs failed" in text
+    # The same for all three, so no run is the best.
+    assert not any("best" in cell for cell in cells(text, "memory [MB]"))
+
+
+def test_only_settings_that_differ_are_listed(folder):
+    text = write_comparison([folder / "good", folder / "broken"], folder / "c.html").read_text()
+    assert [re.sub("<.*?>", "", cell) for cell in cells(text, "seed")] == ["0", "3"]
+    assert "filter.particles" not in text
+    same = write_comparison([folder / "good", folder / "log"], folder / "c.html").read_text()
+    assert "All settings are the same." in same
+
+
+def test_runs_of_one_name_are_told_apart_by_their_folders(folder, tmp_path):
+    other = write_run(tmp_path / "elsewhere" / "good")
+    text = write_comparison([folder / "good", other], tmp_path / "c.html").read_text()
+    assert "elsewhere/good" in text
+    assert f"{folder.name}/good" in text
+
+
+def test_one_run_or_none_is_refused(folder, tmp_path):
+    with pytest.raises(ValueError, match="two or more"):
+        write_comparison([folder / "good"], tmp_path / "c.html")
+    with pytest.raises(RunFilesError, match=r"metrics\.json"):
+        write_comparison([folder / "good", tmp_path], tmp_path / "c.html")
+    assert not (tmp_path / "c.html").exists()
