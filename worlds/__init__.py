@@ -4,12 +4,15 @@
 from worlds.check import check_world
 from worlds.elements import Block, Box, Disc, Opening, Wall
 from worlds.errors import WorldError
-from worlds.files import catalogue, load
+from worlds.files import catalogue, dumps, load
+from worlds.floor_plan import import_map, world_from_grid
+from worlds.generate import KINDS, generate
 from worlds.movers import PERSON_RADIUS, Door, Person
 from worlds.raster import TrueMap, true_map
 from worlds.world import Start, Tour, World
 
 __all__ = [
+    "KINDS",
     "PERSON_RADIUS",
     "Block",
     "Box",
@@ -25,6 +28,10 @@ __all__ = [
     "WorldError",
     "catalogue",
     "check_world",
+    "dumps",
+    "generate",
+    "import_map",
     "load",
     "true_map",
+    "world_from_grid",
 ]

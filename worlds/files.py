@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from pydantic import ValidationError
 
 from worlds.check import check_world
@@ -44,6 +45,11 @@ def load(name_or_path: str | Path, *, footprint_radius: float = 0.0) -> World:
     world = parse(text, place)
     check_world(world, footprint_radius=footprint_radius, place=place)
     return world
+
+
+def dumps(world: World) -> str:
+    """The world as the text of a file (TOML) that `load` reads back to an equal world."""
+    return tomli_w.dumps(world.model_dump(mode="json", exclude_defaults=True))
 
 
 def parse(text: str, place: str) -> World:
