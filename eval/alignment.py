@@ -69,7 +69,7 @@ def _umeyama(p: Pose, q: Pose) -> Alignment:
 def scale_suspicion(estimate: ArrayLike, reference: ArrayLike) -> str | None:
     """A sentence if the estimate fits the reference only after a change of unit (cm, mm, inch, foot), else None.
 
-    The least-squares scale (Umeyama 1991, eq. 42, without its noise term) of the centred, turned positions.
+    The scale is that of least squares over the centred, turned positions (Umeyama 1991, eq. 42).
     """
     p, q = np.asarray(estimate, dtype=np.float64), np.asarray(reference, dtype=np.float64)
     aligned = align(p, q, "se2").apply(p)

@@ -78,7 +78,7 @@ class RelativeError:
 def absolute_error(matched: Association, method: Method = "se2") -> AbsoluteError:
     """ATE: e_i = |trans(Q_i) - trans(S P_i)|, S the alignment; headings by the same S.
 
-    Unit m and degrees; range 0 and up, 0 and 180. Source: Sturm et al., IROS 2012, section V-A.
+    Unit m and degrees; range 0 and up, 0 and 180. Source: Sturm et al., IROS 2012.
     Trap: grows with the path and with WHEN an error happened (an early turn costs more), so compare runs of one path
     only, and read it beside the relative error.
     """
@@ -95,7 +95,7 @@ def relative_error(matched: Association, delta: float, unit: Literal["m", "s", "
 
     Lengths are measured on the reference. `m`: j is the first pose at least `delta` metres of path after i; `s`: the
     pose nearest to `delta` seconds after i, if within a tenth of it; `poses`: `delta` rows after.
-    Unit m and degrees, range 0 and up. Sources: Sturm et al., IROS 2012, section V-B; by length, Geiger et al., CVPR
+    Unit m and degrees, range 0 and up. Sources: Sturm et al., IROS 2012; by length, Geiger et al., CVPR
     2012. Trap: blind to errors that build up slowly: take several lengths. Needs no alignment.
     """
     if not delta > 0:

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import tomli_w
 
 from eval.map_server import write_map
+from eval.relations import Relations
 from eval.scoring import Reference, score
 from eval.trajectory import Trajectory
 from eval.tum import write_tum
@@ -49,8 +50,14 @@ def drive(laps: int = 2, step: float = 0.06) -> Pose:
     return np.concatenate(pieces)
 
 
-def write_run(folder: Path, *, truth: bool = True, broken: bool = False, seed: int = 0) -> Path:
-    """Write all files of a run but the report; with `broken`, the estimate turns wrongly at scan `BREAK`."""
+def write_run(
+    folder: Path, *, truth: bool = True, relations: bool = False, broken: bool = False, seed: int = 0
+) -> Path:
+    """Write all files of a run but the report.
+
+    truth: path and map are known. relations: scored against relations, as a recorded log. broken: the estimate turns
+    wrongly at scan `BREAK`.
+    """
     rng = np.random.default_rng(seed)
     folder.mkdir(parents=True)
     poses = drive()
@@ -82,7 +89,11 @@ def write_run(folder: Path, *, truth: bool = True, broken: bool = False, seed: i
     (folder / "config.toml").write_bytes(tomli_w.dumps(_config(seed)).encode())
     metrics = score(
         trajectories["estimate"],
-        reference=Reference(trajectory=true, grid=true_map if truth else None),
+        reference=Reference(
+            trajectory=true,
+            grid=true_map if truth else None,
+            relations=_relations(stamps, poses) if relations else None,
+        ),
         odometry=trajectories["odometry"],
         grid=grid,
         steps=steps,
@@ -90,6 +101,14 @@ def write_run(folder: Path, *, truth: bool = True, broken: bool = False, seed: i
     )
     (folder / "metrics.json").write_text(json.dumps(metrics, allow_nan=False))
     return folder
+
+
+def _relations(stamps: Any, poses: Pose) -> Relations:
+    """True motions over 5 s, and between the laps."""
+    n = len(stamps)
+    first = np.concatenate([np.arange(0, n - 50, 10), np.arange(0, n // 2, 10)])
+    second = np.concatenate([np.arange(50, n, 10), np.arange(0, n // 2, 10) + n // 2])
+    return Relations(stamps[first], stamps[second], between(poses[first], poses[second]))
 
 
 def _estimated_map(truth: OccupancyGrid, first: Pose, broken: bool, rng: np.random.Generator) -> OccupancyGrid:

@@ -87,6 +87,17 @@ def test_with_truth_all_sections_are_there_and_without_it_only_those_that_can_be
     assert not {"True map", "Difference", "Error by place", "Position error", "Error over time"} & set(without)
 
 
+@pytest.mark.parametrize(("broken", "lead"), [(False, "Map and path hold together"), (True, "The map is broken")])
+def test_a_recorded_log_is_judged_by_its_relations(tmp_path, broken, lead):
+    folder = write_run(tmp_path / "intel", truth=False, relations=True, broken=broken)
+    page = Page(write_report(folder).read_text())
+    assert lead in page.text
+    relations = json.loads((folder / "metrics.json").read_text())["relations"]
+    assert f"Against {relations['pairs']} hand-checked relations" in page.text
+    for part in (relations, relations["short"], relations["loops"]):
+        assert f"{part['trans_mean_m']:.4f} ± {part['trans_std_m']:.4f} m" in page.text
+
+
 def test_the_broken_run_is_called_broken_and_its_first_bad_scan_is_named(texts):
     page = Page(texts["broken"])
     assert "The map is broken" in page.text
