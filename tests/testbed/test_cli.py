@@ -18,7 +18,7 @@ from slam.scan import Scan
 from testbed.cli import main
 from testbed.formats.carmen_writer import write_carmen
 from testbed.frame import Frame
-from testbed.rundir import RunDirectory
+from testbed.rundir import RUN_FILES, RunDirectory
 from worlds import catalogue
 
 TESTBED = [sys.executable, "-c", "from testbed.cli import main; main()"]
@@ -46,7 +46,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def call(*arguments: str) -> int:
+def call(*arguments: str | Path) -> int:
     with pytest.raises(SystemExit) as end:
         main([str(argument) for argument in arguments])
     return end.value.code
@@ -150,44 +150,55 @@ def test_a_full_disk_is_one_line_and_no_run_looks_finished(here, capsys, monkeyp
     assert json.loads(Path("run/metrics.json").read_text())["outcome"] == "failed"
 
 
-def test_slam_writes_a_run_that_its_own_config_repeats(here, capsys):
-    room_log(here / "room.log.gz")
-    assert call("slam", "room.log.gz", "--particles", "3", "--seed", "7", "--out", "a") == 0
-    captured = capsys.readouterr()
-    assert captured.out.splitlines()[-1] == f"report: {here / 'a' / 'report.html'}"
-    metrics = json.loads(Path("a/metrics.json").read_text())
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory) -> Path:
+    """A folder with room.log and the run `a` that `testbed slam` made of it."""
+    folder = tmp_path_factory.mktemp("mapped")
+    room_log(folder / "room.log")
+    assert call("slam", folder / "room.log", "--particles", "3", "--seed", "7", "--out", folder / "a") == 0
+    return folder
+
+
+def metrics_of(run: Path) -> dict:
+    return json.loads((run / "metrics.json").read_text())
+
+
+def test_slam_writes_a_whole_run(mapped):
+    metrics = metrics_of(mapped / "a")
     assert (metrics["outcome"], metrics["seed"], metrics["particles"], metrics["scans"]) == ("ok", 7, 3, 5)
     assert metrics["trajectory"]["ate_rmse_m"] < 0.02
-    assert call("slam", "--config", "a/config.toml", "--out", "b") == 0
-    assert json.loads(Path("b/metrics.json").read_text())["result_hash"] == metrics["result_hash"]
-    assert call("slam", "--config", "a/config.toml", "--seed", "8", "--out", "c") == 0
-    assert json.loads(Path("c/metrics.json").read_text())["result_hash"] != metrics["result_hash"]
+    absent = {"truth_map.pgm", "truth_map.yaml"}  # nobody knows the true map of a log
+    assert {path.name for path in (mapped / "a").iterdir()} == set(RUN_FILES) - absent
 
 
-def test_truth_from_a_file_scores_like_truth_in_the_log(here):
-    room_log(here / "room.log")
-    assert call("slam", "room.log", "--out", "a") == 0
-    lines = [line for line in Path("room.log").read_text().splitlines() if not line.startswith("TRUEPOS")]
-    Path("bare.log").write_text("\n".join(lines) + "\n")
-    assert call("slam", "bare.log", "--truth", "a/truth.tum", "--out", "b") == 0
-    a, b = (json.loads(Path(run, "metrics.json").read_text()) for run in "ab")
-    assert a["trajectory"]["ate_rmse_m"] == pytest.approx(b["trajectory"]["ate_rmse_m"])
+def test_the_config_of_a_run_repeats_it_bit_by_bit(here, mapped, capsys):
+    assert call("slam", "--config", mapped / "a" / "config.toml", "--out", "b") == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"report: {here / 'b' / 'report.html'}"
+    assert metrics_of(here / "b")["result_hash"] == metrics_of(mapped / "a")["result_hash"]
 
 
-def test_a_broken_limit_is_exit_status_1(here, capsys):
-    room_log(here / "room.log")
-    assert call("slam", "room.log", "--out", "a", "--fail-if", "trajectory.ate_rmse_m > 1") == 0
-    assert call("slam", "room.log", "--out", "b", "--fail-if", "trajectory.ate_rmse_m > 0") == 1
-    assert "trajectory.ate_rmse_m > 0" in capsys.readouterr().out
+def test_what_is_typed_wins_over_the_config_and_truth_may_come_from_a_file(here, mapped):
+    lines = (mapped / "room.log").read_text().splitlines()
+    Path("bare.log").write_text("".join(f"{line}\n" for line in lines if not line.startswith("TRUEPOS")))
+    given = ["--truth", mapped / "a" / "truth.tum", "--seed", "8", "--log", "bare.log"]
+    assert call("slam", "--config", mapped / "a" / "config.toml", *given, "--out", "c") == 0
+    other, own = metrics_of(here / "c"), metrics_of(mapped / "a")
+    assert other["seed"] == 8
+    assert other["result_hash"] != own["result_hash"]
+    assert other["trajectory"]["poses"] == own["trajectory"]["poses"] == 5
 
 
-def test_score_gives_the_run_its_own_figures(here, capsys):
-    room_log(here / "room.log")
-    call("slam", "room.log", "--out", "a")
-    capsys.readouterr()
-    assert call("score", "a", "--trajectory", "a/estimate.tum", "--out", "scored") == 0
-    scored, own = (json.loads(Path(run, "metrics.json").read_text()) for run in ("scored", "a"))
+def test_score_gives_a_run_its_own_figures(here, mapped):
+    assert call("score", mapped / "a", "--trajectory", mapped / "a" / "estimate.tum", "--out", "scored") == 0
+    scored, own = metrics_of(here / "scored"), metrics_of(mapped / "a")
     assert scored["trajectory"]["ate_rmse_m"] == pytest.approx(own["trajectory"]["ate_rmse_m"])
+
+
+def test_a_broken_limit_is_exit_status_1(mapped, capsys):
+    score = ["score", mapped / "a", "--trajectory", mapped / "a" / "estimate.tum", "--fail-if"]
+    assert call(*score, "trajectory.ate_rmse_m > 1") == 0
+    assert call(*score, "trajectory.ate_rmse_m > 0") == 1
+    assert "trajectory.ate_rmse_m > 0" in capsys.readouterr().err
 
 
 def test_convert_keeps_the_frames(here):
@@ -226,7 +237,7 @@ def test_help_loads_nothing_heavy(here):
     assert "run" in done.stdout
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_a_signal_ends_a_run_soon_and_keeps_what_was_there(here, number):
     run = subprocess.Popen([*TESTBED, "run", "office", "--out", "run"], stderr=subprocess.PIPE, text=True)
     recording = here / "run" / "recording.rrd"

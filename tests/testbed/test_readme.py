@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+"""What the README promises: its example runs, its files exist, its dependencies are those of the package."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+from testbed.cli.help_texts import HELP
+from testbed.rundir import RUN_FILES
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def my_robot():
+    """A robot that drives through a square room of 8 m; its lidar has 180 beams."""
+    angles = np.linspace(-np.pi, np.pi, 180, endpoint=False)
+    for x in np.arange(-2.0, 2.0, 0.2):
+        with np.errstate(divide="ignore"):
+            to_x = (np.where(np.cos(angles) > 0, 4.0, -4.0) - x) / np.cos(angles)
+            to_y = np.where(np.sin(angles) > 0, 4.0, -4.0) / np.sin(angles)
+        yield np.array([x, 0.0, 0.0]), np.minimum(to_x, to_y)
+
+
+def test_the_library_example_runs_and_finds_the_way(capsys):
+    (example,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    names = {"my_robot": my_robot}
+    exec(compile(example, "README.md", "exec"), names)
+    np.testing.assert_allclose(names["path"][-1], [3.8, 0.0, 0.0], atol=0.05)
+    assert names["grid"].occupied.any()
+    assert len(capsys.readouterr().out.splitlines()) == 20
+
+
+def test_every_dependency_is_explained():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    names = [re.split(r"[ <>=;]", line)[0] for line in project["dependencies"]]
+    explained = re.findall(r"^\| ([a-z][a-z0-9-]*) \|", README, flags=re.MULTILINE)
+    assert sorted(set(names) - set(explained)) == []
+
+
+def test_links_lead_somewhere():
+    targets = re.findall(r"\]\(([^)#]+)\)", README)
+    missing = [target for target in targets if "://" not in target and not (ROOT / target).exists()]
+    assert missing == []
+
+
+def test_commands_and_files_it_names_exist():
+    commands = set(re.findall(r"`testbed ([a-z]+)", README))
+    assert commands <= set(HELP)
+    table = README[README.index("## What comes out") : README.index("## Other commands")]
+    files = set(re.findall(r"`([a-z_]+\.[a-z]+)`", table))
+    assert files <= set(RUN_FILES)
