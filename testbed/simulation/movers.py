@@ -101,12 +101,15 @@ class _Leaf:
         self._wants_open = self._opened == 1.0
         self._stay = float(rng.exponential(door.stay))
 
-    def advance(self, seconds: float, robot: tuple[float, float], radius: float) -> None:
-        """Swing on, or stand still next to a robot of that footprint radius [m]."""
+    def advance(
+        self, seconds: float, robot: tuple[float, float], radius: float, people: list[tuple[float, float]]
+    ) -> None:
+        """Swing on, or stand still next to a robot of that footprint radius [m]; open for whoever comes."""
         door = self._door
         gap = math.hypot(door.x - robot[0], door.y - robot[1]) - door.width - radius
+        person = min((math.hypot(door.x - x, door.y - y) for x, y in people), default=math.inf)
         self._stay -= seconds
-        if gap < _DOOR_SENSOR:
+        if gap < _DOOR_SENSOR or person - door.width - PERSON_RADIUS < _DOOR_SENSOR:
             self._wants_open = True
         elif self._stay <= 0.0:
             self._wants_open = not self._wants_open
@@ -159,8 +162,9 @@ class Movers:
         """Everything moves for one period, while the robot is at (x, y) [m]."""
         for walker in self._walkers:
             walker.advance(self._period, (x, y), self._radius)
+        people = [walker.position for walker in self._walkers]
         for leaf in self._leaves:
-            leaf.advance(self._period, (x, y), self._radius)
+            leaf.advance(self._period, (x, y), self._radius, people)
         self._circles.append(self.circles())
         self._segments.append(self.segments())
 
