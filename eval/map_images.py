@@ -18,6 +18,7 @@ MAX_SIDE = 1400
 """Pictures are thinned out to about this many pixels a side."""
 RIGHT, MISSING, INVENTED, SEEN, UNSEEN = "#1b1f24", "#e8590c", "#c2255c", "#ffffff", "#d3d9e0"
 """Colours of the difference: walls right within a cell, missing, invented; ground that is known, and not."""
+DIFFERENCE_KEY = ((RIGHT, "right within a cell"), (MISSING, "missing"), (INVENTED, "invented"), (UNSEEN, "never seen"))
 Image = NDArray[np.uint8]
 Extent = tuple[float, float, float, float]
 
@@ -85,13 +86,23 @@ def draw_difference(
 
 
 def _outline(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The corners of the box around the known cells; of the whole map where there are none."""
-    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    if len(rows) == 0:
-        rows, cols = np.arange(known.shape[0]), np.arange(known.shape[1])
+    """The corners of the box around the known cells, of the whole map where there are none.
+
+    The outermost 0.1 % of them on each side do not count: one beam through a window would shrink the picture.
+    """
+    rows, cols = (_span(known.sum(axis=axis)) for axis in (1, 0))
     mask = np.zeros_like(known)
-    mask[np.ix_(rows[[0, -1]], cols[[0, -1]])] = True
+    mask[np.ix_(rows, cols)] = True
     return mask
+
+
+def _span(counts: NDArray[np.intp]) -> tuple[int, int]:
+    """First and last index that hold all but the outermost 0.1 % of the counts on each side."""
+    total = np.cumsum(counts)
+    if total[-1] == 0:
+        return 0, len(counts) - 1
+    first, last = np.searchsorted(total, [0.001 * total[-1], 0.999 * total[-1]], side="right")
+    return int(first), min(int(last), len(counts) - 1)
 
 
 def _extent(frame: OccupancyGrid) -> Extent:

@@ -143,7 +143,8 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
     step = -(-len(xy) // (2 * MAX_POINTS))
     xy, e = xy[::step], e[::step]
     with rc_context(_STYLE):
-        figure, ax = _figure(_size_for(background, None))
+        wide, high = _size_for(background, None)
+        figure, ax = _figure((wide, max(0.82 * high, 2.0)))  # the colour bar takes a share of the width
         _ground(ax, background)
         top = max(float(np.percentile(e, 99.0)), 1e-3)
         lines = LineCollection(

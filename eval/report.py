@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from eval import plots
@@ -18,7 +19,7 @@ from eval.association import AssociationError, associate
 from eval.consistency import LEVEL, column, nees, updates
 from eval.diagnosis import Finding, first_bad_match, first_bad_stretch
 from eval.files import write_aside
-from eval.map_images import Picture, draw_difference, draw_map, frame_around
+from eval.map_images import DIFFERENCE_KEY, Picture, draw_difference, draw_map, frame_around
 from eval.run_files import RunFiles, read_run
 from eval.trajectory import Trajectory
 from eval.trajectory_error import AbsoluteError, absolute_error
@@ -36,8 +37,10 @@ class Plot:
     title: str
     source: str
     """`data:` address."""
-    caption: str
+    caption: str = ""
     pixelated: bool = False
+    key: tuple[tuple[str, str], ...] = ()
+    """Colours and what they mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class Sight:
     T_frame_estimate: Pose
     errors: AbsoluteError | None
     """Of the estimate after SE(2) alignment, for the scans `rows`."""
-    rows: np.ndarray[Any, np.dtype[np.intp]]
+    rows: NDArray[np.intp]
     finding: Finding | None
 
     @property
@@ -160,7 +163,7 @@ def _map_plots(sight: Sight) -> Iterator[Plot]:
         truth = draw_map(run.truth_grid, around, np.zeros(3))
         yield Plot("True map", truth.data_uri, "What a perfect mapper could know of this world.", True)
         difference = draw_difference(run.grid, run.truth_grid, around, T)
-        yield Plot("Difference", difference.data_uri, "difference", True)
+        yield Plot("Difference", difference.data_uri, pixelated=True, key=DIFFERENCE_KEY)
 
 
 def _background(sight: Sight) -> Picture | None:
@@ -229,7 +232,7 @@ def _bad_scan_plot(sight: Sight) -> Plot | None:
     return Plot(f"Around scan {finding.scan}", source, caption)
 
 
-def _moved(trajectory: Trajectory, T: Pose) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _moved(trajectory: Trajectory, T: Pose) -> NDArray[np.float64]:
     """Positions (n, 2) seen from another frame."""
     return compose(T, trajectory.poses)[:, :2]
 

@@ -15,6 +15,7 @@ import numpy as np
 from eval.alignment import scale_suspicion
 from eval.association import Association, associate
 from eval.consistency import Columns, column, consistency, filter_health
+from eval.grids import cell_centres
 from eval.map_alignment import best_rigid_alignment
 from eval.map_error import TOLERANCES, MapError, map_error
 from eval.map_server import read_map
@@ -26,7 +27,7 @@ from eval.trajectory import Trajectory, suspicions
 from eval.trajectory_error import AbsoluteError, RelativeError, Statistics, absolute_error, drift, relative_error
 from eval.tum import read_tum
 from slam.occupancy import OccupancyGrid
-from slam.se2 import wrap_angle
+from slam.se2 import Pose, transform_points, wrap_angle
 
 RPE_LENGTHS = (1.0, 5.0, 20.0, 50.0)
 """Pieces of path for the relative error [m]."""
@@ -231,6 +232,8 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
     else:
         alignment, how = absolute_error(matched, "se2").alignment.T_reference_estimate, "se2"
         observable = observable_cells(truth, matched.reference.poses[:, :2], range_max=reference.range_max)
+        if not observable.any():
+            notes.append("the true path sees not one cell of the true map: are they in one frame?")
     if abs(grid.resolution - truth.resolution) > 1e-9:
         notes.append(f"the map's cells of {grid.resolution:g} m were drawn on the truth's of {truth.resolution:g} m")
     best = best_rigid_alignment(grid, truth, alignment)
@@ -241,11 +244,18 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
         **_map_error_metrics(map_error(grid, truth, alignment, observable)),
         "best_rigid": {
             "T_truth_map": best,
-            "moved_m": float(np.hypot(*(best - alignment)[:2])),
+            "moved_m": _moved(grid, alignment, best),
             "turned_deg": float(np.degrees(wrap_angle(best[2] - alignment[2]))),
             **_map_error_metrics(map_error(grid, truth, best, observable)),
         },
     }
+
+
+def _moved(grid: OccupancyGrid, alignment: Pose, other: Pose) -> float:
+    """How far the known part of a map moves from one alignment to another, at its centre [m]."""
+    centre = cell_centres(grid, grid.known).mean(axis=0, keepdims=True) if grid.known.any() else np.zeros((1, 2))
+    way = transform_points(other, centre) - transform_points(alignment, centre)
+    return float(np.hypot(way[0, 0], way[0, 1]))
 
 
 def _map_error_metrics(error: MapError) -> Metrics:

@@ -2,7 +2,7 @@
 """Limits: read safely, broken when they hold, never passed for want of a number."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.gate import GateError, Limit, check
@@ -34,6 +34,7 @@ def test_a_limit_is_broken_when_it_holds_and_when_nothing_was_measured(text, bro
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(allow_nan=False, allow_infinity=False))
+@settings(deadline=None)
 def test_comparisons_are_those_of_numbers(value, bound):
     for sign, holds in (("<", value < bound), (">=", value >= bound), ("!=", value != bound)):
         assert bool(check({"x": value}, [Limit.parse(f"x {sign} {bound!r}")])) == holds
@@ -55,6 +56,7 @@ def test_what_is_no_limit_is_refused(text, expected):
 
 
 @given(st.text(max_size=40))
+@settings(deadline=None)
 def test_any_text_is_read_or_refused(text):
     try:
         limit = Limit.parse(text)

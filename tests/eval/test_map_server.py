@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -19,6 +19,7 @@ probabilities = hnp.arrays(
 
 
 @given(probabilities, st.floats(-3.0, 3.0))
+@settings(deadline=None)
 def test_what_is_written_is_read_back_to_one_grey_level(tmp_path_factory, probability, yaw):
     folder = tmp_path_factory.mktemp("map")
     grid = OccupancyGrid(probability=probability, resolution=0.05, origin=(-1.25, 3.5, yaw))
@@ -31,6 +32,7 @@ def test_what_is_written_is_read_back_to_one_grey_level(tmp_path_factory, probab
 
 
 @given(probabilities)
+@settings(deadline=None)
 def test_a_map_server_reads_the_same_cells_as_occupied_free_and_unknown(tmp_path_factory, probability):
     """nav2's trinary rule on the written pixels, without the extra key; only at a threshold may grey levels round."""
     folder = tmp_path_factory.mktemp("map")

@@ -125,6 +125,8 @@ def test_doubts_stand_in_the_notes():
         reference = Reference(trajectory=TRUTH, grid=room() if grid is not None else None)
         notes = score(estimate, reference=reference, grid=grid)["notes"]
         assert any(expected in note for note in notes), (expected, notes)
+    elsewhere = Reference(trajectory=TRUTH, grid=moved(room(), (1000.0, 0.0, 0.0)))
+    assert any("in one frame?" in note for note in score(TRUTH, reference=elsewhere, grid=room())["notes"])
 
 
 def test_what_cannot_be_computed_is_none_never_nan():

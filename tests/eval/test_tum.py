@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.trajectory import Trajectory, suspicions
@@ -14,6 +14,7 @@ number = st.floats(-1e6, 1e6, allow_nan=False, width=64)
 
 
 @given(st.lists(st.tuples(st.floats(-1e10, 1e10), number, number, st.floats(-3.1, 3.1)), min_size=1, max_size=20))
+@settings(deadline=None)
 def test_positions_and_stamps_come_back_bit_by_bit_in_file_order(tmp_path_factory, rows):
     table = np.array(rows)
     path = tmp_path_factory.mktemp("tum") / "t.tum"
