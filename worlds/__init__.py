@@ -2,6 +2,7 @@
 """What a place is: walls, blocks, start and tour, in TOML files; and the true map drawn from the same geometry."""
 
 from worlds.check import check_world
+from worlds.difficulty import measure_difficulty
 from worlds.elements import Block, Box, Disc, Opening, Wall
 from worlds.errors import WorldError
 from worlds.files import catalogue, dumps, load
@@ -9,13 +10,14 @@ from worlds.floor_plan import import_map, world_from_grid
 from worlds.generate import KINDS, generate
 from worlds.movers import PERSON_RADIUS, Door, Person
 from worlds.raster import TrueMap, true_map
-from worlds.world import Start, Tour, World
+from worlds.world import Difficulty, Start, Tour, World
 
 __all__ = [
     "KINDS",
     "PERSON_RADIUS",
     "Block",
     "Box",
+    "Difficulty",
     "Disc",
     "Door",
     "Opening",
@@ -32,6 +34,7 @@ __all__ = [
     "generate",
     "import_map",
     "load",
+    "measure_difficulty",
     "true_map",
     "world_from_grid",
 ]

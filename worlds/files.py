@@ -17,15 +17,23 @@ from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
 from worlds.errors import WorldError
 from worlds.movers import Door, Person
-from worlds.world import Start, Tour, World
+from worlds.world import Difficulty, Start, Tour, World
 
 MAX_FILE_BYTES = 8_000_000
 """Larger world files are refused."""
 
 _MODEL_OF_KEY: dict[str, type[Model]] = {
-    "walls": Wall, "boxes": Box, "discs": Disc, "polygons": Block, "openings": Opening, "start": Start, "tour": Tour,
-    "people": Person, "doors": Door,
-}  # fmt: skip
+    "walls": Wall,
+    "boxes": Box,
+    "discs": Disc,
+    "polygons": Block,
+    "openings": Opening,
+    "start": Start,
+    "tour": Tour,
+    "people": Person,
+    "doors": Door,
+    "difficulty": Difficulty,
+}
 
 
 def catalogue() -> list[str]:

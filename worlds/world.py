@@ -51,6 +51,28 @@ class Tour(Model):
         return self
 
 
+class Difficulty(Model):
+    """Measures of a world; see `worlds.measure_difficulty`."""
+
+    area: float = Field(ge=0.0)
+    """Floor that is connected with the start [m²]."""
+    free_share: float = Field(ge=0.0, le=1.0)
+    """That floor as a share of what the outline encloses."""
+    loops: int = Field(ge=0)
+    """Islands in that floor whose outline is at least 4 m long."""
+    tour_length: float = Field(ge=0.0)
+    """[m]"""
+    observability: float = Field(ge=0.0, le=1.0)
+    """How well a single scan tells the position in its worst direction, median along the tour: the smaller eigenvalue
+    of the mean of n nᵀ over all beams (n = normal of the surface hit, zero without a hit), times 2. 1 = walls all
+    round in all directions, 0 = a bare corridor or nothing in reach."""
+    corridor_share: float = Field(ge=0.0, le=1.0)
+    """Share of the tour with an observability below 0.1."""
+    symmetry: float = Field(ge=0.0, le=1.0)
+    """Largest share of wall cells that fall on wall cells (to 0.1 m) when the map is turned by 180 degrees or mirrored
+    left to right or bottom to top."""
+
+
 class World(Model):
     """Everything that a place consists of. Frozen; made by `worlds.load` or by hand."""
 
@@ -75,6 +97,8 @@ class World(Model):
     """Who walks about."""
     doors: Annotated[list[Door], Field(max_length=1000)] = Field(default_factory=list)
     """Doors that swing."""
+    difficulty: Difficulty | None = None
+    """Measures of this world, as far as they were stored."""
 
     @model_validator(mode="after")
     def _not_too_large(self) -> World:

@@ -13,7 +13,7 @@ from testbed.simulation import LidarLayers, SimulationConfig, simulate
 from testbed.simulation.backend import STEP_RATE, Limits
 from testbed.simulation.fast_backend import FastBackend
 from tests.testbed.simulation.places import perfect, room
-from worlds import Box, WorldError
+from worlds import Box, WorldError, catalogue, load
 
 LIMITS = Limits(0.5, 3.0)
 
@@ -221,3 +221,14 @@ def test_presets_of_several_rates_fit_together():
     scans = [frame.scan for frame in frames(room(), config) if frame.scan]
     assert {scan.mount for scan in scans} == {config.robot.lidar_mount.pose}
     assert all(len(scan.ranges) == 800 for scan in scans)
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_every_world_of_the_catalogue_is_driven_to_the_end_of_its_tour(name):
+    lidar = load_lidar("rplidar_a2").model_copy(update={"beams": 8, "scan_rate": 2.0})
+    with simulate(load(name), SimulationConfig(backend="fast", lidar=lidar)) as simulation:
+        for _ in simulation:
+            pass
+    assert simulation.finished
+    assert not simulation.collided
+    assert simulation.driver.recoveries == 0
