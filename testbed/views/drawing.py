@@ -54,9 +54,9 @@ def extent_of(grid: OccupancyGrid, T_world_map: ArrayLike) -> Extent:
 
 def cells_from_top(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """Percent of occupation, (rows, cols), row 0 = highest y as in a picture; `UNKNOWN` where never observed."""
-    percent = np.rint(grid.probability[::-1] * np.float32(100.0))
-    cells: NDArray[np.uint8] = np.where(np.isnan(percent), np.float32(UNKNOWN), percent).astype(np.uint8)
-    return cells
+    shares = np.where(np.isnan(grid.probability), np.float32(UNKNOWN / 100.0), grid.probability)
+    cells: NDArray[np.uint8] = (shares * np.float32(100.0) + np.float32(0.5)).astype(np.uint8)
+    return np.ascontiguousarray(cells[::-1])
 
 
 def scan_points(scan: Scan, most: int) -> NDArray[np.float32]:
@@ -108,13 +108,15 @@ def branches(paths: Sequence[Pose]) -> list[NDArray[np.float64]]:
     paths: one (length, 3) per particle, all of the same length, oldest first. Histories that were shared up to some
     scan are equal up to there, bit by bit; a later strip begins at the pose where it leaves the earlier ones.
     """
-    stacked = np.asarray(paths)
-    strips = [stacked[0, :, :2]]
-    for i in range(1, len(stacked)):
-        shared = int((stacked[:i] == stacked[i]).all(axis=2).sum(axis=1).max())
-        if shared < stacked.shape[1]:
-            strips.append(stacked[i, max(shared - 1, 0) :, :2])
-    return strips
+    positions = np.ascontiguousarray(np.asarray(paths)[:, :, :2])
+    points = positions.view(np.complex128)[:, :, 0]  # one number a position: compared in one go
+    shared = (points[:, None] == points).sum(axis=2)
+    leaves_at = np.tril(shared, -1).max(axis=1)
+    return [
+        strip[max(first - 1, 0) :]
+        for strip, first in zip(positions, leaves_at.tolist(), strict=True)
+        if first < positions.shape[1]
+    ]
 
 
 def spread_over_weights(weights: NDArray[np.float64], count: int) -> NDArray[np.intp]:

@@ -1,44 +1,38 @@
 # SPDX-License-Identifier: MIT
 """The recording of a run: every snapshot becomes entities of a Rerun file, which live viewers follow.
 
-What is logged when, so that ten minutes stay below 60 MB and a snapshot below 2 ms (measured: docs/views.md):
-poses, scan and plots at most ten times a second; particles at every scan that the filter took in; maps, paths and
-weights about once a second, after resampling, and at the end; the maps of four particles every ten seconds.
-Stored poses are float32: the files of the run directory are the source of truth.
+Poses, scan and plots are logged at most ten times a second; particles at every scan that the filter took in; maps,
+paths and weights about once a second, after resampling, and at the end; the maps of four particles every ten seconds
+(`schedule`). What that costs is measured in docs/views.md. Stored poses are float32: the files of the run directory
+are the source of truth.
 """
 
 from __future__ import annotations
 
+import time
 import uuid
-from collections.abc import Sequence
+from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from slam import se2
 from slam.gmapping import StepReport
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
-from testbed.views import drawing, entities
+from testbed.views import drawing, entities, styles
+from testbed.views.archetypes import grid_map, line, pose_transform, strips
 from testbed.views.blueprints import blueprint
+from testbed.views.columns import Columns
 from testbed.views.live import LiveViewer, start_viewers
-from testbed.views.robot_model import log_robot
 from testbed.views.scenery import Scenery
 from testbed.views.schedule import Schedule
 from testbed.views.view import Scene, Snapshot, ViewOptions
 
-TRUTH, ODOMETRY, ESTIMATE = (60, 160, 80), (240, 150, 30), (40, 90, 210)
-SCAN, COVARIANCE, PROPOSAL, FAN = (220, 40, 140), (120, 40, 200), (0, 150, 160), (110, 140, 190)
-STATES = {
-    "mapping": (90, 160, 90),
-    "resampled": (230, 170, 40),
-    "loop closed": (50, 100, 220),
-    "match failed": (210, 50, 50),
-}
-ROBOT_STATES = {"driving": (150, 160, 170), "collided": (210, 50, 50)}
 Z_TRUTH, Z_ODOMETRY, Z_FAN, Z_ESTIMATE, Z_TOP = 0.02, 0.03, 0.035, 0.04, 0.06
 """Heights at which things are drawn [m], so that they do not fight for the same pixels."""
 MOST_POINTS = 360
@@ -47,6 +41,10 @@ MOST_BRANCHES = 100
 """Particles whose recent path is drawn."""
 FAN_LENGTH = 60
 """Updates of the recent paths."""
+SEND_PERIOD = 0.5
+"""Rows are sent this often [s of wall time]."""
+FILE_PERIOD = 0.5
+"""What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
 
 
 class RerunView:
@@ -59,6 +57,7 @@ class RerunView:
         self._last: Snapshot | None = None
         self._start = 0.0
         self._scans = 0
+        self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
         self._path_ends: dict[str, Pose] = {}
         self._states: dict[str, str] = {}
@@ -69,10 +68,14 @@ class RerunView:
             truth=known is not None,
             extent=None if known is None else drawing.extent_of(known, np.zeros(3)),
         )
-        self._rec = rr.RecordingStream(entities.APPLICATION, recording_id=run)
+        batches = rr.ChunkBatcherConfig.DEFAULT()
+        batches.flush_tick = timedelta(seconds=FILE_PERIOD)
+        self._rec = rr.RecordingStream(entities.APPLICATION, recording_id=run, batcher_config=batches)
+        self._rec.set_log_time_enabled(False)
         self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(scenery))
         self._rec.send_recording_name(scene.title)
-        self._log_scene()
+        self._columns = Columns(self._rec)
+        styles.log_scene(self._rec, scene)
         self._viewers: list[LiveViewer] = start_viewers(recording, run, scenery, options)
 
     @property
@@ -85,23 +88,20 @@ class RerunView:
         if self._last is None:
             self._align(snapshot)
         self._last = snapshot
-        step = snapshot.step
-        updated = step is not None and step.updated
-        resampled = step is not None and step.resampled
+        step = snapshot.step if snapshot.step is not None and snapshot.step.updated else None
         self._set_time(snapshot)
         self._log_events(snapshot)
-        if self._schedule.frame_due(snapshot.stamp, updated):
-            self._log_robots(snapshot)
-            self._log_errors(snapshot)
-        if step is not None and updated:
-            self._log_filter(step)
-            self._log_particles(snapshot)
+        if self._schedule.frame_due(snapshot.stamp, step is not None):
+            self._add_frame(snapshot)
+        if step is not None:
+            self._add_filter(step)
+            self._add_particles(snapshot)
             self._extend_path(entities.ODOMETRY_PATH, snapshot.odometry, Z_ODOMETRY)
             self._extend_path(entities.TRUE_PATH, snapshot.truth, Z_TRUTH)
-        if updated and self._schedule.map_due(snapshot.stamp, resampled):
-            self._log_map(snapshot)
-        for viewer in self._viewers:
-            viewer.check()
+            if self._schedule.map_due(snapshot.stamp, step.resampled):
+                self._log_map(snapshot)
+        if time.monotonic() - self._sent > SEND_PERIOD:
+            self._send()
 
     def finish(self, path: Pose, grid: OccupancyGrid) -> None:
         """Replace path (scans, 3), map and last pose by the result of a final pass."""
@@ -110,9 +110,9 @@ class RerunView:
             return
         self._last = None  # its map is not the final one any more
         self._set_time(last)
+        self._columns.add(entities.ESTIMATED_ROBOT, path[-1])
         self._rec.log(entities.MAP, grid_map(grid))
-        self._rec.log(entities.PATH, strip(path, Z_ESTIMATE))
-        self._rec.log(entities.ESTIMATED_ROBOT, pose_transform(path[-1]))
+        self._rec.log(entities.PATH, line(path, Z_ESTIMATE))
         for entity in (entities.PARTICLES, entities.PARTICLE_PATHS, entities.COVARIANCE, entities.PROPOSAL):
             self._rec.log(entity, rr.Clear(recursive=True))
         self._rec.log(entities.EVENTS, rr.TextLog("final pass: path and map replaced", level="INFO"))
@@ -122,14 +122,13 @@ class RerunView:
         """Log the last map, complete the file, and let the viewers have the rest."""
         if self._last is not None:
             self._set_time(self._last)
-            self._log_robots(self._last)
+            self._add_frame(self._last)
             grid = self._log_map(self._last, last=True)
             if grid is not None:
                 self._fit_eye(grid)
             self._last = None
+        self._send()
         self._rec.disconnect()
-        for viewer in self._viewers:
-            viewer.check()
 
     def wait(self) -> None:
         """Serve the web page until Ctrl-C; returns at once where none is served."""
@@ -143,46 +142,6 @@ class RerunView:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def _log_scene(self) -> None:
-        """What never changes: axes, settings, true map, shapes of the robots, colours of lines and states."""
-        rec, scene = self._rec, self._scene
-        rec.log(entities.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        if scene.settings:
-            document = rr.TextDocument(scene.settings, media_type=rr.MediaType.MARKDOWN)
-            rec.log(entities.SETTINGS, document, static=True)
-        if scene.true_map is not None:
-            rec.log(entities.TRUE_MAP, grid_map(scene.true_map, z=0.01, opacity=0.4), static=True)
-            log_robot(rec, scene, entities.TRUE_ROBOT, entities.TRUE_MODEL, TRUTH)
-        log_robot(rec, scene, entities.ESTIMATED_ROBOT, entities.ESTIMATED_MODEL, ESTIMATE)
-        for entity, colour, width in (
-            (entities.TRUE_PATH, TRUTH, 2.5),
-            (entities.ODOMETRY_PATH, ODOMETRY, 1.2),
-            (entities.PATH, ESTIMATE, 1.2),
-            (entities.PARTICLE_PATHS, FAN, 0.5),
-        ):
-            style = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(width))
-            rec.log(entity, style, static=True)
-        rec.log(entities.SCAN, rr.Points3D.from_fields(colors=[SCAN], radii=rr.Radius.ui_points(1.5)), static=True)
-        for entity, states in ((entities.FILTER_STATE, STATES), (entities.ROBOT_STATE, ROBOT_STATES)):
-            rec.log(entity, rr.StateConfiguration(values=list(states), colors=list(states.values())), static=True)
-        self._log_series()
-
-    def _log_series(self) -> None:
-        """Names and colours of the plotted series."""
-        for entity, names, colours in (
-            (entities.POSITION_ERROR, ["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
-            (entities.HEADING_ERROR, ["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
-            (f"{entities.ESS}/value", ["effective sample size"], [ESTIMATE]),
-            (entities.MATCHED, ["matched share"], [ESTIMATE]),
-            (entities.STAGES, ["match", "map", "resample"], [ESTIMATE, TRUTH, ODOMETRY]),
-        ):
-            self._rec.log(entity, rr.SeriesLines(names=names, colors=colours, widths=[1.5]), static=True)
-        self._rec.log(
-            f"{entities.ESS}/resampled",
-            rr.SeriesPoints(names="resampled", colors=STATES["match failed"], markers="diamond", marker_sizes=4.0),
-            static=True,
-        )
 
     def _align(self, first: Snapshot) -> None:
         """Lay the frames of map and odometry on the world's, so that all three paths start at the same pose."""
@@ -199,53 +158,78 @@ class RerunView:
             self._rec.log(entity, pose_transform(pose), static=True)
 
     def _set_time(self, snapshot: Snapshot) -> None:
-        self._rec.set_time(entities.TIMELINE, duration=snapshot.stamp - self._start)
+        stamp = snapshot.stamp - self._start
+        self._rec.set_time(entities.TIMELINE, duration=stamp)
         self._rec.set_time(entities.SCAN_TIMELINE, sequence=self._scans)
+        self._columns.time = (stamp, self._scans)
         self._scans += 1
 
-    def _log_robots(self, snapshot: Snapshot) -> None:
-        rec = self._rec
-        rec.log(entities.ESTIMATED_ROBOT, pose_transform(snapshot.estimate))
-        if snapshot.truth is not None:
-            rec.log(entities.TRUE_ROBOT, pose_transform(snapshot.truth))
-        if snapshot.scan is not None:
-            points = drawing.lifted(drawing.scan_points(snapshot.scan, MOST_POINTS), Z_TOP)
-            rec.log(entities.SCAN, rr.Points3D.from_fields(positions=points))
+    def _send(self) -> None:
+        self._sent = time.monotonic()
+        self._columns.send()
+        for viewer in self._viewers:
+            viewer.check()
 
-    def _log_errors(self, snapshot: Snapshot) -> None:
+    def _add_frame(self, snapshot: Snapshot) -> None:
+        """Poses, scan and errors."""
+        add = self._columns.add
+        add(entities.ESTIMATED_ROBOT, snapshot.estimate)
+        if snapshot.scan is not None:
+            add(entities.SCAN, drawing.lifted(drawing.scan_points(snapshot.scan, MOST_POINTS), Z_TOP))
         if snapshot.truth is None:
             return
+        add(entities.TRUE_ROBOT, snapshot.truth)
         estimates = np.stack(
-            [
-                se2.compose(self._T_world_map, snapshot.estimate),
-                se2.compose(self._T_world_odom, snapshot.odometry),
-            ]
+            [se2.compose(self._T_world_map, snapshot.estimate), se2.compose(self._T_world_odom, snapshot.odometry)]
         )
         miss = se2.between(snapshot.truth, estimates)
-        self._rec.log(entities.POSITION_ERROR, rr.Scalars(np.hypot(miss[:, 0], miss[:, 1])))
-        self._rec.log(entities.HEADING_ERROR, rr.Scalars(np.degrees(np.abs(miss[:, 2]))))
+        add(entities.POSITION_ERROR, np.hypot(miss[:, 0], miss[:, 1]))
+        add(entities.HEADING_ERROR, np.degrees(np.abs(miss[:, 2])))
+
+    def _add_filter(self, step: StepReport) -> None:
+        """What the filter says of itself."""
+        add = self._columns.add
+        add(entities.ESS_VALUE, np.array([step.ess]))
+        if step.resampled:
+            add(entities.ESS_RESAMPLED, np.array([step.ess]))
+        add(entities.MATCHED, np.array([step.matched_share]))
+        add(entities.STAGES, np.array([1e3 * step.seconds.get(stage, 0.0) for stage in ("match", "map", "resample")]))
+        add(entities.COVARIANCE, *flat_ellipse(step.pose, step.covariance))
+        if step.proposed is not None:
+            mean, covariance = step.proposed.mean[step.best], step.proposed.covariance[step.best]
+            add(entities.PROPOSAL_GAUSSIAN, *flat_ellipse(mean, covariance))
+
+    def _add_particles(self, snapshot: Snapshot) -> None:
+        if snapshot.poses is not None and snapshot.weights is not None:
+            self._columns.add(
+                entities.PARTICLES,
+                drawing.lifted(snapshot.poses, Z_TOP),
+                drawing.headings(snapshot.poses, self._scene.robot_radius),
+                drawing.weight_colours(snapshot.weights),
+            )
+        if snapshot.proposal_samples is not None:
+            self._columns.add(entities.PROPOSAL_SAMPLES, drawing.lifted(snapshot.proposal_samples, Z_TOP))
+
+    def _extend_path(self, entity: str, pose: Pose | None, z: float) -> None:
+        """Log the last piece of a path that never changes afterwards; the view shows all pieces up to its time."""
+        if pose is None:
+            return
+        end = self._path_ends.get(entity)
+        self._path_ends[entity] = pose
+        if end is not None:
+            self._columns.add(entity, drawing.lifted(np.stack([end, pose]), z))
 
     def _log_events(self, snapshot: Snapshot) -> None:
-        step, rec = snapshot.step, self._rec
         lines = [("WARN", note) for note in snapshot.notes]
-        if step is not None and step.updated:
-            state = "mapping"
-            if step.resampled:
-                state = "resampled"
-                rec.log(f"{entities.ESS}/resampled", rr.Scalars(step.ess))
-                lines.append(("INFO", f"resampled: effective sample size {step.ess:.1f}"))
-            if step.loop_closed:
-                state = "loop closed"
-                lines.append(("INFO", "loop closed: back at a place left long ago"))
-            if step.match_failures:
-                lines.append(("WARN", f"match failed for {step.match_failures} of {self._scene.particles} particles"))
-            if 2 * step.match_failures > self._scene.particles:
-                state = "match failed"
+        if snapshot.step is not None and snapshot.step.updated:
+            state, news = filter_state(snapshot.step, self._scene.particles)
             self._enter(entities.FILTER_STATE, state)
-        if self._enter(entities.ROBOT_STATE, "collided" if snapshot.collided else "driving") and snapshot.collided:
+            lines += news
+        robot = styles.COLLIDED if snapshot.collided else styles.DRIVING
+        if self._enter(entities.ROBOT_STATE, robot) and snapshot.collided:
             lines.append(("ERROR", "collision"))
-        for level, line in lines:
-            rec.log(entities.EVENTS, rr.TextLog(line, level=level))
+        for level, text in lines:
+            self._rec.log(entities.EVENTS, rr.TextLog(text, level=level))
 
     def _enter(self, lane: str, state: str) -> bool:
         """Note a change of state; whether there was one."""
@@ -255,46 +239,13 @@ class RerunView:
         self._rec.log(lane, rr.StateChange(state=state))
         return True
 
-    def _log_filter(self, step: StepReport) -> None:
-        rec = self._rec
-        rec.log(f"{entities.ESS}/value", rr.Scalars(step.ess))
-        rec.log(entities.MATCHED, rr.Scalars(step.matched_share))
-        stages = [1e3 * step.seconds.get(stage, 0.0) for stage in ("match", "map", "resample")]
-        rec.log(entities.STAGES, rr.Scalars(stages))
-        rec.log(entities.COVARIANCE, ellipse(step.pose, step.covariance, COVARIANCE))
-        if step.proposed is not None:
-            mean, covariance = step.proposed.mean[step.best], step.proposed.covariance[step.best]
-            rec.log(entities.PROPOSAL_GAUSSIAN, ellipse(mean, covariance, PROPOSAL))
-
-    def _log_particles(self, snapshot: Snapshot) -> None:
-        rec, length = self._rec, self._scene.robot_radius
-        if snapshot.poses is not None and snapshot.weights is not None:
-            arrows = rr.Arrows3D(
-                origins=drawing.lifted(snapshot.poses, Z_TOP),
-                vectors=drawing.headings(snapshot.poses, length),
-                colors=drawing.weight_colours(snapshot.weights),
-                radii=rr.Radius.ui_points(1.0),
-            )
-            rec.log(entities.PARTICLES, arrows)
-        if snapshot.proposal_samples is not None:
-            positions = drawing.lifted(snapshot.proposal_samples, Z_TOP)
-            samples = rr.Points3D(positions, colors=PROPOSAL, radii=rr.Radius.ui_points(2.0))
-            rec.log(entities.PROPOSAL_SAMPLES, samples)
-
-    def _extend_path(self, entity: str, pose: Pose | None, z: float) -> None:
-        """Log the last piece of a path that never changes afterwards; the view shows all pieces up to its time."""
-        if pose is None:
-            return
-        end = self._path_ends.get(entity)
-        self._path_ends[entity] = pose
-        if end is not None:
-            self._rec.log(entity, strip(np.stack([end, pose]), z))
-
     def _log_map(self, snapshot: Snapshot, last: bool = False) -> OccupancyGrid | None:
-        """Log the best map, all paths and the weights; the map, if there is one."""
+        """Log the best map, the particles' paths and the weights; the map, if there is one."""
         if snapshot.path is not None:
-            self._rec.log(entities.PATH, strip(snapshot.path(None), Z_ESTIMATE))
-            self._log_fan([snapshot.path(i)[-FAN_LENGTH:] for i in range(min(self._scene.particles, MOST_BRANCHES))])
+            self._rec.log(entities.PATH, line(snapshot.path(None), Z_ESTIMATE))
+            branches = [snapshot.path(i)[-FAN_LENGTH:] for i in range(min(self._scene.particles, MOST_BRANCHES))]
+            limbs = [drawing.lifted(limb, Z_FAN) for limb in drawing.branches(branches)]
+            self._rec.log(entities.PARTICLE_PATHS, rr.LineStrips3D.from_fields(strips=strips(limbs)))
         if snapshot.weights is not None:
             self._rec.log(entities.WEIGHTS, rr.BarChart(snapshot.weights))
         if snapshot.map is None:
@@ -306,10 +257,6 @@ class RerunView:
             self._log_comparison(snapshot)
         return grid
 
-    def _log_fan(self, paths: Sequence[Pose]) -> None:
-        strips = [drawing.lifted(limb, Z_FAN) for limb in drawing.branches(paths)]
-        self._rec.log(entities.PARTICLE_PATHS, rr.LineStrips3D.from_fields(strips=strips))
-
     def _log_comparison(self, snapshot: Snapshot) -> None:
         """Map, path and pose of four particles from the heaviest to the lightest."""
         if snapshot.weights is None or snapshot.poses is None or snapshot.map is None or snapshot.path is None:
@@ -318,7 +265,7 @@ class RerunView:
         for rank, particle in zip(entities.RANKS, chosen.tolist(), strict=True):
             base = f"{entities.COMPARE}/{rank}"
             self._rec.log(f"{base}/map", grid_map(snapshot.map(particle)))
-            self._rec.log(f"{base}/path", strip(snapshot.path(particle), Z_ESTIMATE, ESTIMATE))
+            self._rec.log(f"{base}/path", line(snapshot.path(particle), Z_ESTIMATE))
             self._rec.log(f"{base}/robot", pose_transform(snapshot.poses[particle]))
             label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}"
             mark = rr.Points3D([[0, 0, Z_TOP]], labels=label, colors=(255, 255, 255), radii=rr.Radius.ui_points(4.0))
@@ -335,41 +282,25 @@ class RerunView:
             self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)
 
 
-def grid_map(grid: OccupancyGrid, z: float = 0.0, opacity: float = 1.0) -> rr.GridMap:
-    """A map; its lower left corner lies at the grid's origin, raised by z [m]."""
-    x, y, theta = grid.origin
-    rows, cols = grid.probability.shape
-    return rr.GridMap(
-        data=drawing.cells_from_top(grid).tobytes(),
-        format=rr.components.ImageFormat(width=cols, height=rows, color_model="L", channel_datatype="U8"),
-        cell_size=grid.resolution,
-        translation=(x, y, z),
-        quaternion=rr.Quaternion(xyzw=drawing.quaternion(theta)),
-        colormap=rr.components.Colormap.RvizMap,
-        opacity=opacity,
-    )
+def filter_state(step: StepReport, particles: int) -> tuple[str, list[tuple[str, str]]]:
+    """The filter's state after a scan that it took in, and (level, text) of what is worth a line in the event log."""
+    state, news = styles.MAPPING, []
+    if step.resampled:
+        state = styles.RESAMPLED
+        news.append(("INFO", f"resampled: effective sample size {step.ess:.1f}"))
+    if step.loop_closed:
+        state = styles.LOOP_CLOSED
+        news.append(("INFO", "loop closed: back at a place left long ago"))
+    if step.match_failures:
+        news.append(("WARN", f"match failed for {step.match_failures} of {particles} particles"))
+    if 2 * step.match_failures > particles:
+        state = styles.MATCH_FAILED
+    return state, news
 
 
-def pose_transform(pose: Pose) -> rr.Transform3D:
-    """A pose (3,) of the plane."""
-    return rr.Transform3D(
-        translation=(pose[0], pose[1], 0.0), quaternion=rr.Quaternion(xyzw=drawing.quaternion(pose[2]))
-    )
-
-
-def strip(path: Pose, z: float, colour: tuple[int, int, int] | None = None) -> rr.LineStrips3D:
-    """The line through the positions of a path (n, 3) at height z [m]; its colour, unless set once for all."""
-    line = drawing.lifted(path, z)
-    return rr.LineStrips3D([line], colors=colour, radii=None if colour is None else rr.Radius.ui_points(1.2))
-
-
-def ellipse(pose: Pose, covariance: Pose, colour: tuple[int, int, int]) -> rr.Ellipsoids3D:
-    """The ellipse about a pose (3,) that holds 95 % of the positions; covariance (3, 3)."""
+def flat_ellipse(
+    pose: Pose, covariance: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Centre (3,), half axes (3,) and quaternion (4,) of the ellipse about a pose that holds 95 % of the positions."""
     (long, short), angle = drawing.ellipse(covariance)
-    return rr.Ellipsoids3D(
-        centers=[[pose[0], pose[1], Z_TOP]],
-        half_sizes=[[long, short, 1e-4]],
-        quaternions=[rr.Quaternion(xyzw=drawing.quaternion(angle))],
-        colors=colour,
-        fill_mode="majorwireframe",
-    )
+    return np.array([pose[0], pose[1], Z_TOP]), np.array([long, short, 1e-4]), np.array(drawing.quaternion(angle))

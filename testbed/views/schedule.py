@@ -35,8 +35,9 @@ class Schedule:
         return True
 
     def map_due(self, stamp: float, resampled: bool) -> bool:
-        """Whether the map is to be logged: after resampling always, else once in a period."""
-        return resampled or abs(stamp - self._map) >= SLACK * self._map_period
+        """Whether the map is to be logged: once in a period, after resampling already in the half of it."""
+        period = 0.5 * self._map_period if resampled else self._map_period
+        return abs(stamp - self._map) >= SLACK * period
 
     def map_was_logged(self, stamp: float, cells: int) -> None:
         """Note the map's size, one byte a cell."""

@@ -3,15 +3,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import rerun as rr
 
 from testbed.views import Snapshot, open_view
 from tests.testbed.views.synthetic import scene, snapshots
 
 SECONDS = 20.0
+
+
+@pytest.fixture(scope="session", autouse=True)
+def strict_rerun() -> Iterator[None]:
+    """Make errors of what is logged, which Rerun would turn into warnings."""
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
 
 
 @dataclass(frozen=True)

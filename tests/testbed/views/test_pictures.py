@@ -15,7 +15,7 @@ from scipy.ndimage import binary_dilation
 from slam import se2
 from testbed.views import ViewOptions, drawing, entities, open_view
 from testbed.views.drawing import HEAVY, LIGHT
-from testbed.views.rerun_view import ESTIMATE, ODOMETRY, SCAN, TRUTH
+from testbed.views.styles import ESTIMATE, ODOMETRY, SCAN, TRUTH
 from tests.testbed.views.conftest import SECONDS, Recorded
 from tests.testbed.views.synthetic import BOX, scene, snapshots
 from tests.viewer import Viewer, headless_viewer, near

@@ -74,11 +74,11 @@ def test_what_the_filter_did_is_there_scan_by_scan(recorded: Recorded) -> None:
     steps = [s.step for s in recorded.snapshots if s.step is not None and s.step.updated]
     resamplings = sum(step.resampled for step in steps)
     assert resamplings > 0
-    ess = rows(recorded.path, f"{entities.ESS}/value", "Scalars:scalars")
+    ess = rows(recorded.path, entities.ESS_VALUE, "Scalars:scalars")
     assert [value[0] for _, value in ess] == pytest.approx([step.ess for step in steps])
     assert len(rows(recorded.path, entities.PARTICLES, "Arrows3D:origins")) == len(steps)
     assert len(rows(recorded.path, entities.PROPOSAL_GAUSSIAN, "Ellipsoids3D:centers")) == len(steps) - 1
-    assert len(rows(recorded.path, f"{entities.ESS}/resampled", "Scalars:scalars")) == resamplings
+    assert len(rows(recorded.path, entities.ESS_RESAMPLED, "Scalars:scalars")) == resamplings
     log = [text[0] for _, text in rows(recorded.path, entities.EVENTS, "TextLog:text")]
     assert sum(line.startswith("resampled") for line in log) == resamplings
     states = [state[0] for _, state in rows(recorded.path, entities.FILTER_STATE, "StateChange:state")]

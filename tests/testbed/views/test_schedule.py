@@ -27,7 +27,9 @@ def test_maps_come_once_a_second_but_never_faster_than_their_bytes_allow(cells: 
     stamps = [t for t in np.arange(0.0, 100.0, 0.1) if schedule.map_due(t, resampled=False)
               and schedule.map_was_logged(t, cells) is None]  # fmt: skip
     assert np.mean(np.diff(stamps)) == pytest.approx(max(1.0, cells / MAP_BYTES_PER_SECOND), rel=0.15)
-    assert schedule.map_due(stamps[-1] + 0.01, resampled=True)
+    half = 0.5 * max(1.0, cells / MAP_BYTES_PER_SECOND)
+    assert schedule.map_due(stamps[-1] + half, resampled=True)
+    assert not schedule.map_due(stamps[-1] + 0.8 * half, resampled=True)
 
 
 def test_stamps_that_jump_back_do_not_stop_the_maps() -> None:
