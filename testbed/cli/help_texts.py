@@ -18,8 +18,8 @@ testbed run --config runs/office-20250101-120000/config.toml
 """,
     "slam": """Map a recorded log, and score it where truth is known.
 
-The format is recognised from the content: CARMEN logs, plain or gzip. The results go into a directory, as those of
-`testbed run`.
+The format is recognised from the content: CARMEN logs (plain or gzip), ROS 1 and ROS 2 bags. The results go into a
+directory, as those of `testbed run`.
 
 ```
 testbed slam intel.clf.gz --relations intel.relations
@@ -53,7 +53,8 @@ testbed view runs/office-20250101-120000
 What both formats can hold is kept to the last digit.
 
 ```
-testbed convert intel.clf.gz intel.log --to carmen
+testbed convert robot.bag robot.log.gz --to carmen
+testbed convert robot.log.gz robot --to rosbag2
 ```
 """,
     "worlds": """The catalogue of worlds.

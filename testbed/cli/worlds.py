@@ -81,7 +81,7 @@ def _draw(world: World, out: Path) -> None:
     figure = Figure(figsize=(8, 8), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    axes.add_collection(LineCollection(world.boundary_segments().reshape(-1, 2, 2), colors="black", linewidths=1))
+    axes.add_collection(LineCollection(list(world.boundary_segments().reshape(-1, 2, 2)), colors="black", linewidths=1))
     axes.plot(*world.path().T, color="tab:blue", linewidth=1)
     start = world.start
     axes.quiver(start.x, start.y, np.cos(start.theta), np.sin(start.theta), color="tab:blue", pivot="middle")

@@ -8,11 +8,15 @@ from pathlib import Path
 
 from testbed.formats.carmen import MESSAGES, read_carmen
 from testbed.formats.log import Log, LogError
+from testbed.formats.ros_bag import read_bag
 
 __all__ = ["Log", "LogError", "open_log"]
 
 SNIFFED = 1 << 20
 """Bytes looked at to recognise a text format."""
+
+BAG_BEGINNINGS = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\x00")
+"""First bytes of ROS 1 bags, MCAP files and SQLite data bases."""
 
 
 def open_log(path: str | Path, *, laser_offset: float | None = None, range_max: float | None = None) -> Log:
@@ -26,7 +30,18 @@ def open_log(path: str | Path, *, laser_offset: float | None = None, range_max: 
         raise LogError(f"{path}: no such file")
     if _is_carmen(path):
         return read_carmen(path, laser_offset=laser_offset, range_max=range_max)
-    raise LogError(f"{path}: not a log that can be read: expected a CARMEN log (plain or .gz)")
+    if _is_bag(path):
+        if laser_offset is not None:
+            raise LogError(f"{path}: a bag tells the lidar's mount by its transforms, no laser offset can be given")
+        return read_bag(path, range_max=range_max)
+    raise LogError(f"{path}: not a log that can be read: expected a CARMEN log (plain or .gz) or a ROS 1 or 2 bag")
+
+
+def _is_bag(path: Path) -> bool:
+    """Whether it is a rosbag2 directory, or a single file that begins like a bag."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file()
+    return any(_head(path).startswith(magic) for magic in BAG_BEGINNINGS)
 
 
 def _is_carmen(path: Path) -> bool:

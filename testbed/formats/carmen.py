@@ -186,7 +186,7 @@ def _flaser(rest: list[str]) -> _Message:
             f"FLASER with {ranges.size} beams: it holds no angles, and they are known for {known} beams only"
         )
     first, step = FLASER_LAYOUTS[ranges.size]
-    angles = np.deg2rad(first + step * np.arange(ranges.size))
+    angles: NDArray[np.float64] = np.deg2rad(first + step * np.arange(ranges.size))
     _pose("laser", rest[0:3])
     return _Message(_stamp(rest[6]), _pose("odometry", rest[3:6]), ranges=ranges, angles=angles)
 
@@ -209,7 +209,7 @@ def _robotlaser(rest: list[str]) -> _Message:
         robot,
         twist=_twist(_number("tv", rest[6]), _number("rv", rest[7])),
         ranges=ranges,
-        angles=start + step * np.arange(ranges.size),
+        angles=start + step * np.arange(ranges.size, dtype=np.float64),
         range_max=range_max,
         mount=(float(x), float(y), float(theta)),
     )

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from eval.files import write_aside
 from slam import se2
 from slam.scan import Scan
+from testbed.formats.beams import even_spacing
 from testbed.formats.carmen import FLASER_LAYOUTS
 from testbed.formats.log import LogError
 from testbed.frame import Frame
@@ -86,13 +87,10 @@ def _check_flaser_angles(path: Path, index: int, scan: Scan) -> None:
 
 def _even_angles(path: Path, index: int, scan: Scan) -> tuple[float, float]:
     """First angle and step [rad] of evenly spaced beams."""
-    if scan.angles.size == 0:
-        return 0.0, 0.0
-    start = float(scan.angles[0])
-    step = float(scan.angles[-1] - start) / max(scan.angles.size - 1, 1)
-    if not np.allclose(scan.angles, start + step * np.arange(scan.angles.size), rtol=0.0, atol=1e-6):
+    spacing = even_spacing(scan.angles)
+    if spacing is None:
         raise LogError(f"{path}: frame {index}: ROBOTLASER1 needs evenly spaced beams, these are not")
-    return start, step
+    return spacing
 
 
 def _truth(frame: Frame) -> Iterator[str]:

@@ -11,7 +11,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +137,8 @@ def _take(path: Path, content: _Content, topic: str, message: Any) -> None:
     if hasattr(message, "transforms"):
         content.transforms.add(message)
         return
-    stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+    time = message.header.stamp
+    stamp = (time.sec * 1_000_000_000 + time.nanosec) / 1_000_000_000  # division of integers: correctly rounded
     if topic == content.topics["scan"]:
         content.scans.append((stamp, place, message))
         return
@@ -198,8 +199,9 @@ def interpolate(stamps: NDArray[np.float64], poses: Pose, stamp: float) -> Pose:
         end: Pose = poses[min(after, len(stamps) - 1)].copy()
         return end
     share = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-    if share == 1.0:
-        return poses[after].copy()
+    if share == 1.0:  # exactly, where the frame was written with its odometry
+        there: Pose = poses[after].copy()
+        return there
     step = se2.between(poses[after - 1], poses[after])
     return se2.compose(poses[after - 1], share * step)
 
@@ -208,8 +210,6 @@ def _with_truth(frames: list[Frame], truth: _Track) -> list[Frame]:
     """The frames with truth, where its topic covers their stamps."""
     if not truth.stamps:
         return frames
-    from dataclasses import replace
-
     stamps, poses, _ = truth.in_time()
     return [
         replace(frame, truth=interpolate(stamps, poses, frame.stamp))
@@ -231,7 +231,8 @@ def _scan(place: str, message: Any, content: _Content, stamp: float, range_max: 
     except ValueError as error:
         raise LogError(f"{place}: {error}") from None
     between_beams = float(message.time_increment)
-    angles = first + step * np.arange(ranges.size)
+    beams = np.arange(ranges.size, dtype=np.float64)
+    angles = first + step * beams
     return Scan(
         ranges=ranges,
         angles=-angles if upside_down else angles,
@@ -239,7 +240,7 @@ def _scan(place: str, message: Any, content: _Content, stamp: float, range_max: 
         range_max=float(message.range_max) if range_max is None else range_max,
         stamp=stamp,
         mount=mount,
-        time_offsets=between_beams * np.arange(ranges.size) if between_beams != 0.0 else None,
+        time_offsets=between_beams * beams if between_beams != 0.0 else None,
     )
 
 

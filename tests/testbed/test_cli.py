@@ -16,6 +16,7 @@ import pytest
 
 from slam.scan import Scan
 from testbed.cli import main
+from testbed.formats import open_log
 from testbed.formats.carmen_writer import write_carmen
 from testbed.frame import Frame
 from testbed.rundir import RUN_FILES, RunDirectory
@@ -205,6 +206,17 @@ def test_convert_keeps_the_frames(here):
     room_log(here / "room.log")
     assert call("convert", "room.log", "again.log.gz", "--to", "carmen") == 0
     assert gzip.decompress(Path("again.log.gz").read_bytes()) == Path("room.log").read_bytes()
+
+
+def test_convert_to_a_bag_and_back_keeps_odometry_and_stamps(here):
+    frames = open_log(room_log(here / "room.log")).frames
+    assert call("convert", "room.log", "bag", "--to", "rosbag2") == 0
+    assert call("convert", "bag", "again.log", "--to", "carmen") == 0
+    again = open_log(here / "again.log").frames
+    assert [frame.stamp for frame in again] == [frame.stamp for frame in frames]
+    for got, put in zip(again, frames, strict=True):
+        np.testing.assert_allclose(got.odometry, put.odometry, atol=1e-12)
+        np.testing.assert_allclose(got.scan.ranges, put.scan.ranges, rtol=1e-7)  # float32 in the bag
 
 
 def test_worlds_list_names_the_catalogue(here, capsys):
