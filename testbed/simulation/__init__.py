@@ -5,5 +5,6 @@ from testbed.simulation.driver import DriverConfig
 from testbed.simulation.lidar import LidarLayers
 from testbed.simulation.odometry import OdometryConfig
 from testbed.simulation.simulator import Simulation, SimulationConfig, simulate
+from testbed.simulation.warm_up import warm_up
 
-__all__ = ["DriverConfig", "LidarLayers", "OdometryConfig", "Simulation", "SimulationConfig", "simulate"]
+__all__ = ["DriverConfig", "LidarLayers", "OdometryConfig", "Simulation", "SimulationConfig", "simulate", "warm_up"]

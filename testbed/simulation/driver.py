@@ -8,6 +8,7 @@ Source: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorith
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -137,10 +138,8 @@ class TourDriver:
         """Move on to the point of the path nearest to the robot, no farther than twice the lookahead from the last."""
         low, high = self._along, self._along + 2.0 * self._config.lookahead
         best, best_along = math.inf, low
-        for k, length in enumerate(self._lengths):
-            begin = self._starts[k]
-            if begin + length < low or begin > high:
-                continue
+        for k in range(self._leg(low), self._leg(high) + 1):
+            begin, length = self._starts[k], self._lengths[k]
             (ax, ay), (bx, by) = self._corners[k], self._corners[k + 1]
             t = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length
             t = min(max(t, low - begin, 0.0), high - begin, length)
@@ -150,9 +149,13 @@ class TourDriver:
                 best, best_along = away, begin + t
         self._along = best_along
 
+    def _leg(self, along: float) -> int:
+        """Number of the leg that holds the point at that distance from the beginning of the path."""
+        return min(bisect_right(self._starts, along) - 1, len(self._lengths) - 1)
+
     def _point(self, along: float) -> tuple[float, float]:
         """The point of the path at that distance from its beginning, or its end."""
-        k = min(int(np.searchsorted(self._starts, along, side="right")) - 1, len(self._lengths) - 1)
+        k = self._leg(along)
         t = min((along - self._starts[k]) / self._lengths[k], 1.0)
         (ax, ay), (bx, by) = self._corners[k], self._corners[k + 1]
         return ax + t * (bx - ax), ay + t * (by - ay)

@@ -160,6 +160,8 @@ class Movers:
 
     def advance(self, x: float, y: float) -> None:
         """Everything moves for one period, while the robot is at (x, y) [m]."""
+        if not self:
+            return
         for walker in self._walkers:
             walker.advance(self._period, (x, y), self._radius)
         people = [walker.position for walker in self._walkers]

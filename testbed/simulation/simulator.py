@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from slam.scan import Scan
-from slam.se2 import Pose, between
+from slam.se2 import Pose
 from testbed.frame import Frame
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
 from testbed.simulation._lidar_kernels import place_beams
@@ -196,12 +196,7 @@ class _Sensors:
 
     def _odometry_frames(self, before: float) -> Iterator[Frame]:
         while (stamp := self._next_odometry * CONTROL_PERIOD) < before - 1e-9:
-            yield Frame(
-                stamp=stamp,
-                odometry=_wrapped(self._odometry.at(stamp)),
-                twist=self._twist(stamp, CONTROL_PERIOD),
-                truth=_wrapped(self.truth.at(stamp)),
-            )
+            yield self._frame(stamp, CONTROL_PERIOD, None)
             self._next_odometry += 1
 
     def _scan_frame(self, stamp: float, sweep_time: float) -> Frame:
@@ -220,22 +215,30 @@ class _Sensors:
             mount=self._lidar.mount,
             time_offsets=sweep.time_offsets,
         )
+        return self._frame(stamp, max(sweep_time, CONTROL_PERIOD), scan)
+
+    def _frame(self, stamp: float, seconds: float, scan: Scan | None) -> Frame:
+        """The frame of `stamp` [s], with the mean velocity by odometry over `seconds` from then on."""
+        odometry = self._odometry.at(stamp)
         return Frame(
             stamp=stamp,
-            odometry=_wrapped(self._odometry.at(stamp)),
+            odometry=_wrapped(odometry),
             scan=scan,
-            twist=self._twist(stamp, max(sweep_time, CONTROL_PERIOD)),
+            twist=self._twist(stamp, odometry, seconds),
             truth=_wrapped(self.truth.at(stamp)),
         )
 
-    def _twist(self, stamp: float, seconds: float) -> Pose:
-        """Mean velocity by odometry over `seconds` from `stamp` on, or as far as odometry was read (at
-        least over the last period before); robot frame."""
+    def _twist(self, stamp: float, odometry: Pose, seconds: float) -> Pose:
+        """Mean velocity in the robot's frame over `seconds` from `stamp` on, or as far as odometry was read; over the
+        last period read if there is none since."""
         end = min(stamp + seconds, self._odometry.end)
         if end - stamp < 0.5 * CONTROL_PERIOD:
             stamp = end - CONTROL_PERIOD
-        twist: Pose = between(self._odometry.at(stamp), self._odometry.at(end)) / (end - stamp)
-        return twist
+            odometry = self._odometry.at(stamp)
+        x, y, theta = odometry.tolist()
+        x_end, y_end, theta_end = self._odometry.at(end).tolist()
+        cos, sin, dx, dy = math.cos(theta), math.sin(theta), x_end - x, y_end - y
+        return np.array([cos * dx + sin * dy, -sin * dx + cos * dy, theta_end - theta]) / (end - stamp)
 
 
 def _wrapped(pose: Pose) -> Pose:
