@@ -8,6 +8,7 @@
 from slam.config import FilterConfig
 from slam.gmapping import GMapping, StepReport
 from slam.occupancy import OccupancyGrid
+from slam.refine import Refined, refine
 from slam.scan import Scan
 
-__all__ = ["FilterConfig", "GMapping", "OccupancyGrid", "Scan", "StepReport"]
+__all__ = ["FilterConfig", "GMapping", "OccupancyGrid", "Refined", "Scan", "StepReport", "refine"]

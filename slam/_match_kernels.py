@@ -172,22 +172,20 @@ def deviation(guess, x, y, theta):
 
 
 @inlined
-def component_logs(prior, along, across, turn):
-    """Log density of each of the two components of the motion prior at a deviation."""
-    a = prior.log_scale[0] - 0.5 * (
-        prior.precision[0, 0] * along**2 + prior.precision[0, 1] * across**2 + prior.precision[0, 2] * turn**2
+def log_components(precision, log_scale, along, across, turn):
+    """Log density of each of the two components of a motion prior, (2, 3) and (2,), at a deviation."""
+    a, c, t = along * along, across * across, turn * turn
+    return (
+        log_scale[0] - 0.5 * (precision[0, 0] * a + precision[0, 1] * c + precision[0, 2] * t),
+        log_scale[1] - 0.5 * (precision[1, 0] * a + precision[1, 1] * c + precision[1, 2] * t),
     )
-    b = prior.log_scale[1] - 0.5 * (
-        prior.precision[1, 0] * along**2 + prior.precision[1, 1] * across**2 + prior.precision[1, 2] * turn**2
-    )
-    return a, b
 
 
 @kernel
 def motion_cost(prior, guess, x, y, theta):
     """-log p(x | x', u) [nats]."""
     along, across, turn = deviation(guess, x, y, theta)
-    a, b = component_logs(prior, along, across, turn)
+    a, b = log_components(prior.precision, prior.log_scale, along, across, turn)
     top = max(a, b)
     return -top - np.log(np.exp(a - top) + np.exp(b - top))
 
@@ -200,7 +198,7 @@ def linearise_motion(prior, guess, x, y, theta, H, g):
     maximisation), so it is always positive definite.
     """
     along, across, turn = deviation(guess, x, y, theta)
-    a, b = component_logs(prior, along, across, turn)
+    a, b = log_components(prior.precision, prior.log_scale, along, across, turn)
     top = max(a, b)
     cost = -top - np.log(np.exp(a - top) + np.exp(b - top))
     first, second = np.exp(a + cost), np.exp(b + cost)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam._jit import kernel
-from slam._match_kernels import cholesky, descend, motion_cost, scan_cost, solve, wrapped
+from slam._match_kernels import BeamModel, cholesky, descend, motion_cost, scan_cost, solve, wrapped
 
 IMPROVED, SCAN_MATCH, MOTION = 0, 1, 2
 LOG_2PI = np.log(2.0 * np.pi)
@@ -33,9 +33,9 @@ class Search(NamedTuple):
     kind: int
     iterations: int
     starts: NDArray[np.float64]
-    """Further starting points seen from the predicted pose, (n, 3), tried where the first optimum is poor."""
-    retry_share: float
-    """Share of the hits near a wall below which an optimum is poor."""
+    """Further starting points seen from the predicted pose, (n, 3)."""
+    coarse: BeamModel
+    """Beam model with a wide basin, by which starting points are compared."""
     fail_share: float
     """Share of the hits near a wall below which matching has failed."""
     second_share: float
@@ -71,25 +71,46 @@ def from_guess(guess, along, across, turn, out):
 
 
 @kernel
-def match(grids, particle, guess, hits, model, prior, search, pose, L):
-    """Best local minimum of the cost: from the guess, and where that is poor from the other starts as well.
+def best_start(grids, particle, guess, hits, prior, search, distances, pose):
+    """Start pose (3,) of the lowest cost under the coarse beam model; the predicted pose itself where none is better.
+
+    Returns whether it is another one than the predicted pose.
+    """
+    other = np.empty(3)
+    pose[:] = guess
+    lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], hits, search.coarse, distances)
+    lowest += motion_cost(prior, guess, guess[0], guess[1], guess[2])
+    moved = False
+    for k in range(search.starts.shape[0]):
+        from_guess(guess, search.starts[k, 0], search.starts[k, 1], search.starts[k, 2], other)
+        cost = scan_cost(grids, particle, other[0], other[1], other[2], hits, search.coarse, distances)
+        cost += motion_cost(prior, guess, other[0], other[1], other[2])
+        if cost < lowest:
+            lowest = cost
+            pose[:] = other
+            moved = True
+    return moved
+
+
+@kernel
+def match(grids, particle, guess, hits, model, prior, search, distances, pose, L):
+    """Lowest local minimum of the cost: from the predicted pose and, where another start looks better, from there too.
 
     Returns the cost and the share of the hits near a wall; pose (3,) and L (3, 3) as in `descend`.
     """
+    start = np.empty(3)
+    moved = best_start(grids, particle, guess, hits, prior, search, distances, start)
     cost, near = descend(grids, particle, guess, guess, hits, model, prior, search.iterations, pose, L)
-    count = max(hits.shape[0], 1)
-    if near < search.retry_share * count:
-        start, other, other_L = np.empty(3), np.empty(3), np.empty((3, 3))
-        for k in range(search.starts.shape[0]):
-            from_guess(guess, search.starts[k, 0], search.starts[k, 1], search.starts[k, 2], start)
-            other_cost, other_near = descend(
-                grids, particle, guess, start, hits, model, prior, search.iterations, other, other_L
-            )
-            if other_cost < cost:
-                cost, near = other_cost, other_near
-                pose[:] = other
-                L[:] = other_L
-    return cost, near / count
+    if moved:
+        other, other_L = np.empty(3), np.empty((3, 3))
+        other_cost, other_near = descend(
+            grids, particle, guess, start, hits, model, prior, search.iterations, other, other_L
+        )
+        if other_cost < cost:
+            cost, near = other_cost, other_near
+            pose[:] = other
+            L[:] = other_L
+    return cost, near / max(hits.shape[0], 1)
 
 
 @kernel
@@ -168,7 +189,7 @@ def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out)
         out.failed[i] = False
         out.matched[i] = 0.0
         if search.kind != MOTION:
-            cost, out.matched[i] = match(grids, i, guess, hits, model, prior, search, pose, L)
+            cost, out.matched[i] = match(grids, i, guess, hits, model, prior, search, distances, pose, L)
             out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
         if search.kind == MOTION or out.failed[i]:
             sample_motion(guess, prior, draws, i, search.second_share, out.pose[i])

@@ -70,15 +70,19 @@ class MatchConfig:
     """Spread of beam end points about a wall [m] (sigma)."""
     beam_weight: float = 0.1
     """Share of each beam's log-likelihood that counts: neighbouring beams are not independent (1 / ogain)."""
-    outlier_distance: float = 0.15
+    outlier_distance: float = 0.3
     """End points farther from a wall than this are explained by something else [m]."""
     min_matched_share: float = 0.1
     """Matching fails where fewer of the hits lie within the outlier distance (minimumScore)."""
-    retry_share: float = 0.6
-    """The search starts again from poses shifted along the heading where fewer of the hits lie within the outlier
-    distance."""
-    retry_shift: float = 0.4
-    """How far the outermost of these poses is shifted, and at least as far as the odometry says [m]."""
+    search_reach: float = 0.4
+    """The search also starts from poses shifted along the heading by this much, and at least by twice the distance
+    driven [m]."""
+    search_step: float = 0.1
+    """Distance of these starting poses [m]."""
+    coarse_share: float = 0.3
+    """Share of the beam weight with which starting poses are compared to the odometry."""
+    weight_share: float = 1.0
+    """Share of the log-likelihood that goes into the particles' weights (1 / ogain)."""
     iterations: int = 20
     """Most Gauss-Newton steps in one match (iterations)."""
 
@@ -122,6 +126,20 @@ class GateConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RefineConfig:
+    """The final pass over a recording; never used inside the filter."""
+
+    rounds: int = 5
+    """How often the map is drawn anew."""
+    iterations: int = 3
+    """Gauss-Newton steps against each map."""
+    beam_weight: float = 1.0
+    """Share of each beam's log-likelihood that counts against the odometry."""
+    motion: MotionConfig = field(default_factory=lambda: MotionConfig(floor_translation=0.001, floor_rotation=0.0005))
+    """Motion model between neighbouring frames, which lie closer together than the updates of the filter."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class FilterConfig:
     """All settings of the particle filter."""
 
@@ -139,6 +157,8 @@ class FilterConfig:
     """Resampling."""
     gate: GateConfig = field(default_factory=GateConfig)
     """Update gates."""
+    refine: RefineConfig = field(default_factory=RefineConfig)
+    """Final pass."""
     deskew: bool = True
     """Undo the robot's motion during a scan where the times of the beams and the twist are known."""
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from slam._match_kernels import BeamModel
 from slam._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Draws, Proposed, Search, propose
 from slam.ancestry import Ancestry
 from slam.beams import rays_of
-from slam.config import FilterConfig, GateConfig, MapConfig, MatchConfig, MotionConfig
+from slam.config import FilterConfig, GateConfig, MapConfig, MatchConfig
 from slam.motion import motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.parallel import Threads
@@ -166,7 +167,7 @@ class GMapping:
         clock = [time.perf_counter()]
         proposed = self._propose(motion, rays)
         self._poses = proposed.pose.copy()
-        self._weights, evidence = self._weights.times(proposed.log_gain)
+        self._weights, evidence = self._weights.times(self.config.match.weight_share * proposed.log_gain)
         clock.append(time.perf_counter())
 
         self.maps.register(self._poses, rays)
@@ -220,7 +221,7 @@ class GMapping:
             np.ascontiguousarray(rays.ends[rays.hit]),
             beam_model(cfg.match, cfg.map),
             motion_prior(motion, cfg.motion),
-            search_of(motion, cfg.match, cfg.motion, KINDS[cfg.proposal.kind]),
+            search_of(motion, cfg),
             draws,
             out,
         )
@@ -288,17 +289,26 @@ def beam_model(match: MatchConfig, grid: MapConfig) -> BeamModel:
     )
 
 
-def search_of(motion: se2.Pose, match: MatchConfig, prior: MotionConfig, kind: int) -> Search:
-    """Settings of the search for one displacement (3,): where it starts again if the first optimum is poor."""
-    shift = max(match.retry_shift, 2.0 * float(np.hypot(motion[0], motion[1])))
-    starts = np.zeros((4, 3))
-    starts[:, 0] = shift * np.array([-1.0, -0.5, 0.5, 1.0])
+def search_of(motion: se2.Pose, config: FilterConfig) -> Search:
+    """Settings of the search for one displacement (3,): the starting points lie along the heading, where odometry
+    fails when wheels slip or a change of direction goes unnoticed."""
+    match = config.match
+    reach = max(match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1])))
+    steps = math.ceil(reach / match.search_step)
+    shifts = np.arange(-steps, steps + 1) * match.search_step
+    starts = np.zeros((2 * steps, 3))
+    starts[:, 0] = shifts[shifts != 0.0]
     return Search(
-        kind=kind,
+        kind=KINDS[config.proposal.kind],
         iterations=match.iterations,
         starts=starts,
-        retry_share=match.retry_share,
+        coarse=BeamModel(
+            per_sigma2=match.hit_sigma**-2.0,
+            per_outlier2=config.map.field_radius**-2.0,
+            weight=match.beam_weight * match.coarse_share,
+            far=config.map.field_radius,
+        ),
         fail_share=match.min_matched_share,
-        second_share=prior.failure_share,
+        second_share=config.motion.failure_share,
         spread=1.2,
     )

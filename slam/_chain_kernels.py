@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""Compiled parts of the final pass: Gauss-Newton over a whole trajectory as a chain of 3 x 3 blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam._jit import kernel
+from slam._match_kernels import cholesky, deviation, linearise, log_components, solve
+
+
+@kernel
+def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
+    """Add the cost of the odometry between all neighbours to the equations of the chain.
+
+    poses (n, 3);  motions (n - 1, 3) measured displacements;  prior: precision (n - 1, 2, 3), log_scale (n - 1, 2)
+    diagonal (n, 3, 3), coupling (n - 1, 3, 3) and gradient (n, 3) are added to. As in `linearise_motion` the shares
+    of the two components of the prior are held fixed.
+    """
+    guess, e = np.empty(3), np.empty(3)
+    A, B = np.zeros((3, 3)), np.zeros((3, 3))
+    for t in range(motions.shape[0]):
+        cos, sin = np.cos(poses[t, 2]), np.sin(poses[t, 2])
+        dx, dy = cos * motions[t, 0] - sin * motions[t, 1], sin * motions[t, 0] + cos * motions[t, 1]
+        guess[0], guess[1] = poses[t, 0] + dx, poses[t, 1] + dy
+        guess[2] = poses[t, 2] + motions[t, 2]
+        e[0], e[1], e[2] = deviation(guess, poses[t + 1, 0], poses[t + 1, 1], poses[t + 1, 2])
+        a, b = log_components(prior.precision[t], prior.log_scale[t], e[0], e[1], e[2])
+        second = 1.0 / (1.0 + np.exp(min(a - b, 700.0)))
+        # Jacobians of the deviation e by the pose before (A) and by the pose after (B)
+        cos, sin = np.cos(guess[2]), np.sin(guess[2])
+        B[0, 0], B[0, 1], B[1, 0], B[1, 1], B[2, 2] = cos, sin, -sin, cos, 1.0
+        A[:] = -B
+        A[0, 2] = cos * dy - sin * dx + e[1]
+        A[1, 2] = -sin * dy - cos * dx - e[0]
+        for r in range(3):
+            p = (1.0 - second) * prior.precision[t, 0, r] + second * prior.precision[t, 1, r]
+            for i in range(3):
+                gradient[t, i] += A[r, i] * p * e[r]
+                gradient[t + 1, i] += B[r, i] * p * e[r]
+                for j in range(3):
+                    diagonal[t, i, j] += A[r, i] * p * A[r, j]
+                    diagonal[t + 1, i, j] += B[r, i] * p * B[r, j]
+                    coupling[t, i, j] += A[r, i] * p * B[r, j]
+
+
+@kernel
+def scan_equations(start, stop, grids, poses, first, points, model, diagonal, gradient, cost):
+    """Cost of the scans [start, stop) against map 0, its gradient (scans, 3) and Hessian (scans, 3, 3), all added.
+
+    poses (scans, 3);  points (n, 2) hits of all scans in the robot's frame, those of scan i from first[i] to
+    first[i + 1];  cost (scans,) out
+    """
+    for i in range(start, stop):
+        hits = points[first[i] : first[i + 1]]
+        distances = np.empty((4, hits.shape[0]))
+        cost[i], _ = linearise(
+            grids, 0, poses[i, 0], poses[i, 1], poses[i, 2], hits, model, distances, diagonal[i], gradient[i]
+        )
+
+
+@kernel
+def solve_chain(diagonal, coupling, gradient, step):
+    """Solve the block tridiagonal system: step (n, 3) with H step = gradient; diagonal and gradient are overwritten.
+
+    diagonal (n, 3, 3), coupling (n - 1, 3, 3) upper blocks, gradient (n, 3). Block Cholesky (Golub, Van Loan 2013,
+    section 4.5.2); each pivot is positive definite because every pose hangs on its neighbours by odometry.
+    """
+    n = diagonal.shape[0]
+    L, column = np.empty((3, 3)), np.empty(3)
+    eliminated = np.empty((max(n - 1, 1), 3, 3))  # D_i^-1 C_i
+    for i in range(n):
+        cholesky(diagonal[i], L)
+        solve(L, gradient[i])
+        if i + 1 < n:
+            for j in range(3):
+                column[:] = coupling[i, :, j]
+                solve(L, column)
+                eliminated[i, :, j] = column
+            for r in range(3):
+                for k in range(3):
+                    gradient[i + 1, r] -= coupling[i, k, r] * gradient[i, k]
+                    for j in range(3):
+                        diagonal[i + 1, r, j] -= coupling[i, k, r] * eliminated[i, k, j]
+    step[n - 1] = gradient[n - 1]
+    for i in range(n - 2, -1, -1):
+        for r in range(3):
+            step[i, r] = gradient[i, r]
+            for k in range(3):
+                step[i, r] -= eliminated[i, r, k] * step[i + 1, k]
