@@ -14,9 +14,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import matplotlib.image
 import numpy as np
 import pytest
+
+from tests.viewer import pixels
 
 ARGUMENTS = (
     "--headless=new",
@@ -45,8 +46,7 @@ class Page:
 
     def picture(self) -> np.ndarray:
         """What the page shows, (rows, cols, 3) uint8."""
-        png = base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
-        return np.rint(255.0 * matplotlib.image.imread(io.BytesIO(png))[..., :3]).astype(np.uint8)
+        return pixels(base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"]))
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1
@@ -91,7 +91,7 @@ def browser_page(profile: Path) -> Iterator[Page]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         close_fds=False,
-        preexec_fn=place_pipes,
+        preexec_fn=place_pipes,  # noqa: PLW1509, two system calls between fork and exec
     )
     os.close(to_browser)
     os.close(from_browser)

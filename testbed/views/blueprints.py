@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+import rerun as rr
 import rerun.blueprint as rrb
 
 from testbed.views import entities
@@ -20,6 +21,7 @@ LANDSCAPE = 1.35
 """A map view is about this much wider than high."""
 FOLLOW_HEIGHT = 25.0
 """Height of the eye above the robot while the size of the place is unknown [m]."""
+WHOLE_RUN = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
 
 
 def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
@@ -43,7 +45,7 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
     return rrb.Horizontal(
         rrb.Vertical(
             map_view(scenery.extent),
-            rrb.StateTimelineView(origin=entities.STATE, name="State"),
+            rrb.StateTimelineView(origin=entities.STATE, name="State", time_view=rrb.TimeAxis(view_range=WHOLE_RUN)),
             row_shares=[6, 1],
         ),
         rrb.Vertical(
@@ -125,5 +127,10 @@ def eye(extent: Extent | None, follow: str = entities.ESTIMATED_ROBOT) -> rrb.Ey
 
 def plot(origin: str, name: str, upper: float | None = None) -> rrb.TimeSeriesView:
     """A plot of all series below an entity; with `upper` its axis is fixed to [0, upper]."""
-    axis = None if upper is None else rrb.ScalarAxis(range=(0.0, upper))
-    return rrb.TimeSeriesView(origin=origin, name=name, axis_y=axis, plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop))
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=WHOLE_RUN),
+        axis_y=None if upper is None else rrb.ScalarAxis(range=(0.0, upper)),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+    )

@@ -54,9 +54,9 @@ def extent_of(grid: OccupancyGrid, T_world_map: ArrayLike) -> Extent:
 
 def cells_from_top(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """Percent of occupation, (rows, cols), row 0 = highest y as in a picture; `UNKNOWN` where never observed."""
-    shares = np.where(np.isnan(grid.probability), np.float32(UNKNOWN / 100.0), grid.probability)
-    cells: NDArray[np.uint8] = (shares * np.float32(100.0) + np.float32(0.5)).astype(np.uint8)
-    return np.ascontiguousarray(cells[::-1])
+    values = grid.probability[::-1] * np.float32(100.0) + np.float32(0.5)
+    np.fmin(values, np.float32(UNKNOWN), out=values)  # of NaN and a number fmin takes the number
+    return values.astype(np.uint8)
 
 
 def scan_points(scan: Scan, most: int) -> NDArray[np.float32]:

@@ -2,7 +2,7 @@
 """The recording of a run: every snapshot becomes entities of a Rerun file, which live viewers follow.
 
 Poses, scan and plots are logged at most ten times a second; particles at every scan that the filter took in; maps,
-paths and weights about once a second, after resampling, and at the end; the maps of four particles every ten seconds
+paths and weights about once a second, after resampling, and at the end; the maps of four particles every 15 s
 (`schedule`). What that costs is measured in docs/views.md. Stored poses are float32: the files of the run directory
 are the source of truth.
 """

@@ -12,7 +12,7 @@ MAP_PERIOD = 1.0
 """Time between two maps [s]."""
 MAP_BYTES_PER_SECOND = 250_000
 """A viewer keeps maps uncompressed: larger ones come less often, so that an hour fits into its memory limit of 1 GB."""
-COMPARISON_PERIOD = 10
+COMPARISON_PERIOD = 15
 """Maps of four particles come with every so many periods of the map."""
 SLACK = 0.9
 """Scans do not come to the millisecond: a period counts as over a little early."""

@@ -15,10 +15,11 @@ from scipy.ndimage import binary_dilation
 from slam import se2
 from testbed.views import ViewOptions, drawing, entities, open_view
 from testbed.views.drawing import HEAVY, LIGHT
+from testbed.views.headless import HeadlessViewer
 from testbed.views.styles import ESTIMATE, ODOMETRY, SCAN, TRUTH
 from tests.testbed.views.conftest import SECONDS, Recorded
 from tests.testbed.views.synthetic import BOX, scene, snapshots
-from tests.viewer import Viewer, headless_viewer, near
+from tests.viewer import near, pixels, viewer_or_skip
 
 PAPER = (236, 238, 242)
 WALL, FREE, UNKNOWN = (0, 0, 0), (222, 222, 222), (112, 137, 134)
@@ -26,8 +27,8 @@ WALL, FREE, UNKNOWN = (0, 0, 0), (222, 222, 222), (112, 137, 134)
 
 
 @pytest.fixture(scope="module")
-def viewer() -> Iterator[Viewer]:
-    with headless_viewer() as opened:
+def viewer() -> Iterator[HeadlessViewer]:
+    with viewer_or_skip() as opened:
         yield opened
 
 
@@ -59,9 +60,9 @@ class Plan:
 
 
 @pytest.fixture(scope="module")
-def plan(viewer: Viewer, recorded: Recorded) -> Plan:
+def plan(viewer: HeadlessViewer, recorded: Recorded) -> Plan:
     viewer.open(recorded.path)
-    picture = viewer.picture("Map", at=SECONDS)
+    picture = pixels(viewer.picture(SECONDS, "Map"))
     assert viewer.complaints() == []
     first, last = recorded.snapshots[0], recorded.snapshots[-1]
     assert last.map is not None
@@ -111,12 +112,12 @@ def test_scan_and_particles_are_where_the_robot_is(plan: Plan, recorded: Recorde
     assert reddish.sum() > 20
 
 
-def test_a_viewer_that_is_connected_shows_the_run_while_it_goes_on(viewer: Viewer, tmp_path: Path) -> None:
+def test_a_viewer_that_is_connected_shows_the_run_while_it_goes_on(viewer: HeadlessViewer, tmp_path: Path) -> None:
     with open_view(tmp_path / "recording.rrd", scene(), ViewOptions(connect=viewer.url)) as view:
         for snapshot in snapshots(5.0):
             view.show(snapshot)
         viewer.await_recording(until=4.0)  # before the recording is complete
-        picture = viewer.picture("Map", at=4.0)
+        picture = pixels(viewer.picture(4.0, "Map"))
     assert near(picture, WALL, 60).sum() > 500
     assert near(picture, ESTIMATE, 50).sum() > 50
     assert viewer.complaints() == []
@@ -124,7 +125,7 @@ def test_a_viewer_that_is_connected_shows_the_run_while_it_goes_on(viewer: Viewe
 
 def test_a_viewer_that_is_closed_leaves_the_recording_going_on(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
-    with headless_viewer() as opened:
+    with viewer_or_skip() as opened:
         view = open_view(path, scene(), ViewOptions(connect=opened.url))
         shown = iter(snapshots(10.0))
         for _ in range(20):

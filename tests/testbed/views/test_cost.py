@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: MIT
+"""What a view costs a real run: time of the thread that maps, bytes of the recording."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import worlds
+from eval.grids import true_grid
+from slam.config import FilterConfig
+from testbed.estimation import Estimation
+from testbed.run import _snapshot
+from testbed.simulation.simulator import SimulationConfig, simulate
+from testbed.simulation.urdf import robot_urdf
+from testbed.views import Scene, open_view
+
+
+@pytest.mark.benchmark
+def test_a_view_costs_little_of_the_run(tmp_path: Path) -> None:
+    world, config = worlds.load("office"), SimulationConfig()
+    recording = tmp_path / "recording.rrd"
+    scene = Scene(
+        title="office",
+        particles=30,
+        true_map=true_grid(worlds.true_map(world)),
+        robot_urdf=robot_urdf(config.robot),
+    )
+    estimation = Estimation(FilterConfig(particles=30), seed=0)
+    spent, stamp = [], 0.0
+    started = time.perf_counter()
+    with simulate(world, config) as frames, open_view(recording, scene) as view:
+        for frame in frames:
+            report = estimation.process(frame)
+            if report is not None:
+                snapshot, stamp = _snapshot(frame, report, estimation), frame.stamp
+                before = time.thread_time()
+                view.show(snapshot)
+                spent.append(time.thread_time() - before)
+    elapsed = time.perf_counter() - started
+    mean, share = 1e3 * np.mean(spent), np.sum(spent) / elapsed
+    megabytes = recording.stat().st_size / 1e6 * 600.0 / stamp
+    print(f"\n{mean:.2f} ms a snapshot, {100 * share:.1f} % of the run, {megabytes:.0f} MB in ten minutes")  # noqa: T201
+    assert mean < 2.0
+    assert share < 0.05
+    assert megabytes < 60.0
