@@ -28,7 +28,7 @@ def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) ->
         "command": shlex.join(["testbed", *sys.argv[1:]]),
         "settings": dict(settings),
         **({"inputs": read} if read else {}),
-        "versions": {"python": platform.python_version(), **_versions()},
+        "versions": versions(),
         "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
     }
 
@@ -51,8 +51,9 @@ def _without_none(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def _versions() -> dict[str, str]:
-    found = {}
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
+    found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
             found[package] = version(package)

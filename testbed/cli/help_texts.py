@@ -16,6 +16,17 @@ testbed run loop --particles 50 --seed 3 --view
 testbed run --config runs/office-20250101-120000/config.toml
 ```
 """,
+    "simulate": """Write synthetic datasets.
+
+Each is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for byte. Those
+that are there already are kept, so that a job that was cut off can be started again. The default backend is `fast`.
+
+```
+testbed simulate office --out datasets --count 100 --workers 2
+testbed simulate office --out poor --odometry.grade poor --format carmen
+testbed slam datasets/office-0000
+```
+""",
     "slam": """Map a recorded log, and score it where truth is known.
 
 The format is recognised from the content: CARMEN logs (plain or gzip), ROS 1 and ROS 2 bags. The results go into a

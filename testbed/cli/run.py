@@ -3,63 +3,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Group, Parameter
+from dataclasses import asdict
 
 from eval.grids import true_grid
 from testbed.cli.console import announce_compilation
 from testbed.cli.ending import carry_out
 from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
-from testbed.presets import load_lidar, load_robot
+from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run import Job
-from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simulation, SimulationConfig, simulate
+from testbed.simulation import Simulation, simulate
 from testbed.simulation.urdf import robot_urdf
 from testbed.views import Scene
 from worlds import load, true_map
-
-SIMULATOR_GROUP = Group("Simulator", sort_key=5)
-DEFAULT = SimulationConfig()
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class SimulatorOptions:
-    """The simulated robot and its sensors."""
-
-    robot: str = DEFAULT.robot.name
-    """Name of a robot, or a TOML file."""
-    lidar: str = DEFAULT.lidar.name
-    """Name of a lidar, or a TOML file."""
-    backend: Literal["pybullet", "fast"] = "pybullet"
-    """pybullet: physics and rays of PyBullet; fast: exact arcs and a ray caster of ours."""
-    duration: float | None = None
-    """Longest simulated time [s]; default: until the tour is finished."""
-    driver: Annotated[DriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=DriverConfig)
-    """How the tour is driven."""
-    odometry: Annotated[OdometryConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=OdometryConfig)
-    """Errors of the wheel odometry."""
-    layers: Annotated[LidarLayers, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=LidarLayers)
-    """Imperfections of the lidar."""
-
-    def simulation(self, seed: int) -> SimulationConfig:
-        """Settings of the simulator."""
-        return SimulationConfig(
-            robot=load_robot(self.robot),
-            lidar=load_lidar(self.lidar),
-            driver=self.driver,
-            odometry=self.odometry,
-            lidar_layers=self.layers,
-            backend=self.backend,
-            duration=DEFAULT.duration if self.duration is None else self.duration,
-            seed=seed,
-        )
-
-
-SIMULATOR = SimulatorOptions()
 
 
 def run(
@@ -81,8 +37,7 @@ def run(
     config = simulator.simulation(estimator.seed)
     place = load(world)
     truth = true_grid(true_map(place, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
-    files = [path for path in map(Path, (world, simulator.robot, simulator.lidar)) if path.is_file()]
-    document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, files)
+    document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{place.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),

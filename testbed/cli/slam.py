@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from eval.association import associate
+from eval.map_server import read_map
 from eval.relations import read_relations
 from eval.trajectory import Trajectory
 from eval.tum import read_tum
@@ -53,6 +54,7 @@ def slam(
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
+    truth_map = log / "truth_map.yaml"  # beside the recording in a dataset of ours
     known_relations = None if relations is None else read_relations(relations)
     frames = recording.frames if truth is None else _with_truth(recording.frames, read_tum(truth))
     settings = {
@@ -63,7 +65,8 @@ def slam(
         "range_max": range_max,
         **estimator.settings(),
     }
-    document = config_document(settings, [path for path in (log, relations, truth) if path is not None])
+    inputs = [path for path in (log, relations, truth) if path is not None and path.is_file()]
+    document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
     name = log.name.split(".")[0]
     done = _Counter(frames)
@@ -76,6 +79,7 @@ def slam(
         threads=estimator.threads,
         refine=estimator.refine,
         relations=known_relations,
+        truth_map=read_map(truth_map) if truth_map.is_file() else None,
         share_done=lambda: done.share,
     )
     announce_compilation()

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.scan import Scan
 from slam.se2 import Pose
+from testbed.formats.checksums import verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.transforms import Transforms, planar_pose
 from testbed.frame import Frame
@@ -44,6 +45,8 @@ def read_bag(path: Path, *, range_max: float | None = None) -> Log:
     Raises LogError, naming the file and the place, for damaged bags, missing topics, clocks that do not meet, and
     values that make no sense.
     """
+    if path.is_dir():
+        verify(path)
     content = _Content()
     with _complaints(path, content):
         _read_messages(path, content)

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: MIT
+"""`testbed simulate`."""
+
+from __future__ import annotations
+
+import signal
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, replace
+from multiprocessing import get_context
+from pathlib import Path
+
+from rich.progress import track
+
+from testbed.cli.console import announce_compilation, console, results
+from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
+from testbed.dataset import Format, is_complete, write_dataset
+from worlds import load
+
+FAST = replace(SIMULATOR, backend="fast")
+
+
+def simulate(
+    world: str,
+    *,
+    out: Path,
+    seed: int = 0,
+    count: int = 1,
+    workers: int = 1,
+    format: Format = "rosbag2",
+    config: Path | None = None,
+    simulator: SimulatorOptions = FAST,
+) -> None:
+    """Write synthetic datasets.
+
+    Parameters
+    ----------
+    world
+        Name from the catalogue (`testbed worlds list`), or a TOML file.
+    out
+        Directory that takes the datasets; those that are there already are kept.
+    seed
+        Seed of the first dataset; each further one has the next.
+    count
+        Number of datasets.
+    workers
+        Datasets that are made at the same time.
+    format
+        rosbag2: directory with an MCAP file, as ROS 2 plays it; carmen: packed CARMEN log.
+    config
+        TOML file with settings, such as the config.toml of a dataset; the command line wins.
+    """
+    if count < 1 or workers < 1:
+        raise ValueError(f"count and workers must be at least 1, got {count} and {workers}")
+    place = load(world)
+    settings = {"world": world, "format": format, **asdict(simulator)}
+    simulator.simulation(seed)  # complain before the first dataset, not in a worker
+    jobs = {out / f"{place.name}-{number:04d}": number for number in range(seed, seed + count)}
+    missing = {path: number for path, number in jobs.items() if not is_complete(path)}
+    for path in missing:
+        if path.exists():
+            raise ValueError(f"{path}: exists and is no dataset; choose another --out")
+    announce_compilation()
+    out.mkdir(parents=True, exist_ok=True)
+    # spawned, not forked: PyBullet and numba keep threads; a fresh process now and then bounds what PyBullet leaks
+    pool = ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=_leave_signals, max_tasks_per_child=50
+    )
+    with pool:
+        futures = [
+            pool.submit(
+                write_dataset, path, place, simulator.simulation(number), settings | {"seed": number}, form=format
+            )
+            for path, number in missing.items()
+        ]
+        try:
+            for future in track(as_completed(futures), "simulating", len(futures), console=console, transient=True):
+                future.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    results.print(f"{out}: {len(missing)} datasets written, {len(jobs) - len(missing)} were there already")
+
+
+def _leave_signals() -> None:
+    """In a worker: Ctrl-C is the parent's business, which lets the datasets at hand be finished."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

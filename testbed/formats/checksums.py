@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: MIT
+"""SHA-256 of the files of a dataset: neither MCAP nor SQLite would notice a changed byte."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from pathlib import Path
+
+from testbed.formats.log import LogError
+
+CONFIG = "config.toml"
+LARGEST_CONFIG = 1_000_000
+"""Bytes."""
+
+
+def checksums_of(directory: Path) -> dict[str, str]:
+    """SHA-256 of each file of a directory but `config.toml`, by name."""
+    return {path.name: _sha256(path) for path in sorted(directory.iterdir()) if path.name != CONFIG}
+
+
+def verify(directory: Path) -> None:
+    """Compare the files of a dataset with the `[checksums]` in its `config.toml`, where there is one.
+
+    Raises LogError, naming the file, where one is missing or has changed.
+    """
+    config = directory / CONFIG
+    if not config.is_file():
+        return
+    if config.stat().st_size > LARGEST_CONFIG:
+        raise LogError(f"{config}: larger than {LARGEST_CONFIG} bytes")
+    try:
+        written = tomllib.loads(config.read_text(encoding="utf-8")).get("checksums", {})
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise LogError(f"{config}: {error}, expected TOML") from None
+    if not isinstance(written, dict):
+        raise LogError(f"{config}: checksums: expected a table of file names and SHA-256 sums")
+    for name, digest in written.items():
+        path = directory / name
+        if Path(name).name != name:
+            raise LogError(f"{config}: checksums: {name!r} is no file of this directory")
+        if not path.is_file():
+            raise LogError(f"{path}: missing; it belongs to this dataset")
+        if _sha256(path) != digest:
+            raise LogError(f"{path}: has changed since the dataset was written (SHA-256 differs)")
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

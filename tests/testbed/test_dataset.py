@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: MIT
+"""Synthetic datasets: the same bytes again, whole or not there, and changes are noticed."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval.map_server import read_map
+from eval.tum import read_tum
+from testbed import dataset
+from testbed.cli import main
+from testbed.dataset import is_complete, write_dataset
+from testbed.formats import LogError, open_log
+from testbed.presets import load_lidar, load_robot
+from testbed.simulation import SimulationConfig
+from worlds import load
+
+CONFIG = SimulationConfig(
+    robot=load_robot("create3"), lidar=load_lidar("rplidar_a2"), backend="fast", duration=1.5, seed=3
+)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("datasets") / "loop"
+    write_dataset(path, load("loop"), CONFIG, {"seed": 3})
+    return path
+
+
+def copy(made: Path, to: Path) -> Path:
+    to.mkdir()
+    for file in made.iterdir():
+        (to / file.name).write_bytes(file.read_bytes())
+    return to
+
+
+def test_it_holds_what_a_reader_needs(made):
+    log = open_log(made)
+    truth = read_tum(made / "truth.tum")
+    scans = [frame for frame in log.frames if frame.scan is not None]
+    np.testing.assert_allclose(truth.stamps, [frame.stamp for frame in scans])
+    np.testing.assert_allclose(truth.poses, [frame.truth for frame in scans], atol=1e-9)
+    assert read_map(made / "truth_map.yaml").occupied.any()
+    assert load(made / "world.toml").name == "loop"
+    assert tomllib.loads((made / "config.toml").read_text())["settings"] == {"seed": 3}
+
+
+@pytest.mark.parametrize("form", ["rosbag2", "carmen"])
+def test_the_same_settings_give_the_same_bytes(tmp_path, form):
+    for parent in ("a", "b"):
+        write_dataset(tmp_path / parent / "loop", load("loop"), CONFIG, {}, form=form)
+    names = sorted(path.name for path in (tmp_path / "a" / "loop").iterdir())
+    for name in names:
+        assert (tmp_path / "a" / "loop" / name).read_bytes() == (tmp_path / "b" / "loop" / name).read_bytes(), name
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["loop"]
+
+
+@pytest.mark.parametrize("name", ["loop.mcap", "metadata.yaml", "world.toml", "truth.tum", "truth_map.pgm"])
+def test_any_changed_or_missing_file_is_named(made, tmp_path, name):
+    damaged = copy(made, tmp_path / "loop")
+    content = bytearray((damaged / name).read_bytes())
+    content[len(content) // 2] ^= 1
+    (damaged / name).write_bytes(content)
+    with pytest.raises(LogError, match=f"{name}: has changed"):
+        open_log(damaged)
+    if name != "metadata.yaml":  # without it the directory is no bag at all
+        (damaged / name).unlink()
+        with pytest.raises(LogError, match=f"{name}: missing"):
+            open_log(damaged)
+
+
+@pytest.mark.parametrize(
+    "text", ["[checksums]\n'../loop.mcap' = ''\n", "checksums = 3\n", "checksums = \n", "[" * 5000]
+)
+def test_a_strange_config_is_refused(made, tmp_path, text):
+    strange = copy(made, tmp_path / "loop")
+    (strange / "config.toml").write_text(text)
+    with pytest.raises(LogError, match=r"config\.toml: "):
+        open_log(strange)
+
+
+def test_what_breaks_off_leaves_nothing(tmp_path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(dataset, "write_map", full)
+    with pytest.raises(OSError, match="No space"):
+        write_dataset(tmp_path / "loop", load("loop"), CONFIG, {})
+    assert list(tmp_path.iterdir()) == []
+    assert not is_complete(tmp_path / "loop")
+
+
+def simulate(out: Path, *options: str) -> int:
+    with pytest.raises(SystemExit) as end:
+        main(["simulate", "loop", "--out", str(out), "--duration", "0.5", *options])
+    return end.value.code
+
+
+def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
+    assert simulate(tmp_path, "--count", "2") == 0
+    first = tmp_path / "loop-0000" / "config.toml"
+    written = first.stat().st_mtime_ns
+    unfinished = tmp_path / ".loop-0002.simulating"  # as a kill leaves it
+    unfinished.mkdir()
+    assert simulate(tmp_path, "--count", "3", "--workers", "2") == 0
+    assert "1 datasets written, 2 were there already" in capsys.readouterr().out
+    assert first.stat().st_mtime_ns == written
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["loop-0000", "loop-0001", "loop-0002"]
+
+
+def test_other_files_are_left_alone(tmp_path, capsys):
+    (tmp_path / "loop-0000").mkdir()
+    (tmp_path / "loop-0000" / "thesis.tex").write_text("years of work")
+    assert simulate(tmp_path) == 2
+    assert "loop-0000: exists and is no dataset" in capsys.readouterr().err
+    assert simulate(tmp_path, "--count", "0") == 2
