@@ -7,7 +7,7 @@ from worlds.elements import Block, Box, Disc, Opening, Wall
 from worlds.errors import WorldError
 from worlds.files import catalogue, dumps, load
 from worlds.floor_plan import import_map, world_from_grid
-from worlds.generate import KINDS, generate
+from worlds.generators import KINDS, generate
 from worlds.movers import PERSON_RADIUS, Door, Person
 from worlds.raster import TrueMap, true_map
 from worlds.world import Difficulty, Start, Tour, World

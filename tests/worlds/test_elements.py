@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from worlds import Block, Box, Disc, Opening, Wall, World
@@ -35,6 +35,7 @@ def test_opening_in_a_closed_wall_may_lie_on_the_closing_side():
 
 
 @given(st.floats(-6.28, 6.28), st.floats(0.1, 5.0), st.floats(0.1, 5.0))
+@settings(deadline=None)
 def test_rotated_box_keeps_area_and_centre(rotation, width, depth):
     shape = Box(x=1.0, y=-2.0, width=width, depth=depth, rotation=rotation).shape()
     assert shape.area == pytest.approx(width * depth)
@@ -76,6 +77,7 @@ def test_lidar_sees_over_low_elements_and_through_glass():
 
 
 @given(st.lists(st.tuples(*[st.floats(-5, 5)] * 2, *[st.floats(0.2, 3)] * 2, st.floats(-3, 3)), min_size=1, max_size=6))
+@settings(deadline=None)
 def test_boundary_bounds_exactly_the_union(boxes):
     world = World(name="w", boxes=[Box(x=x, y=y, width=w, depth=d, rotation=r) for x, y, w, d, r in boxes])
     union = shapely.union_all([box.shape() for box in world.boxes])

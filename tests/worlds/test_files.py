@@ -2,7 +2,7 @@
 """World files: what is read, and one clear line for everything that is wrong."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import worlds
@@ -108,6 +108,7 @@ def test_deep_nesting_is_refused():
 
 
 @given(st.text(max_size=200), st.integers(0, len(GOOD) - 1))
+@settings(deadline=None)
 def test_any_damage_is_a_world_error_or_a_world(garbage, at):
     message = ""
     try:

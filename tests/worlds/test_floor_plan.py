@@ -15,7 +15,7 @@ from worlds.floor_plan import edge_loops, import_map, read_pgm, world_from_grid
 
 
 @given(hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))))
-@settings(max_examples=150)
+@settings(max_examples=150, deadline=None)
 def test_edges_enclose_exactly_the_free_cells(occupied):
     """The even-odd rule over all loops gives each cell back."""
     loops = [shapely.Polygon(loop) for loop in edge_loops(occupied)]

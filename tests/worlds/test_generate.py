@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import worlds
@@ -15,6 +15,7 @@ from worlds.graph import closed_walk, lattice_edges, random_graph
 
 
 @given(st.integers(1, 7), st.integers(1, 7), st.integers(0, 12), st.integers(0, 2**32))
+@settings(deadline=None)
 def test_closed_walks_go_every_way_once_or_twice_and_return(cols, rows, loops, seed):
     graph = random_graph(cols * rows, lattice_edges(cols, rows), loops, np.random.default_rng(seed))
     walk = closed_walk(graph)

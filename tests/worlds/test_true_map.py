@@ -87,7 +87,7 @@ coordinate = st.floats(-20.0, 20.0)
 
 
 @given(coordinate, coordinate, coordinate, coordinate)
-@settings(max_examples=200)
+@settings(max_examples=200, deadline=None)
 def test_cells_crossed_are_those_with_a_part_of_the_segment(x0, y0, x1, y1):
     line = shapely.LineString([(x0, y0), (x1, y1)])
     rows, cols = cells_crossed(np.array([x0, y0, x1, y1]))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbed.presets import load_robot
@@ -31,6 +31,7 @@ def drive(config, distance, turn, steps, seed=0):
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-6.0, 6.0), st.integers(1, 20))
+@settings(deadline=None)
 def test_arcs_are_exact_without_errors(distance, turn, steps):
     x, y, theta = drive(NONE, distance, turn, steps)
     if abs(turn) > 1e-6:
@@ -42,6 +43,7 @@ def test_arcs_are_exact_without_errors(distance, turn, steps):
 
 
 @given(st.floats(0.001, 3.0))
+@settings(deadline=None)
 def test_ticks_lose_less_than_one_tick_of_each_wheel(distance):
     tick = 2.0 * math.pi * ROBOT.wheel_radius / ROBOT.ticks_per_turn
     x, y, theta = drive(dataclasses.replace(NONE, ticks=True), distance, 0.0, 37)
