@@ -71,8 +71,8 @@ def wall_profile(
 ) -> WallProfile | None:
     """Cut the map along the normals of the straight, observable true walls.
 
-    Each cut runs from -`REACH` to +`REACH` in half cells; occupied samples next to each other are one wall, a gap
-    below one cell does not part two. A place is double if the map has more walls on the cut than the truth (which is
+    Each cut runs from -`REACH` to +`REACH` in half cells; occupied samples next to each other are one wall.
+    A place is double if the map has more walls on the cut than the truth (which is
     looked at two cells further, so that a wall at the edge is not held against the map); the thickness is that of the
     wall nearest to the true one. None where there is no straight wall. Measures "ghosting" after bad loop closures;
     no published measure is known to us. Trap: ghosts nearer than a cell show as thickness, those beyond `REACH` not
@@ -90,7 +90,8 @@ def wall_profile(
     def cut(of: OccupancyGrid, at: NDArray[np.float64], T: ArrayLike) -> NDArray[np.bool_]:
         points = wall[:, None, :] + at[None, :, None] * normal[:, None, :]
         values = lookup(of, transform_points(T, points.reshape(-1, 2)))
-        return _close((values > OccupancyGrid.OCCUPIED).reshape(len(wall), len(at)))
+        occupied: NDArray[np.bool_] = values > OccupancyGrid.OCCUPIED
+        return occupied.reshape(len(wall), len(at))
 
     found, true = cut(grid, offsets, T_grid_truth), cut(truth, wide, np.zeros(3))
     shown = found.any(axis=1)
@@ -130,13 +131,6 @@ def _straight_walls(
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)[rows, cols] + truth.origin[2]
     centres = transform_points(np.asarray(truth.origin), (np.column_stack([cols, rows]) + 0.5) * truth.resolution)
     return centres, np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _close(cuts: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Fill gaps of one sample (half a cell) in each row."""
-    filled = cuts.copy()
-    filled[:, 1:-1] |= cuts[:, :-2] & cuts[:, 2:]
-    return filled
 
 
 def _runs(cuts: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from eval.consistency import coalescence_spans, consistency, filter_health, nees
-from slam.se2 import compose
+from slam.se2 import compose, wrap_angle
 
 N = 4000
 
@@ -13,10 +13,12 @@ N = 4000
 def table(covariance, stated, seed: int = 0, world=(0.0, 0.0, 0.0)) -> dict:
     """Poses whose errors have `covariance` (3, 3), with `stated` as their covariance; the truth seen from `world`."""
     rng = np.random.default_rng(seed)
-    truth = np.column_stack([np.linspace(0, 50, N), np.sin(np.arange(N)), 0.1 * np.sin(np.arange(N))])
+    turns = wrap_angle(np.linspace(0.0, 40.0, N))
+    truth = np.column_stack([np.linspace(0, 50, N), np.sin(np.arange(N)), turns])
     error = rng.multivariate_normal(np.zeros(3), covariance, N)
     error[0] = 0.0  # both paths start at one pose
     estimate, seen = truth + error, compose(world, truth)
+    estimate[:, 2] = wrap_angle(estimate[:, 2])
     names = ("xx", "xy", "xt", "yy", "yt", "tt")
     index = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     return {

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from eval.grids import cell_centres, lookup, resample, true_grid
 from eval.map_alignment import best_rigid_alignment
+from eval.map_error import map_error
 from eval.map_overlap import coverage, free_overlap, occupied_overlap
 from eval.map_probability import CLIP, probability_score
 from eval.map_structure import map_structure
@@ -135,7 +136,58 @@ def test_walls_off_the_true_map_are_wrong_and_unobservable_ones_are_asked_of_nob
         assert occupied_overlap(grid, TRUTH, seen).iou == 1.0
 
 
+def test_unobservable_walls_that_were_mapped_all_the_same_earn_nothing():
+    seen = EVERYWHERE.copy()
+    seen[:, 19] = False
+    invented = with_wall(TRUTH, slice(20, 100), 80)
+    walls = int((TRUTH.occupied & seen).sum())
+    assert occupied_overlap(invented, TRUTH, seen).precision == pytest.approx(walls / (walls + 80))
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.1])
+def test_what_lies_off_the_true_map_counts_by_its_area(resolution):
+    # The whole room far away: all of its walls are wrong, whatever the size of its cells.
+    elsewhere = moved(room(resolution=resolution), (100.0, 0.0, 0.0))
+    both = room()
+    error = map_error(elsewhere, both, IDENTITY, EVERYWHERE)
+    assert error.occupied[0].precision == 0.0
+    assert error.occupied[2].f1 == 0.0
+    assert error.free[0].precision == 0.0
+    assert error.coverage == 0.0
+    assert error.wall_distance > 90.0
+    half = OccupancyGrid(
+        probability=np.concatenate([TRUTH.probability, TRUTH.probability], axis=1),
+        resolution=TRUTH.resolution,
+        origin=TRUTH.origin,
+    )
+    assert map_error(half, TRUTH, IDENTITY, EVERYWHERE).occupied[0].precision == pytest.approx(0.5)
+
+
 # --- the whole map: turned, finer, coarser, far away
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.785, 1.2])
+def test_profiles_do_not_depend_on_how_either_map_is_turned(turn):
+    doubled = with_wall(TRUTH, slice(20, 100), 24)
+    straight = wall_profile(doubled, TRUTH, IDENTITY, EVERYWHERE)
+    # Both turned alike: the same cuts. Only the map's cells turned: the same walls on other cells.
+    T = (1.0, -2.0, turn)
+    alike = wall_profile(moved(doubled, T), moved(TRUTH, T), IDENTITY, EVERYWHERE)
+    assert alike.double_rate == pytest.approx(straight.double_rate, abs=1e-3)
+    assert alike.thickness == pytest.approx(straight.thickness, abs=1e-3)
+    perfect = wall_profile(on_turned_cells(TRUTH, turn), TRUTH, IDENTITY, EVERYWHERE)
+    assert perfect.double_rate < 0.01
+    assert perfect.thickness == pytest.approx(0.05, abs=0.015)
+
+
+def on_turned_cells(grid: OccupancyGrid, turn: float) -> OccupancyGrid:
+    """The same place, drawn on cells that are turned about its middle; no wall is lost between the cells."""
+    canvas = OccupancyGrid(
+        probability=np.zeros((240, 240), np.float32),
+        resolution=grid.resolution,
+        origin=tuple(compose([3.0, 2.0, turn], [-6.0, -6.0, 0.0]).tolist()),
+    )
+    return resample(grid, canvas, IDENTITY)
 
 
 @given(st.floats(-20, 20), st.floats(-20, 20), st.floats(-3.1, 3.1))
@@ -167,6 +219,9 @@ def test_a_bent_map_is_not_mended_by_rigid_alignment():
 def test_other_resolutions_are_drawn_on_the_true_cells(resolution):
     other = room(resolution=resolution)
     drawn = resample(other, TRUTH, IDENTITY)
+    middle = round(4.0 / resolution)  # a column inside the room, x = 3 m
+    wall = with_wall(other, slice(round(1.5 / resolution), round(4.5 / resolution)), middle)
+    assert (resample(wall, TRUTH, IDENTITY).occupied[30:90, 80]).all()
     assert free_overlap(drawn, TRUTH, EVERYWHERE).recall > 0.94
     assert occupied_overlap(drawn, TRUTH, EVERYWHERE, tolerance=1).f1 == pytest.approx(1.0, abs=0.02)
 

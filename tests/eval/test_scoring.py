@@ -9,11 +9,12 @@ import pytest
 
 from eval.association import AssociationError
 from eval.map_server import read_map, write_map
+from eval.relations import Relations, RelationsError
 from eval.scoring import Reference, score, score_files
 from eval.trajectory import Trajectory
 from eval.tum import read_tum, write_tum
 from slam.occupancy import OccupancyGrid
-from slam.se2 import compose
+from slam.se2 import between, compose
 from tests.eval.helpers import moved, noisy, random_walk, room
 from tests.eval.synthetic_run import write_run
 
@@ -158,6 +159,18 @@ def test_a_relations_file_is_enough(tmp_path):
     )
     assert metrics["relations"]["pairs"] == 100
     assert metrics["relations"]["loops"] is None
+
+
+def test_relations_are_scored_on_the_dense_estimate_where_there_is_one():
+    relations = Relations(
+        TRUTH.stamps[1:200:2], TRUTH.stamps[101:300:2], between(TRUTH.poses[1:200:2], TRUTH.poses[101:300:2])
+    )
+    reference = Reference(relations=relations)
+    metrics = score(TRUTH[::2], reference=reference, dense=TRUTH)
+    assert (metrics["relations"]["pairs"], metrics["relations"]["unmatched"]) == (100, 0)
+    assert metrics["outcome"] == "ok"
+    with pytest.raises(RelationsError, match="none of the 100 relations"):
+        score(TRUTH[::2], reference=reference)
 
 
 @pytest.mark.benchmark
