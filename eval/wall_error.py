@@ -36,10 +36,10 @@ class WallDistance:
 class WallProfile:
     """What the map shows along the normals of the true walls."""
 
-    double_rate: float
-    """Share of the places with more walls one behind the other than in truth, 0 to 1."""
-    thickness: float
-    """Mean thickness of the map's walls [m]."""
+    double_rate: float | None
+    """Share of the places with more walls one behind the other than in truth, 0 to 1; None without places."""
+    thickness: float | None
+    """Mean thickness of the map's walls [m]; None without places."""
     true_thickness: float
     """The same of the true map, on its own cells [m]: what a perfect map would show."""
     places: int
@@ -71,12 +71,11 @@ def wall_profile(
 ) -> WallProfile | None:
     """Cut the map along the normals of the straight, observable true walls.
 
-    Each cut runs from -`REACH` to +`REACH` in half cells; occupied samples next to each other are one wall.
-    A place is double if the map has more walls on the cut than the truth (which is
-    looked at two cells further, so that a wall at the edge is not held against the map); the thickness is that of the
-    wall nearest to the true one. None where there is no straight wall. Measures "ghosting" after bad loop closures;
-    no published measure is known to us. Trap: ghosts nearer than a cell show as thickness, those beyond `REACH` not
-    at all (the wall distance sees them).
+    Each cut runs from -`REACH` to +`REACH` in half cells; occupied samples next to each other are one wall. A place is
+    double if the map has more walls on the cut than the truth, which is looked at two cells further, so that a wall
+    at the edge is not held against the map; the thickness is that of the wall nearest to the true one. None where
+    there is no straight wall. Measures "ghosting" after bad loop closures; no published measure is known to us.
+    Trap: ghosts nearer than a cell show as thickness, those beyond `REACH` not at all (the wall distance sees them).
     """
     wall, normal = _straight_walls(truth, observable)
     if len(wall) == 0:
@@ -96,7 +95,7 @@ def wall_profile(
     found, true = cut(grid, offsets, T_grid_truth), cut(truth, wide, np.zeros(3))
     shown = found.any(axis=1)
     if not shown.any():
-        return WallProfile(0.0, 0.0, _thickness(true, wide, cell), 0, 1.0)
+        return WallProfile(None, None, _thickness(true, wide, cell), 0, 1.0)
     double = _runs(found) > _runs(true)
     return WallProfile(
         double_rate=float(double[shown].mean()),

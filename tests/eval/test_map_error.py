@@ -315,5 +315,6 @@ def test_maps_without_a_known_cell_or_wall_have_no_score_rather_than_a_good_one(
     assert wall_distances(unknown, TRUTH, IDENTITY, EVERYWHERE) is None
     assert occupied_overlap(unknown, TRUTH, EVERYWHERE).iou == 0.0
     assert coverage(unknown, EVERYWHERE) == 0.0
-    assert wall_profile(unknown, TRUTH, IDENTITY, EVERYWHERE).missing_rate == 1.0
+    profile = wall_profile(unknown, TRUTH, IDENTITY, EVERYWHERE)
+    assert (profile.missing_rate, profile.double_rate, profile.thickness) == (1.0, None, None)
     assert probability_score(TRUTH, unknown, unknown.known) is None
