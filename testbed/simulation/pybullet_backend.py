@@ -34,7 +34,7 @@ _RAYS, _WALLS, _OPAQUE, _ROBOT = 1, 2, 4, 8
 """Collision groups: glass is a wall that is not opaque; rays (group 1 in Bullet) look for opaque things only."""
 
 
-class PyBulletMissingError(RuntimeError):
+class PyBulletMissingError(ValueError):
     """PyBullet is not installed; the message says what to do."""
 
 
@@ -47,7 +47,7 @@ class PyBulletBackend:
 
         Raises `PyBulletMissingError` if pybullet cannot be imported.
         """
-        self._p = _import_pybullet()
+        self._p = import_pybullet()
         self._client: int = self._p.connect(self._p.DIRECT)
         self._robot_preset, self._limits, self._lidar_height = robot, limits, lidar_height
         self._command = (0.0, 0.0)
@@ -193,7 +193,8 @@ def _wall_quads(world: World, *, glass: bool) -> NDArray[np.float64]:
     return np.concatenate(slices) if slices else np.empty((0, 4, 3))
 
 
-def _import_pybullet() -> Any:
+def import_pybullet() -> Any:
+    """The module; raises `PyBulletMissingError` where it is absent or was built without numpy."""
     try:
         with _silent_stdio():
             import pybullet
