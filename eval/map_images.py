@@ -8,7 +8,9 @@ import io
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.image import imsave
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 
 from eval.grids import cell_centres, resample
 from slam.occupancy import OccupancyGrid
@@ -69,8 +71,6 @@ def draw_difference(
     grid: OccupancyGrid, truth: OccupancyGrid, frame: OccupancyGrid, T_frame_grid: ArrayLike
 ) -> Picture:
     """The walls of a map against those of the truth, in the truth's frame; right = within one cell."""
-    from scipy import ndimage
-
     drawn, true = resample(grid, frame, T_frame_grid), resample(truth, frame, np.zeros(3))
     near_true = ndimage.maximum_filter(true.occupied, size=3)
     near_drawn = ndimage.maximum_filter(drawn.occupied, size=3)
@@ -116,8 +116,6 @@ def _rgb(colour: str) -> NDArray[np.float64]:
 
 
 def _png(pixels: Image) -> bytes:
-    from matplotlib.image import imsave
-
     buffer = io.BytesIO()
     imsave(buffer, pixels, format="png")
     return buffer.getvalue()

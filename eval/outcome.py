@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from eval.association import Association
 from eval.relations import SHORT, RelationError, Relations
@@ -122,8 +123,6 @@ def loop_pairs(
     Poses `spacing` [m] of path apart whose positions lie within `radius` [m], with at least `min_path` [m] travelled
     in between. Where that would be more than about `limit` pairs, the poses are thinned out.
     """
-    from scipy.spatial import cKDTree
-
     poses, path = matched.reference.poses, matched.reference.distance
     while True:
         rows = np.flatnonzero(np.diff(np.floor(path / spacing), prepend=-1.0) > 0)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
@@ -80,8 +81,6 @@ def write_report(run_directory: str | os.PathLike[str]) -> Path:
 
 def render(template: str, **context: Any) -> str:
     """One of the templates beside this module, filled in; everything is escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     environment = Environment(
         loader=PackageLoader("eval"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

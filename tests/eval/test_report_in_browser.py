@@ -91,3 +91,11 @@ def test_a_page_fits_a_phone_and_all_pictures_load(pages, tmp_path, name):
     assert width <= 390
     assert broken == 0
     assert images >= 3
+
+
+def test_a_report_prints_on_a_few_pages(pages, tmp_path):
+    pdf = tmp_path / "report.pdf"
+    browse(pages["good"], tmp_path / "profile", "--no-pdf-header-footer", f"--print-to-pdf={pdf}")
+    content = pdf.read_bytes()
+    assert content.startswith(b"%PDF")
+    assert 2 <= len(re.findall(rb"/Type /Page\b", content)) <= 8
