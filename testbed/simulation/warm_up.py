@@ -16,9 +16,9 @@ def warm_up() -> None:
         name="warm-up",
         start=Start(x=1.0, y=1.0),
         tour=Tour(points=[(5.0, 1.0)]),
-        walls=[Wall(points=[(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)], closed=True)],
-        people=[Person(points=[(1.0, 4.0), (5.0, 4.0)])],
-        doors=[Door(x=3.0, y=5.9, closed=0.0, swing=1.5)],
+        walls=[Wall(name="walls", points=[(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)], closed=True)],
+        people=[Person(name="person", points=[(1.0, 4.0), (5.0, 4.0)])],
+        doors=[Door(name="door", x=3.0, y=5.9, closed=0.0, swing=1.5)],
     )
     for _ in simulate(room, SimulationConfig(backend="fast", duration=0.25)):
         pass
