@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from slam.occupancy import OccupancyGrid
 
@@ -76,7 +75,9 @@ def _auc(p: NDArray[np.float64], occupied: NDArray[np.bool_]) -> float | None:
     negative = len(occupied) - positive
     if positive == 0 or negative == 0:
         return None
-    ranks = rankdata(p)[occupied].sum()
+    _, value, cells = np.unique(p, return_inverse=True, return_counts=True)
+    mean_rank = np.cumsum(cells) - 0.5 * (cells - 1)  # equal values share the mean of their ranks
+    ranks = mean_rank[value[occupied]].sum()
     return float((ranks - positive * (positive + 1) / 2.0) / (positive * negative))
 
 

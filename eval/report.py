@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from eval import plots
 from eval.alignment import Alignment
 from eval.association import AssociationError, associate
-from eval.consistency import LEVEL, column, nees, updates
+from eval.consistency import LEVEL, chi_square, column, nees, updates
 from eval.diagnosis import Finding, first_bad_match, first_bad_stretch
 from eval.files import write_aside
 from eval.map_images import DIFFERENCE_KEY, Picture, draw_difference, draw_map, frame_around
@@ -323,7 +322,7 @@ def _filter_plots(sight: Sight) -> Iterator[Plot]:
         yield Plot("Where the time goes", source, f"All {particles[-1]:.0f} particles together.")
     rows, values, _ = nees(steps)
     if len(rows) > 1:
-        low, high = (float(chi2.ppf(part, 3)) for part in ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
+        low, high = (chi_square(part, 3) for part in ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
         at = column(steps, "stamp")[rows] - sight.start
         yield Plot(
             "Consistency (NEES)",

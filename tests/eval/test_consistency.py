@@ -3,8 +3,9 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from eval.consistency import coalescence_spans, consistency, filter_health, nees
+from eval.consistency import chi_square, coalescence_spans, consistency, filter_health, nees
 from slam.se2 import compose, wrap_angle
 
 N = 4000
@@ -45,6 +46,12 @@ def test_a_covariance_four_times_too_small_is_found_out():
     assert found.nees_mean == pytest.approx(12.0, rel=0.05)
     assert found.nees_mean > found.nees_band[1]
     assert found.inside_share < 0.6
+
+
+@pytest.mark.parametrize("share", [0.025, 0.5, 0.95, 0.975])
+@pytest.mark.parametrize("freedom", [1, 3, 1500])
+def test_quantiles_are_those_of_the_chi_square_distribution(share, freedom):
+    assert chi_square(share, freedom) == pytest.approx(chi2.ppf(share, freedom), rel=1e-9)
 
 
 def test_particles_at_one_pose_have_no_covariance_to_judge():
