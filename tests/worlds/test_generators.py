@@ -54,7 +54,7 @@ def test_generated_worlds_are_connected_and_drivable(kind, seed):
 def test_200_seeds_of_each_kind_are_connected_and_drivable(kind):
     for seed in range(200):
         rng = np.random.default_rng(seed)
-        size = tuple(rng.uniform(9.0, 40.0, 2).tolist())
+        size = tuple(rng.uniform(9.0, 28.0, 2).tolist())
         assert_valid(kind, seed, size=size, clutter=float(rng.uniform(0, 4)), loops=int(rng.integers(0, 6)))
 
 
