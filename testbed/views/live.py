@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Live viewers of a run. Each is fed by a process of its own that reads the recording while it is written.
 
-Why not by the run itself: a stream of Rerun 0.41 that has a gRPC sink blocks every log call for good once 100 MiB wait
-for a viewer that hangs, and blocks the end of the process for good (measured; docs/views.md). The run writes
-a file and nothing else; what happens to a viewer or to a connection is the relay's business.
+Why not by the run itself: a stream of Rerun 0.41 that has a gRPC sink blocks every log call once 100 MiB wait for a
+viewer that hangs, and blocks the end of the process (measured; docs/views.md). The run writes a file and nothing else;
+what happens to a viewer or to a connection is the relay's business.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """The recording of a run: every snapshot becomes entities of a Rerun file, which live viewers follow.
 
 Poses, scan and plots are logged at most ten times a second; particles at every scan that the filter took in; maps,
-paths and weights about once a second, after resampling, and at the end; the maps of four particles every 15 s
+paths and weights about once a second, after resampling, and at the end; the maps of four particles with every 15th
 (`schedule`). What that costs is measured in docs/views.md. Stored poses are float32: the files of the run directory
 are the source of truth.
 """
@@ -241,6 +241,7 @@ class RerunView:
 
     def _log_map(self, snapshot: Snapshot, last: bool = False) -> OccupancyGrid | None:
         """Log the best map, the particles' paths and the weights; the map, if there is one."""
+        started = time.monotonic()
         if snapshot.path is not None:
             self._rec.log(entities.PATH, line(snapshot.path(None), Z_ESTIMATE))
             branches = [snapshot.path(i)[-FAN_LENGTH:] for i in range(min(self._scene.particles, MOST_BRANCHES))]
@@ -251,10 +252,10 @@ class RerunView:
         if snapshot.map is None:
             return None
         grid = snapshot.map(None)
-        self._schedule.map_was_logged(snapshot.stamp, grid.probability.size)
         self._rec.log(entities.MAP, grid_map(grid))
-        if last or self._schedule.comparison_due(snapshot.stamp):
+        if last or self._schedule.comparison_due:
             self._log_comparison(snapshot)
+        self._schedule.map_was_logged(snapshot.stamp, grid.probability.size, time.monotonic() - started)
         return grid
 
     def _log_comparison(self, snapshot: Snapshot) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbed.views.schedule import MAP_BYTES_PER_SECOND, Schedule
+from testbed.views.schedule import MAP_BYTES_PER_SECOND, MAP_SHARE, Schedule
 
 
 @pytest.mark.parametrize(("rate", "expected"), [(5.0, 5.0), (10.0, 10.0), (40.0, 10.0)])
@@ -25,7 +25,7 @@ def test_a_scan_that_the_filter_took_in_is_always_logged() -> None:
 def test_maps_come_once_a_second_but_never_faster_than_their_bytes_allow(cells: int) -> None:
     schedule = Schedule()
     stamps = [t for t in np.arange(0.0, 100.0, 0.1) if schedule.map_due(t, resampled=False)
-              and schedule.map_was_logged(t, cells) is None]  # fmt: skip
+              and schedule.map_was_logged(t, cells, 0.0) is None]  # fmt: skip
     assert np.mean(np.diff(stamps)) == pytest.approx(max(1.0, cells / MAP_BYTES_PER_SECOND), rel=0.15)
     half = 0.5 * max(1.0, cells / MAP_BYTES_PER_SECOND)
     assert schedule.map_due(stamps[-1] + half, resampled=True)
@@ -34,6 +34,17 @@ def test_maps_come_once_a_second_but_never_faster_than_their_bytes_allow(cells: 
 
 def test_stamps_that_jump_back_do_not_stop_the_maps() -> None:
     schedule = Schedule()
-    schedule.map_was_logged(1000.0, 1)
+    schedule.map_was_logged(1000.0, 1, 0.0)
     assert not schedule.map_due(1000.5, resampled=False)
     assert schedule.map_due(3.0, resampled=False)
+
+
+def test_maps_take_no_more_than_their_share_of_the_wall_time_however_fast_the_run() -> None:
+    now, spent = 0.0, 0.0
+    schedule = Schedule(clock=lambda: now)
+    for k in range(2000):
+        now += 0.01
+        if schedule.map_due(3.0 * k, resampled=k % 2 == 0):  # 300 times as fast as the robot
+            now, spent = now + 0.02, spent + 0.02
+            schedule.map_was_logged(3.0 * k, 1, 0.02)
+    assert spent / now == pytest.approx(MAP_SHARE, rel=0.1)
