@@ -68,11 +68,13 @@ testbed convert robot.bag robot.log.gz --to carmen
 testbed convert robot.log.gz robot --to rosbag2
 ```
 """,
-    "worlds": """The catalogue of worlds.
+    "worlds": """The catalogue of worlds, generators, floor plans.
 
 ```
 testbed worlds list
 testbed worlds show office --out office.png
+testbed worlds generate maze --seed 7 --out maze.toml
+testbed worlds import floor.yaml --out floor.toml
 ```
 """,
     "warmup": """Compile the kernels now instead of in the first run.

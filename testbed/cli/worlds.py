@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from cyclopts import App
+from cyclopts import App, Parameter
 from rich.table import Table
 
 from eval.files import write_aside
 from testbed.cli.console import results
-from worlds import World, catalogue, load, true_map
+from worlds import World, catalogue, dumps, generate, import_map, load, true_map
+from worlds.generators import Kind
 
 app = App(name="worlds", help="The catalogue of worlds.")
 
@@ -60,6 +62,64 @@ def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> Non
     table.add_row("tour", _tour(place))
     table.add_row("picture", str(out))
     results.print(table)
+
+
+@app.command(name="generate")
+def generate_world(
+    kind: Kind,
+    *,
+    out: Path,
+    size: tuple[float, float] = (20.0, 15.0),
+    clutter: float = 1.0,
+    loops: int = 2,
+    seed: int = 0,
+) -> None:
+    """Make a random world with a tour through all of it; the same options make the same world.
+
+    Example: `testbed worlds generate cave --size 30 20 --clutter 1.5 --seed 7 --out cave.toml`
+
+    Parameters
+    ----------
+    kind
+        Kind of place.
+    out
+        TOML file to write.
+    size
+        Width and depth [m].
+    clutter
+        Things put up, per 10 m² of floor.
+    loops
+        Ways that close a loop.
+    seed
+        Another seed, another world.
+    """
+    if seed < 0:
+        raise ValueError(f"seed must not be negative, got {seed}")
+    _write(generate(kind, size=size, clutter=clutter, loops=loops, seed=seed), out)
+
+
+@app.command(name="import")
+def import_world(map_: Annotated[Path, Parameter(name="map")], *, out: Path) -> None:
+    """Turn a ROS map_server map into a world: walls along the edges of occupied cells. It has no tour yet.
+
+    Example: `testbed worlds import floor.yaml --out floor.toml`
+
+    Parameters
+    ----------
+    map_
+        The map's .yaml file, beside its .pgm.
+    out
+        TOML file to write.
+    """
+    _write(import_map(map_), out)
+
+
+def _write(world: World, out: Path) -> None:
+    if out.exists():
+        raise ValueError(f"{out}: exists; choose another --out")
+    with write_aside(out) as aside:
+        aside.write_text(dumps(world), encoding="utf-8")
+    results.print(f"{out}: {world.name}, {_size(world)}, tour {_tour(world)}")
 
 
 def _size(world: World) -> str:

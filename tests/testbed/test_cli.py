@@ -20,7 +20,7 @@ from testbed.formats import open_log
 from testbed.formats.carmen_writer import write_carmen
 from testbed.frame import Frame
 from testbed.rundir import RUN_FILES, RunDirectory
-from worlds import catalogue
+from worlds import catalogue, load
 
 TESTBED = [sys.executable, "-c", "from testbed.cli import main; main()"]
 
@@ -230,6 +230,21 @@ def test_worlds_show_draws_a_picture(here, capsys):
     assert Path("office.png").read_bytes().startswith(b"\x89PNG")
     capsys.readouterr()
     assert_refused(capsys, "exists", "worlds", "show", "office", "--out", "office.png")
+
+
+def test_a_generated_world_can_be_driven(here, capsys):
+    assert call("worlds", "generate", "maze", "--size", "10", "8", "--seed", "7", "--out", "maze.toml") == 0
+    assert call("simulate", "maze.toml", "--duration", "1", "--out", "datasets") == 0
+    assert open_log(here / "datasets" / "maze-0000").scan_count > 5
+    capsys.readouterr()
+    assert_refused(capsys, "exists", "worlds", "generate", "maze", "--out", "maze.toml")
+    assert_refused(capsys, 'Choose from: "rooms"', "worlds", "generate", "moon", "--out", "moon.toml")
+
+
+def test_a_floor_plan_becomes_a_world(here):
+    assert call("simulate", "loop", "--duration", "0.5", "--out", "datasets") == 0
+    assert call("worlds", "import", here / "datasets" / "loop-0000" / "truth_map.yaml", "--out", "plan.toml") == 0
+    assert load("plan.toml").boundary_segments().shape[0] > 10
 
 
 # --- as a program of its own ------------------------------------------------------------------------------------------
