@@ -136,30 +136,12 @@ def _warehouse(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
     """Rows of racks between aisles of 2 m; the uprights of the racks are all that a lidar sees, and the pallets."""
     del loops
     width, depth = size
-    aisle, rack, margin = 2.0, 1.0, 2.2
+    aisle, rack = 2.0, 1.0
     rows = max(1, int((depth - 2.0 * aisle + rack) / (aisle + rack)))
-    pitch = (depth - aisle) / rows
-    aisles = [0.5 * aisle + k * pitch for k in range(rows + 1)]
+    aisles = [0.5 * aisle + k * (depth - aisle) / rows for k in range(rows + 1)]
     boxes = []
     for k, (low, high) in enumerate(pairwise(aisles)):
-        y = 0.5 * (low + high)
-        for bay, x in enumerate(
-            np.arange(margin, width - margin + 1e-6, (width - 2 * margin) / max(1, round((width - 2 * margin) / 2.7)))
-        ):
-            boxes += [
-                Box(name=f"rack {k + 1} upright {bay + 1}", x=float(x), y=y + side * 0.4, width=0.1, depth=0.1)
-                for side in (-1, 1)
-            ]
-            if x < width - margin - 1.0 and rng.random() < 0.6:
-                boxes.append(
-                    Box(
-                        name=f"rack {k + 1} pallet {bay + 1}",
-                        x=float(x) + float(rng.uniform(0.8, 1.9)),
-                        y=y,
-                        width=1.2,
-                        depth=0.8,
-                    )
-                )
+        boxes += _rack(f"rack {k + 1}", 0.5 * (low + high), width, rng)
     ends = [(x, y) for y in aisles for x in (1.1, width - 1.1)]
     graph = random_graph(len(ends), lattice_edges(2, rows + 1), len(ends), rng)
     walls = [Wall(name="outline", points=_rectangle(0.0, 0.0, width, depth), closed=True, thickness=_WALL)]
@@ -167,16 +149,33 @@ def _warehouse(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
     return _Plan(walls, boxes, [], path, shapely.box(_WALL, _WALL, width - _WALL, depth - _WALL))
 
 
+def _rack(name: str, y: float, width: float, rng: Generator) -> list[Box]:
+    """Pairs of uprights about every 2.7 m, the bays of European racks, and a pallet of 1.2 m x 0.8 m in most bays."""
+    margin = 2.2  # room to turn at both ends
+    bays = max(1, round((width - 2.0 * margin) / 2.7))
+    xs = np.linspace(margin, width - margin, bays + 1).tolist()
+    boxes = [
+        Box(name=f"{name} upright {k + 1}", x=x, y=y + side, width=0.1, depth=0.1)
+        for k, x in enumerate(xs)
+        for side in (-0.4, 0.4)
+    ]
+    for k, x in enumerate(xs[:-1]):
+        if rng.random() < 0.6:
+            at = x + float(rng.uniform(0.8, 1.9))
+            boxes.append(Box(name=f"{name} pallet {k + 1}", x=at, y=y, width=1.2, depth=0.8))
+    return boxes
+
+
 def _rooms(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
     """A rectangle cut into rooms again and again, with doors between neighbours."""
     rooms = _split((0.0, 0.0, *size), rng)
     doors = {(a, b): door for a in range(len(rooms)) for b in range(a) if (door := _door(rooms[a], rooms[b], rng))}
     graph = random_graph(len(rooms), list(doors), loops, rng)
-    used = {tuple(sorted(way, reverse=True)): None for way in graph.tree + graph.extra}
+    used = {(max(way), min(way)) for way in graph.tree + graph.extra}
     partitions = shapely.union_all([shapely.box(*room).boundary for room in rooms])
     walls: BaseGeometry = partitions.buffer(_WALL / 2, join_style="mitre")
     for way in used:
-        walls = walls.difference(LineString(doors[way]).buffer(0.65, cap_style="flat"))  # type: ignore[index]
+        walls = walls.difference(LineString(doors[way]).buffer(0.65, cap_style="flat"))
     blocks = [
         Block(name=f"wall {k + 1}", points=_corners(part.exterior), holes=[_corners(hole) for hole in part.interiors])
         for k, part in enumerate(shapely.get_parts(walls))

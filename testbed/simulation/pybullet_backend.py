@@ -51,6 +51,7 @@ class PyBulletBackend:
         self._client: int = self._p.connect(self._p.DIRECT)
         self._robot_preset, self._limits, self._lidar_height = robot, limits, lidar_height
         self._command = (0.0, 0.0)
+        self._wheel_zero = (0.0, 0.0)
         try:
             self._build(world)
         except BaseException:
@@ -124,7 +125,6 @@ class PyBulletBackend:
         turn_rates = ramp(self._command[1], turn_rate, self._limits.turn_acceleration, steps)
         targets = np.stack([speeds - half_track * turn_rates, speeds + half_track * turn_rates], axis=-1) / radius
         poses, wheels, contact = np.empty((steps, 3)), np.empty((steps, 2)), False
-        zero = getattr(self, "_wheel_zero", (0.0, 0.0))
         for k, target in enumerate(targets.tolist()):
             p.setJointMotorControlArray(
                 robot, self._wheels, p.VELOCITY_CONTROL, targetVelocities=target, forces=self._torques,
@@ -133,7 +133,7 @@ class PyBulletBackend:
             p.stepSimulation(client)
             poses[k] = self._pose()
             left, right = self._wheel_angles()
-            wheels[k] = left - zero[0], right - zero[1]
+            wheels[k] = left - self._wheel_zero[0], right - self._wheel_zero[1]
             contact = contact or self._touching()
         self._command = (float(speeds[-1]), float(turn_rates[-1]))
         poses[:, 2] = np.unwrap(poses[:, 2])

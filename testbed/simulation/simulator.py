@@ -77,8 +77,9 @@ class Simulation(Iterator[Frame]):
         self.collided = False
         """The robot has touched something."""
         self._periods = 0
-        self.movers: Movers
-        """People and doors, once the first frame was asked for."""
+        rng = np.random.default_rng(streams(config.seed).movers)
+        self.movers = Movers(world, config.robot.footprint_radius, CONTROL_PERIOD, rng)
+        """People and doors."""
         self._frames = self._run()
 
     @property
@@ -113,8 +114,6 @@ class Simulation(Iterator[Frame]):
         config = self.config
         backend = _backend(self.world, config)
         try:
-            rng = np.random.default_rng(streams(config.seed).movers)
-            self.movers = Movers(self.world, config.robot.footprint_radius, CONTROL_PERIOD, rng)
             sensors = _Sensors(backend, self.movers, config)
             while self.time < config.duration and not self.finished and not self.stuck:
                 x, y, theta = sensors.truth.latest.tolist()

@@ -89,3 +89,18 @@ def test_clutter_fills_the_floor():
 def test_bad_requests_are_refused(settings, message):
     with pytest.raises(worlds.WorldError, match=message):
         worlds.generate(**settings)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "settings"),
+    [
+        ("warehouse", "warehouse", {"size": (26.0, 17.0), "clutter": 0.15, "seed": 4}),
+        ("maze", "maze", {"size": (14.0, 12.0), "clutter": 0.4, "loops": 3, "seed": 7}),
+        ("cave", "cave", {"size": (24.0, 18.0), "clutter": 0.5, "loops": 2, "seed": 2}),
+    ],
+)
+def test_generated_worlds_of_the_catalogue_are_what_their_files_say(name, kind, settings):
+    generated, stored = worlds.generate(kind, **settings), worlds.load(name)
+    assert stored.path().shape == generated.path().shape
+    np.testing.assert_allclose(stored.path(), generated.path(), atol=0.001)
+    assert stored.free_space().symmetric_difference(generated.free_space()).area < 0.5
