@@ -19,11 +19,11 @@ from shapely.ops import substring
 MAX_COORDINATE = 1000.0
 """Worlds reach at most this far from their origin [m]; larger numbers are nearly always millimetres."""
 
-Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(strict=True, ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)]
 """A coordinate in the world's frame [m]."""
-Length = Annotated[float, Field(gt=0.0, le=MAX_COORDINATE, allow_inf_nan=False)]
+Length = Annotated[float, Field(strict=True, gt=0.0, le=MAX_COORDINATE, allow_inf_nan=False)]
 """A positive length [m]."""
-Angle = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi, allow_inf_nan=False)]
+Angle = Annotated[float, Field(strict=True, ge=-2.0 * math.pi, le=2.0 * math.pi, allow_inf_nan=False)]
 """An angle [rad]; larger numbers are nearly always degrees."""
 Position = tuple[Coordinate, Coordinate]
 """A point `(x, y)` [m]."""
@@ -56,7 +56,7 @@ class Element(Model):
 class Opening(Model):
     """A gap in a wall: a door or a passage."""
 
-    at: Annotated[float, Field(ge=0.0, le=MAX_COORDINATE)]
+    at: Annotated[float, Field(strict=True, ge=0.0, le=MAX_COORDINATE)]
     """Distance of its middle from the wall's first point, along the wall [m]."""
     width: Length = 0.95
     """Clear width [m]."""
@@ -69,7 +69,7 @@ class Wall(Element):
     """Corners of the wall's centre line [m]."""
     closed: bool = False
     """The last corner is joined to the first."""
-    thickness: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    thickness: Annotated[float, Field(strict=True, ge=0.0, le=10.0)] = 0.0
     """Thickness [m]; 0 = a surface without inside."""
     openings: list[Opening] = Field(default_factory=list)
     """Gaps."""

@@ -24,9 +24,9 @@ class Person(Model):
     """Who it is; used in error messages."""
     points: Annotated[list[Position], Field(min_length=2, max_length=1000)]
     """Corners of the way [m]."""
-    speed: Annotated[float, Field(gt=0.0, le=3.0)] = 1.2
+    speed: Annotated[float, Field(strict=True, gt=0.0, le=3.0)] = 1.2
     """[m/s]"""
-    pause: Annotated[float, Field(ge=0.0, le=3600.0)] = 4.0
+    pause: Annotated[float, Field(strict=True, ge=0.0, le=3600.0)] = 4.0
     """Mean stay at the ends [s]."""
 
     def way(self) -> LineString:
@@ -49,5 +49,5 @@ class Door(Model):
     """Direction from the hinge along the closed leaf [rad]."""
     swing: Angle
     """Rotation from closed to open, counter-clockwise if positive [rad]."""
-    stay: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
+    stay: Annotated[float, Field(strict=True, gt=0.0, le=3600.0)] = 10.0
     """Mean time that it stays open or closed [s]."""

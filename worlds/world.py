@@ -41,7 +41,7 @@ class Tour(Model):
     """Way points [m]."""
     closed: bool = False
     """After the last way point the robot returns to the first one."""
-    laps: Annotated[int, Field(ge=1, le=1000)] = 1
+    laps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
     """How often the way points are driven through; more than once needs `closed`."""
 
     @model_validator(mode="after")

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
+Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
+Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
+Degrees = Annotated[float, Field(strict=True, ge=-360.0, le=360.0)]
 
 
 class _Preset(BaseModel):
@@ -43,9 +43,9 @@ class Mount(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    x: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
+    x: Annotated[float, Field(strict=True, ge=-2.0, le=2.0)] = 0.0
     """Forward of the wheel axle's middle [m]."""
-    y: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
+    y: Annotated[float, Field(strict=True, ge=-2.0, le=2.0)] = 0.0
     """To the left [m]."""
     theta_deg: Degrees = 0.0
     """Counter-clockwise rotation [degrees]."""
@@ -102,9 +102,9 @@ class RobotPreset(_Preset):
 class LidarPreset(_Preset):
     """A planar lidar that turns counter-clockwise at a constant rate."""
 
-    beams: Annotated[int, Field(ge=1, le=100_000)]
+    beams: Annotated[int, Field(strict=True, ge=1, le=100_000)]
     """Beams in one scan."""
-    field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)]
+    field_of_view_deg: Annotated[float, Field(strict=True, gt=0.0, le=360.0)]
     """From the first to the last beam [degrees], symmetric about forward; 360 = a full turn, whose last beam comes
     one step before the first one's direction."""
     scan_rate: Positive
@@ -127,13 +127,13 @@ class LidarPreset(_Preset):
     """Ranges are whole multiples of this [m]; 0 = not rounded."""
     dropout: Share = 0.0
     """Share of the beams that are lost at random."""
-    grazing_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 0.0
+    grazing_deg: Annotated[float, Field(strict=True, ge=0.0, lt=90.0)] = 0.0
     """Surfaces met at a smaller angle than this send nothing back [degrees]."""
     short_return_rate: NotNegative = 0.0
     """Readings before the surface (dust, insects, cross-talk), per metre of beam [1/m]."""
     spot_deg: NotNegative = 0.0
     """Width of the beam [degrees]: at an edge it meets two surfaces, and reads a range between them."""
-    beam_jitter: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    beam_jitter: Annotated[float, Field(strict=True, ge=0.0, le=0.5)] = 0.0
     """Standard deviation of the number of beams, as a share of `beams` (motor speed that varies, sampling that does
     not)."""
 

@@ -58,6 +58,8 @@ def test_every_catalogue_world_can_be_driven_by_a_robot_of_40_cm(name):
         ("rotation = 0.1", "rotation = 90", ["line 17", "boxes[0].rotation = 90", "radians"]),
         ("x = 3.0", "x = 3000.0", ["line 13", "boxes[0].x = 3000.0", "metres"]),
         ("x = 3.0", 'x = "3 m"', ["line 13", "boxes[0].x = '3 m'", "a valid number"]),
+        ("x = 3.0", 'x = "3"', ["line 13", "boxes[0].x = '3'", "a valid number"]),
+        ("x = 3.0", "x = true", ["boxes[0].x = True", "a valid number"]),
         ("width = 1.2\n", "", ["boxes[0].width is missing"]),
         ("width = 1.2", "width = -1.2", ["boxes[0].width = -1.2", "greater than 0"]),
         ("width = 1.2", "width = nan", ["boxes[0].width = nan"]),
