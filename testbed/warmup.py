@@ -36,8 +36,10 @@ def compile_kernels() -> float:
 
 def exercise_kernels() -> None:
     """Call every kernel with its usual types."""
+    from testbed.simulation.warm_up import warm_up
+
     _map_a_room()
-    _drive_a_little()
+    warm_up()
 
 
 def _map_a_room() -> None:
@@ -58,16 +60,6 @@ def _map_a_room() -> None:
         mapper.process(pose, scan)
     mapper.map()
     refine(odometry, [scan] * len(odometry), mapper.path(), config)
-
-
-def _drive_a_little() -> None:
-    """Half a second of simulation."""
-    from testbed.simulation import SimulationConfig, simulate
-    from worlds import load
-
-    with simulate(load("loop"), SimulationConfig(backend="fast", duration=0.5)) as simulation:
-        for _ in simulation:
-            pass
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from cyclopts import Group, Parameter
 
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
+from testbed.simulation.pybullet_backend import import_pybullet
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
@@ -37,7 +38,9 @@ class SimulatorOptions:
     """Imperfections of the lidar."""
 
     def simulation(self, seed: int) -> SimulationConfig:
-        """Settings of the simulator."""
+        """Settings of the simulator; ValueError where the backend is not installed."""
+        if self.backend == "pybullet":
+            import_pybullet()
         return SimulationConfig(
             robot=load_robot(self.robot),
             lidar=load_lidar(self.lidar),

@@ -126,6 +126,12 @@ def test_bad_world_file_is_one_line(here, capsys, line, complaint):
     assert not Path("run").exists()
 
 
+def test_without_pybullet_one_line_says_what_to_do(here, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)  # as on Python 3.12 and later
+    assert_refused(capsys, "pip install --no-build-isolation pybullet", "run", "office", "--out", "run")
+    assert not Path("run").exists()
+
+
 def test_a_directory_with_other_work_is_left_alone(here, capsys):
     room_log(here / "room.log")
     (here / "run").mkdir()
