@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT
+"""What each reading of a scan counts as."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slam import Scan
+
+
+@pytest.mark.parametrize(
+    ("reading", "kind"),
+    [
+        (1.0, "hit"),
+        (0.1, "hit"),
+        (math.nextafter(10.0, 0.0), "hit"),
+        (10.0, "no return"),
+        (81.91, "no return"),
+        (math.inf, "no return"),
+        (0.0999, "invalid"),
+        (0.0, "invalid"),
+        (-0.0, "invalid"),
+        (-1.0, "invalid"),
+        (-math.inf, "invalid"),
+        (math.nan, "invalid"),
+    ],
+)
+def test_readings(reading, kind):
+    scan = Scan(ranges=np.array([reading]), angles=np.zeros(1), range_min=0.1, range_max=10.0)
+    assert (scan.hit[0], scan.no_return[0]) == (kind == "hit", kind == "no return")
+
+
+def test_zero_is_invalid_without_a_smallest_range_too():
+    assert not Scan(ranges=np.zeros(1), angles=np.zeros(1), range_max=10.0).hit.any()
+
+
+@given(st.lists(st.floats(), max_size=20), st.floats(0.0, 5.0), st.floats(0.0, 100.0))
+@settings(deadline=None)
+def test_no_reading_is_a_hit_and_a_no_return(readings, low, high):
+    scan = Scan(ranges=np.array(readings), angles=np.zeros(len(readings)), range_min=low, range_max=high)
+    assert not np.any(scan.hit & scan.no_return)
+    valid = scan.ranges[scan.hit]
+    assert np.all(np.isfinite(valid))
+    assert np.all((valid > 0.0) & (valid >= low) & (valid < high))
+
+
+def test_a_lidar_without_largest_range_knows_infinity_as_no_return():
+    scan = Scan(ranges=np.array([1e6, np.inf]), angles=np.zeros(2), range_max=math.inf)
+    assert scan.hit.tolist() == [True, False]
+    assert scan.no_return.tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"angles": np.zeros(2)}, r"\(3,\) and \(2,\)"),
+        ({"ranges": np.zeros((3, 1)), "angles": np.zeros((3, 1))}, r"\(3, 1\)"),
+        ({"time_offsets": np.zeros(4)}, r"time_offsets .* \(4,\)"),
+        ({"mount": (0.0, math.nan, 0.0)}, "mount must be finite"),
+    ],
+)
+def test_what_does_not_fit_together_is_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        Scan(**({"ranges": np.zeros(3), "angles": np.zeros(3), "range_max": 1.0} | change))
