@@ -87,7 +87,6 @@ def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) ->
     estimation = Estimation(job.filter, job.filter_seed, job.threads)
     with view:
         interrupted = _feed(job, estimation, watcher, view)
-        wall_seconds = time.perf_counter() - started
         if not len(estimation.scan_frames):
             metrics = {"outcome": "interrupted" if interrupted else "failed", "reason": "no scan", "scans": 0}
             directory.write_metrics(metrics)
@@ -101,6 +100,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) ->
                 view.finish(estimate.at_scans.poses, estimate.map)
             except KeyboardInterrupt:
                 interrupted = True
+        wall_seconds = time.perf_counter() - started  # of the estimate; writing and scoring it are no part of that
     watcher.stage("scoring")
     _write(job, directory, estimation, filtered, estimate)
     ended = "interrupted" if interrupted else job.ended()

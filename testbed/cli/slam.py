@@ -36,12 +36,10 @@ def slam(
 ) -> int:
     """Map a recorded log with the particle filter, and score the result where something is known to compare it with.
 
-    The format is recognised from the content: CARMEN logs, plain or gzip.
-
     Parameters
     ----------
     log
-        A recorded log.
+        A recorded log: CARMEN (plain or gzip), ROS 1 or ROS 2 bag, dataset directory.
     relations
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw` (Kümmerle et al. 2009).
     truth
