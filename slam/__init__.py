@@ -1,14 +1,53 @@
 # SPDX-License-Identifier: MIT
 """Rao-Blackwellized grid mapping (gMapping): feed scans and odometry, read pose, map and diagnostics.
 
-`GMapping` is the filter, `FilterConfig` its settings, `Scan` what it eats, `OccupancyGrid` the map that comes out,
-`refine` the final pass over a recording.
+`GMapping` is the filter, `FilterConfig` its settings, `Scan` what it eats, `StepReport` what it says of each scan,
+`OccupancyGrid` the map that comes out; `refine` is the final pass over a recording; `save_checkpoint` and
+`load_checkpoint` keep a whole filter in a file.
 """
 
-from slam.config import FilterConfig
-from slam.gmapping import GMapping, StepReport
-from slam.occupancy import OccupancyGrid
-from slam.refine import Refined, refine
-from slam.scan import Scan
+from __future__ import annotations
 
-__all__ = ["FilterConfig", "GMapping", "OccupancyGrid", "Refined", "Scan", "StepReport", "refine"]
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from slam.checkpoint import load_checkpoint, save_checkpoint
+    from slam.config import FilterConfig
+    from slam.final_pass import Refined, refine
+    from slam.gmapping import GMapping, StepReport
+    from slam.occupancy import OccupancyGrid
+    from slam.scan import Scan
+
+__all__ = [
+    "FilterConfig",
+    "GMapping",
+    "OccupancyGrid",
+    "Refined",
+    "Scan",
+    "StepReport",
+    "load_checkpoint",
+    "refine",
+    "save_checkpoint",
+]
+
+_HOMES = {
+    "FilterConfig": "slam.config",
+    "GMapping": "slam.gmapping",
+    "OccupancyGrid": "slam.occupancy",
+    "Refined": "slam.final_pass",
+    "Scan": "slam.scan",
+    "StepReport": "slam.gmapping",
+    "load_checkpoint": "slam.checkpoint",
+    "refine": "slam.final_pass",
+    "save_checkpoint": "slam.checkpoint",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Load public names on first use: `import slam.se2` must not load the compiler (0.5 s)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'slam' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value

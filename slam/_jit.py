@@ -8,14 +8,15 @@ import inspect
 import os
 import tempfile
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import config as numba_config
 
 
-@lru_cache(maxsize=None)
+@cache
 def cache_folder(package: Path) -> Path:
     """Folder of the compiled kernels of one package: its name changes when any kernel file of the package changes.
 
@@ -43,14 +44,15 @@ def kernel(function: Callable[..., Any]) -> Any:
     `error_model="numpy"`: x / 0 is inf as in numpy. No `fastmath`: it breaks `isnan` and the equality of results.
     `SLAM_KERNEL_CACHE=0` switches the cache on disk off.
     """
-    previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent))
+    settings: Any = numba_config  # its attributes are made at run time
+    previous = settings.CACHE_DIR
+    settings.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent))
     try:
         return numba.njit(cache=os.environ.get("SLAM_KERNEL_CACHE", "1") == "1", nogil=True, error_model="numpy")(
             function
         )
     finally:
-        numba.config.CACHE_DIR = previous
+        settings.CACHE_DIR = previous
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -189,7 +189,7 @@ def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out)
         out.failed[i] = False
         out.matched[i] = 0.0
         if search.kind != MOTION:
-            cost, out.matched[i] = match(grids, i, guess, hits, model, prior, search, distances, pose, L)
+            _, out.matched[i] = match(grids, i, guess, hits, model, prior, search, distances, pose, L)
             out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
         if search.kind == MOTION or out.failed[i]:
             sample_motion(guess, prior, draws, i, search.second_share, out.pose[i])

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +32,7 @@ class Ancestry:
         """Append one generation: particle i moves on to `poses[i]` (particles, 3)."""
         n = len(self._leaves)
         if self._used + n > len(self._parents):
-            self._compact()
+            self._make_room()
         nodes = np.arange(self._used, self._used + n)
         self._parents[nodes] = self._leaves
         self._poses[nodes] = poses
@@ -61,7 +64,23 @@ class Ancestry:
         path: Pose = self._poses[nodes]
         return path
 
-    def _compact(self) -> None:
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The whole tree, as arrays."""
+        return {
+            "tree_parents": self._parents[: self._used],
+            "tree_poses": self._poses[: self._used],
+            "tree_leaves": self._leaves,
+            "tree_founders": self._founders,
+            "tree_generations": np.array(self.generations),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over what `state` gave."""
+        self._parents, self._poses = state["tree_parents"], state["tree_poses"]
+        self._leaves, self._founders = state["tree_leaves"], state["tree_founders"]
+        self._used, self.generations = len(self._parents), int(state["tree_generations"])
+
+    def _make_room(self) -> None:
         """Drop dead branches, then make room for as many nodes again as are alive."""
         alive = mark_alive(self._parents[: self._used], self._leaves)
         number = np.cumsum(alive) - 1
@@ -70,5 +89,6 @@ class Ancestry:
         size = 2 * kept + 4 * len(self._leaves)
         self._parents = np.concatenate([np.where(parents >= 0, number[parents], -1), np.empty(size - kept, np.int64)])
         self._poses = np.concatenate([self._poses[: self._used][alive], np.empty((size - kept, 3))])
-        self._leaves = number[self._leaves]
+        if kept > 0:
+            self._leaves = number[self._leaves]
         self._used = kept

@@ -34,6 +34,8 @@ class MotionConfig:
     """Share of the steps in which the odometry fails (slip, wrong sign): the tail of the motion model."""
     failure_along: float = 1.0
     """Error along the heading per metre driven in such a step [m/m]."""
+    failure_limit: float = 0.4
+    """The largest standard deviation of that error: wheels slip and directions change on short stretches [m]."""
     failure_rotation: float = 0.3
     """Further error of heading per radian turned in such a step [rad/rad]."""
 
@@ -68,21 +70,23 @@ class MatchConfig:
 
     hit_sigma: float = 0.05
     """Spread of beam end points about a wall [m] (sigma)."""
-    beam_weight: float = 0.1
-    """Share of each beam's log-likelihood that counts: neighbouring beams are not independent (1 / ogain)."""
+    beam_weight: float = 0.3
+    """Share of each beam's log-likelihood that counts in the match and in the proposal: neighbouring beams are not
+    independent."""
     outlier_distance: float = 0.3
     """End points farther from a wall than this are explained by something else [m]."""
     min_matched_share: float = 0.1
     """Matching fails where fewer of the hits lie within the outlier distance (minimumScore)."""
-    search_reach: float = 0.4
-    """The search also starts from poses shifted along the heading by this much, and at least by twice the distance
-    driven [m]."""
+    search_reach: float = 0.8
+    """The search also starts from poses shifted along the heading by up to twice the distance driven, at least by half
+    of this and at most by this much [m]."""
     search_step: float = 0.1
     """Distance of these starting poses [m]."""
     coarse_share: float = 0.3
     """Share of the beam weight with which starting poses are compared to the odometry."""
-    weight_share: float = 1.0
-    """Share of the log-likelihood that goes into the particles' weights (1 / ogain)."""
+    weight_share: float = 0.02
+    """Share of log eta that goes into the particles' weights (1 / ogain): two maps of one place differ by their own
+    noise far more than eta knows, and at full weight the particles that could close the next loop die of it."""
     iterations: int = 20
     """Most Gauss-Newton steps in one match (iterations)."""
 

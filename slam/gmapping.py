@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,7 +109,7 @@ class GMapping:
         """
         now = np.asarray(odometry, dtype=np.float64)
         if now.shape != (3,) or not np.all(np.isfinite(now)):
-            raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {odometry}")
+            raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {now.tolist()}")
         scans = [scan] if isinstance(scan, Scan) else list(scan)
         self._scans += 1
         first = self._odometry is None
@@ -270,6 +271,38 @@ class GMapping:
         """Numbers of the scans that were taken in, (updates,); the rows of a path belong to them."""
         return np.array(self._update_scans, dtype=np.int64)
 
+    def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Everything that the filter remembers: named arrays, and plain values fit for JSON."""
+        arrays = {
+            "poses": self._poses,
+            "log_weights": self._weights.logs,
+            "spread": self._spread,
+            "odometry": np.empty(0) if self._odometry is None else self._odometry,
+            "update_scans": self.update_scans,
+            **self.maps.state(),
+            **self.ancestry.state(),
+        }
+        values = {
+            "rng": self._rng.bit_generator.state,
+            "stamp": self._stamp,
+            "scans": self._scans,
+            "revisits": self._revisits.state(),
+        }
+        return arrays, values
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Any]) -> None:
+        """Take over what `state` gave, from a filter of the same settings."""
+        self._poses = arrays["poses"]
+        self._weights = Weights(arrays["log_weights"])
+        self._spread = arrays["spread"]
+        self._odometry = arrays["odometry"] if arrays["odometry"].size else None
+        self._update_scans = arrays["update_scans"].tolist()
+        self.maps.restore(arrays)
+        self.ancestry.restore(arrays)
+        self._rng.bit_generator.state = values["rng"]
+        self._stamp, self._scans = values["stamp"], values["scans"]
+        self._revisits.restore(values["revisits"])
+
     def path(self, particle: int | None = None) -> se2.Pose:
         """Path of a particle (default: the best) through all updates, (updates, 3)."""
         return self.ancestry.path(self.best if particle is None else particle)
@@ -293,7 +326,7 @@ def search_of(motion: se2.Pose, config: FilterConfig) -> Search:
     """Settings of the search for one displacement (3,): the starting points lie along the heading, where odometry
     fails when wheels slip or a change of direction goes unnoticed."""
     match = config.match
-    reach = max(match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1])))
+    reach = min(max(0.5 * match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1]))), match.search_reach)
     steps = math.ceil(reach / match.search_step)
     shifts = np.arange(-steps, steps + 1) * match.search_step
     starts = np.zeros((2 * steps, 3))

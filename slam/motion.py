@@ -16,7 +16,7 @@ def motion_prior(motion: ArrayLike, config: MotionConfig) -> MotionPrior:
     First component: deviations that grow with the distance driven and the angle turned (the terms of Thrun, Burgard,
     Fox 2005, section 5.4, as standard deviations per unit of motion). Second component, of share
     `config.failure_share`: the odometry has failed, as when a wheel slips or driving backwards is counted as
-    forwards; then the error along the heading may be as large as the distance itself.
+    forwards; then the error along the heading may be as large as the distance itself, up to a limit.
     """
     moved = np.asarray(motion, dtype=np.float64)
     distance, angle = np.hypot(moved[..., 0], moved[..., 1]), np.abs(moved[..., 2])
@@ -31,7 +31,7 @@ def motion_prior(motion: ArrayLike, config: MotionConfig) -> MotionPrior:
     good = np.stack([position, position, heading], axis=-1)
     failed = np.stack(
         [
-            position + config.failure_along * distance,
+            position + np.minimum(config.failure_along * distance, config.failure_limit),
             2.0 * position,
             heading + config.failure_rotation * angle,
         ],

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 
@@ -18,7 +19,7 @@ class Threads:
 
     def __init__(self, count: int | None = None) -> None:
         """Use `count` threads, by default one per core that this process may use."""
-        self.count = len(os.sched_getaffinity(0)) if count is None else count
+        self.count = _cores() if count is None else count
         if self.count < 1:
             raise ValueError(f"threads must be at least 1, got {self.count}")
         self._pool = ThreadPoolExecutor(self.count) if self.count > 1 else None
@@ -30,9 +31,13 @@ class Threads:
             return
         parts = min(self.count, rows)
         borders = [rows * k // parts for k in range(parts + 1)]
-        futures = [
-            self._pool.submit(kernel, start, stop, *arguments)
-            for start, stop in zip(borders[:-1], borders[1:], strict=True)
-        ]
+        futures = [self._pool.submit(kernel, start, stop, *arguments) for start, stop in pairwise(borders)]
         for future in futures:
             future.result()
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

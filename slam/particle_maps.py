@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -95,11 +98,10 @@ class ParticleMaps:
         margin = self._radius * self.config.cell
         low = np.floor((poses[:, :2].min(axis=0) - far - margin) / self.config.cell).astype(np.int64) >> SHIFT
         high = np.floor((poses[:, :2].max(axis=0) + far + margin) / self.config.cell).astype(np.int64) >> SHIFT
-        _, rows, columns = self._walls.table.shape
-        first = self._corner >> SHIFT
-        if rows == 0:
-            first = low
-        last = np.maximum(first + (columns, rows) - 1, high)
+        size = np.array(self._walls.table.shape[:0:-1])  # columns, rows
+        first = self._corner >> SHIFT if size.all() else low
+        old_last = first + size - 1
+        last = np.maximum(old_last, high)
         new_first = np.minimum(first, low)
         if int(np.prod(last - new_first + 1)) > LARGEST_TABLE:
             spans = (last - new_first + 1) * SIDE * self.config.cell
@@ -108,7 +110,7 @@ class ParticleMaps:
                 "is there a jump in the odometry?"
             )
         left, below = (int(n) for n in first - new_first)
-        right, above = (int(n) for n in last - (first + (columns, rows) - 1))
+        right, above = (int(n) for n in last - old_last)
         if left or below or right or above:
             for pool in (self._walls, self._field):
                 pool.extend(below, above, left, right)
@@ -118,6 +120,16 @@ class ParticleMaps:
         """Let particle i go on with the map of particle `ancestors[i]`."""
         self._walls.descend(ancestors)
         self._field.descend(ancestors)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All maps, as arrays."""
+        return {"map_corner": self._corner, **self._walls.state("walls"), **self._field.state("field")}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over what `state` gave."""
+        self._corner = state["map_corner"]
+        self._walls.restore("walls", state)
+        self._field.restore("field", state)
 
     def occupancy(self, particle: int) -> OccupancyGrid:
         """The map of one particle, cut to what was observed.
@@ -157,6 +169,6 @@ class ParticleMaps:
 
 
 HIT_LOG_ODDS = 1.2
-"""What one hit adds to a cell's log-odds; with the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, -0.4)."""
+"""What one hit adds to a cell's log-odds; at the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, 0.4)."""
 LOG_ODDS_LIMITS = (-2.0, 3.5)
 """Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""

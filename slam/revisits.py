@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from slam.se2 import Pose
 
@@ -19,7 +21,7 @@ class Revisits:
     def __init__(self) -> None:
         self._visited: dict[tuple[int, int], float] = {}
         self._travelled = 0.0
-        self._last_return = -math.inf
+        self._last_return = -self.LOOP
 
     def arrive(self, pose: Pose, distance: float) -> bool:
         """Whether the robot at `pose` (3,), after driving `distance` [m], has just closed a loop.
@@ -35,3 +37,16 @@ class Revisits:
         new = self._travelled - self._last_return >= self.LOOP
         self._last_return = self._travelled
         return new
+
+    def state(self) -> dict[str, Any]:
+        """Everything remembered, as plain values."""
+        return {
+            "visited": [[*square, when] for square, when in self._visited.items()],
+            "travelled": self._travelled,
+            "last_return": self._last_return,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state` gave."""
+        self._visited = {(column, row): when for column, row, when in state["visited"]}
+        self._travelled, self._last_return = state["travelled"], state["last_return"]

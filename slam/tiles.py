@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
@@ -81,3 +84,22 @@ class TilePool:
         unused = np.flatnonzero(self.references == 0)[::-1]
         self._free_count = len(unused)
         self._free[: self._free_count] = unused
+
+    def state(self, name: str) -> dict[str, NDArray[Any]]:
+        """The whole pool, as arrays whose names begin with `name`."""
+        return {
+            f"{name}_table": self.table,
+            f"{name}_references": self.references,
+            f"{name}_free": self._free[: self._free_count],
+            **{f"{name}_data{k}": array for k, array in enumerate(self.data)},
+        }
+
+    def restore(self, name: str, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over what `state` gave."""
+        self.table, self.references = state[f"{name}_table"], state[f"{name}_references"]
+        self.data = [state[f"{name}_data{k}"] for k in range(len(self.data))]
+        free = state[f"{name}_free"]
+        self._free_count = len(free)
+        self._free = np.zeros(len(self.references), np.int32)
+        self._free[: self._free_count] = free
+        self.demand = self._no_demand()

@@ -37,8 +37,9 @@ class Weights:
     @property
     def values(self) -> NDArray[np.float64]:
         """The weights, (particles,); they sum to 1."""
-        values: NDArray[np.float64] = np.exp(self.logs)
-        return values / values.sum()
+        values = np.exp(self.logs)
+        values /= values.sum()
+        return values
 
     @property
     def ess(self) -> float:

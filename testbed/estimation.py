@@ -14,7 +14,7 @@ from eval.trajectory import Trajectory
 from slam.config import FilterConfig
 from slam.gmapping import GMapping, StepReport
 from slam.occupancy import OccupancyGrid
-from slam.refine import refine
+from slam.final_pass import refine
 from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.carrying import carry
@@ -104,7 +104,7 @@ class Estimation:
         return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
 
     def refined(self, estimate: Estimate) -> Estimate:
-        """The estimate after the final pass over all frames, see `slam.refine`."""
+        """The estimate after the final pass over all frames, see `slam.final_pass`."""
         scans: list[Scan | None] = [frame.scan for frame in self.frames]
         twists = [frame.twist for frame in self.frames]
         result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
