@@ -46,6 +46,8 @@ def rays_of(
 
 def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: ArrayLike | None, reference: float) -> Rays:
     aimed = np.isfinite(scan.angles)
+    if scan.time_offsets is not None:
+        aimed &= np.isfinite(scan.time_offsets)
     hit = scan.hit & aimed & (scan.ranges <= usable_range)
     blank = ~hit & aimed & (scan.no_return | (scan.hit & (scan.ranges > usable_range)))
     used = hit | blank if free_range > 0.0 else hit

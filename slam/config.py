@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args, get_type_hints
 
 
 def _positive(owner: object, *names: str) -> None:
@@ -12,6 +12,19 @@ def _positive(owner: object, *names: str) -> None:
         value = getattr(owner, name)
         if not value > 0:
             raise ValueError(f"{type(owner).__name__}.{name} must be positive, got {value}")
+
+
+def _at_least(owner: object, least: float, *names: str) -> None:
+    for name in names:
+        value = getattr(owner, name)
+        if not value >= least:
+            raise ValueError(f"{type(owner).__name__}.{name} must be at least {least:g}, got {value}")
+
+
+def _one_of(owner: object, name: str) -> None:
+    known, value = get_args(get_type_hints(type(owner))[name]), getattr(owner, name)
+    if value not in known:
+        raise ValueError(f"{type(owner).__name__}.{name} must be one of {', '.join(known)}, got {value!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +54,9 @@ class MotionConfig:
 
     def __post_init__(self) -> None:
         _positive(self, "floor_translation", "floor_rotation")
+        _at_least(self, 0.0, "translation_from_translation", "translation_from_rotation")
+        _at_least(self, 0.0, "rotation_from_translation", "rotation_from_rotation")
+        _at_least(self, 0.0, "failure_along", "failure_limit", "failure_rotation")
         if not 0.0 <= self.failure_share < 1.0:
             raise ValueError(f"MotionConfig.failure_share must be in [0, 1), got {self.failure_share}")
 
@@ -62,6 +78,7 @@ class MapConfig:
 
     def __post_init__(self) -> None:
         _positive(self, "cell", "occupied_share", "usable_range", "field_radius")
+        _at_least(self, 0.0, "free_range")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,14 +101,16 @@ class MatchConfig:
     """Distance of these starting poses [m]."""
     coarse_share: float = 0.3
     """Share of the beam weight with which starting poses are compared to the odometry."""
-    weight_share: float = 0.02
+    weight_share: float = 0.01
     """Share of log eta that goes into the particles' weights (1 / ogain): two maps of one place differ by their own
     noise far more than eta knows, and at full weight the particles that could close the next loop die of it."""
     iterations: int = 20
     """Most Gauss-Newton steps in one match (iterations)."""
 
     def __post_init__(self) -> None:
-        _positive(self, "hit_sigma", "beam_weight", "outlier_distance", "iterations")
+        _positive(self, "hit_sigma", "beam_weight", "outlier_distance", "search_step")
+        _at_least(self, 0.0, "search_reach", "coarse_share", "weight_share", "min_matched_share")
+        _at_least(self, 1, "iterations")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,6 +122,10 @@ class ProposalConfig:
     does; motion: the motion model alone (FastSLAM 1)."""
     samples: int = 20
     """Poses drawn about the optimum (K)."""
+
+    def __post_init__(self) -> None:
+        _one_of(self, "kind")
+        _at_least(self, 1, "samples")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +139,11 @@ class ResampleConfig:
     scheme: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
     """How offspring are drawn."""
 
+    def __post_init__(self) -> None:
+        _one_of(self, "when")
+        _one_of(self, "scheme")
+        _at_least(self, 0.0, "threshold")
+
 
 @dataclass(frozen=True, kw_only=True)
 class GateConfig:
@@ -127,6 +155,9 @@ class GateConfig:
     """Angle turned [rad] (angularUpdate)."""
     seconds: float = 0.0
     """Time passed [s] (temporalUpdate); 0 = time alone never triggers an update."""
+
+    def __post_init__(self) -> None:
+        _at_least(self, 0.0, "distance", "angle", "seconds")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,5 +198,4 @@ class FilterConfig:
     """Undo the robot's motion during a scan where the times of the beams and the twist are known."""
 
     def __post_init__(self) -> None:
-        if self.particles < 1:
-            raise ValueError(f"particles must be at least 1, got {self.particles}")
+        _at_least(self, 1, "particles")

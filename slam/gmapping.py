@@ -105,9 +105,12 @@ class GMapping:
         robot in its own frame while the scan was taken, to undo the motion where the beams' times are known
 
         Raises:
-            ValueError: the odometry is not three finite numbers, or the map would grow beyond all bounds.
+            ValueError: the odometry or the twist is not three finite numbers, or the map would grow beyond all
+                bounds; the filter is then as it was before.
         """
         now = np.asarray(odometry, dtype=np.float64)
+        if twist is not None and not np.all(np.isfinite(twist)):
+            raise ValueError(f"twist must be three finite numbers (vx, vy, omega), got {twist}")
         if now.shape != (3,) or not np.all(np.isfinite(now)):
             raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {now.tolist()}")
         scans = [scan] if isinstance(scan, Scan) else list(scan)
@@ -124,9 +127,10 @@ class GMapping:
         )
         if not first and not rays.hit.any():
             return self._report_between(motion)  # a scan that saw nothing tells nothing
+        report = self._begin(rays) if first else self._update(motion, rays)
         self._odometry, self._stamp = now, scans[0].stamp
         self._update_scans.append(self._scans - 1)
-        return self._begin(rays) if first else self._update(motion, rays)
+        return report
 
     def _far_enough(self, motion: se2.Pose, stamp: float, gate: GateConfig) -> bool:
         return bool(
@@ -167,6 +171,7 @@ class GMapping:
         """One pass of Algorithm 1."""
         clock = [time.perf_counter()]
         proposed = self._propose(motion, rays)
+        self.maps.make_room(proposed.pose, rays)  # may refuse: before anything has changed
         self._poses = proposed.pose.copy()
         self._weights, evidence = self._weights.times(self.config.match.weight_share * proposed.log_gain)
         clock.append(time.perf_counter())

@@ -81,7 +81,7 @@ class ParticleMaps:
             ValueError: the map would become larger than `LARGEST_TABLE` tiles.
         """
         particles = len(poses)
-        self._make_room(poses, rays)
+        self.make_room(poses, rays)
         self.threads.run(demand_of_rays, particles, self.grids, poses, rays, self._walls.demand)
         self._walls.make_private(self.threads)
         changes = np.empty((particles, 512 + 2 * len(rays.hit)), np.int64)
@@ -91,30 +91,32 @@ class ParticleMaps:
         self._field.make_private(self.threads)
         self.threads.run(update_fields, particles, self.grids, changes, count, self._disc, self._radius)
 
-    def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
-        """Extend the tables to all ends of the rays and the fields about them."""
+    def make_room(self, poses: se2.Pose, rays: Rays) -> None:
+        """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them.
+
+        Raises:
+            ValueError: the map would become larger than `LARGEST_TABLE` tiles; it is then as it was before.
+        """
         reach = np.concatenate([rays.ends, rays.origins, np.zeros((1, 2))])
-        far = float(np.hypot(reach[:, 0], reach[:, 1]).max())
-        margin = self._radius * self.config.cell
-        low = np.floor((poses[:, :2].min(axis=0) - far - margin) / self.config.cell).astype(np.int64) >> SHIFT
-        high = np.floor((poses[:, :2].max(axis=0) + far + margin) / self.config.cell).astype(np.int64) >> SHIFT
+        far = np.hypot(reach[:, 0], reach[:, 1]).max() + self._radius * self.config.cell
+        tile = SIDE * self.config.cell
+        low = np.floor((poses[:, :2].min(axis=0) - far) / tile)
+        high = np.floor((poses[:, :2].max(axis=0) + far) / tile)
         size = np.array(self._walls.table.shape[:0:-1])  # columns, rows
         first = self._corner >> SHIFT if size.all() else low
-        old_last = first + size - 1
-        last = np.maximum(old_last, high)
-        new_first = np.minimum(first, low)
-        if int(np.prod(last - new_first + 1)) > LARGEST_TABLE:
-            spans = (last - new_first + 1) * SIDE * self.config.cell
+        new_first, last = np.minimum(first, low), np.maximum(first + size - 1, high)
+        if not np.prod(last - new_first + 1) <= LARGEST_TABLE:  # also where a reading or pose is not finite
+            width, height = (last - new_first + 1) * tile
             raise ValueError(
-                f"the map would span {spans[0]:.0f} x {spans[1]:.0f} m, more than {LARGEST_TABLE} tiles: "
-                "is there a jump in the odometry?"
+                f"the map would span {width:.3g} x {height:.3g} m, more than {LARGEST_TABLE} tiles of {tile:g} m: "
+                "is there a jump in the odometry, or a reading beyond all range?"
             )
         left, below = (int(n) for n in first - new_first)
-        right, above = (int(n) for n in last - old_last)
+        right, above = (int(n) for n in last - (first + size - 1))
         if left or below or right or above:
             for pool in (self._walls, self._field):
                 pool.extend(below, above, left, right)
-        self._corner = new_first << SHIFT
+        self._corner = new_first.astype(np.int64) << SHIFT
 
     def descend(self, ancestors: NDArray[np.int64]) -> None:
         """Let particle i go on with the map of particle `ancestors[i]`."""
