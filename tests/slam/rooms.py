@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: MIT
+"""A room whose walls are parallel to no axis, exact scans in it, and what tests read out of the maps."""
+
+import numpy as np
+
+from slam import Scan, se2
+from slam._map_kernels import Rays
+from slam._tile_kernels import SIDE
+from slam.config import MapConfig
+from slam.parallel import Threads
+from slam.particle_maps import ParticleMaps
+
+CORNERS = se2.transform_points(
+    (0.0, 0.0, 0.3), np.array([(-2.0, -1.5), (4.0, -1.5), (4.0, 1.5), (1.5, 1.5), (1.5, 3.5), (-2.0, 3.5)])
+)
+"""An L of 6 m by 5 m about the origin, turned by 0.3 rad."""
+WALLS = np.hstack([CORNERS, np.roll(CORNERS, -1, axis=0)])
+
+
+def scan_at(pose, *, beams=60, mount=(0.0, 0.0, 0.0), stamp=0.0, noise=0.0, rng=None):
+    """Scan of the room by a robot at `pose` (3,), all around; `noise` [m] is the standard deviation of the ranges."""
+    angles = np.linspace(-np.pi, np.pi, beams, endpoint=False)
+    lidar = se2.compose(pose, mount)
+    direction = np.stack([np.cos(lidar[2] + angles), np.sin(lidar[2] + angles)], axis=-1)[:, None]
+    along, away = WALLS[:, 2:] - WALLS[:, :2], WALLS[:, :2] - lidar[:2]
+    cross = direction[..., 0] * along[:, 1] - direction[..., 1] * along[:, 0]
+    distance = (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / cross
+    share = (away[:, 0] * direction[..., 1] - away[:, 1] * direction[..., 0]) / cross
+    ranges = np.where((distance > 0.0) & (share >= 0.0) & (share <= 1.0), distance, np.inf).min(axis=1)
+    if noise > 0.0:
+        ranges = ranges + noise * rng.standard_normal(beams)
+    return Scan(ranges=ranges, angles=angles, range_max=20.0, mount=mount, stamp=stamp)
+
+
+def drive(steps, *, distance=0.3, turn=0.12):
+    """True poses (steps + 1, 3) on an arc from the origin."""
+    poses = np.zeros((steps + 1, 3))
+    for k in range(steps):
+        poses[k + 1] = se2.compose(poses[k], (distance, 0.0, turn))
+    return poses
+
+
+def rays(ends, hit=True, origin=(0.0, 0.0)):
+    """Rays of one lidar at `origin` (2,) to ends (n, 2)."""
+    ends = np.atleast_2d(np.asarray(ends, dtype=np.float64))
+    return Rays(np.broadcast_to(origin, ends.shape).astype(np.float64), ends, np.broadcast_to(hit, len(ends)).copy())
+
+
+def empty_maps(particles=1, threads=1, **changes):
+    return ParticleMaps(particles, MapConfig(**changes), Threads(threads))
+
+
+def dense(table, data):
+    """One particle's cells as a plain array (rows, columns), from its table and the pool's data."""
+    tiles = data[table].reshape(*table.shape, SIDE, SIDE)
+    return tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
+
+
+def counts_of(maps, particle=0):
+    """Hits, visits and wall flags of one particle's cells, (rows, columns) each."""
+    words = dense(maps.grids.table[particle], maps.grids.counts)
+    return (words >> 16) & 0x7FFF, words & 0xFFFF, words >> 31 == 1
+
+
+def word_at(maps, name, point, particle=0):
+    """The word of the grid `name` at a point (2,) [m] of the map's frame."""
+    table = maps.grids.field_table if name == "nearest" else maps.grids.table
+    cx, cy = np.floor(np.asarray(point) / maps.grids.cell).astype(int) - maps.grids.corner
+    return dense(table[particle], getattr(maps.grids, name))[cy, cx]
