@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from eval.trajectory import Trajectory
 from slam.config import FilterConfig
+from slam.final_pass import refine
 from slam.gmapping import GMapping, StepReport
 from slam.occupancy import OccupancyGrid
-from slam.final_pass import refine
 from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.carrying import carry

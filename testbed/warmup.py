@@ -45,8 +45,8 @@ def exercise_kernels() -> None:
 def _map_a_room() -> None:
     """Map a small room from four poses and refine it."""
     from slam.config import FilterConfig, ResampleConfig
-    from slam.gmapping import GMapping
     from slam.final_pass import refine
+    from slam.gmapping import GMapping
     from slam.scan import Scan
 
     angles = np.linspace(-np.pi, np.pi, 90, endpoint=False)
