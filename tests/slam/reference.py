@@ -191,8 +191,9 @@ def sigmas(motion, config):
 
 def motion_cost(deviation, sigma, failure_share):
     """-log of the motion model's density at a deviation (3,) from the predicted pose, seen from there."""
-    density = 0.0
+    logs = []
     for share, s in zip((1.0 - failure_share, failure_share), sigma, strict=True):
         z = np.asarray(deviation) / s
-        density += share * math.exp(-0.5 * float(z @ z)) / ((2.0 * math.pi) ** 1.5 * float(np.prod(s)))
-    return -math.log(density)
+        log_normal = -0.5 * float(z @ z) - 1.5 * math.log(2.0 * math.pi) - float(np.log(s).sum())
+        logs.append(log_normal + math.log(share) if share > 0.0 else -math.inf)
+    return -float(np.logaddexp(*logs))

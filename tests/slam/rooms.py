@@ -17,9 +17,13 @@ CORNERS = se2.transform_points(
 WALLS = np.hstack([CORNERS, np.roll(CORNERS, -1, axis=0)])
 
 
-def scan_at(pose, *, beams=60, mount=(0.0, 0.0, 0.0), stamp=0.0, noise=0.0, rng=None):
+MOUNT = (0.1237, 0.0271, 0.05)
+"""Where the lidar sits on the robot: off the corners of cells, where it is a matter of taste what a beam crosses."""
+
+
+def scan_at(pose, *, beams=60, mount=MOUNT, stamp=0.0, noise=0.0, rng=None):
     """Scan of the room by a robot at `pose` (3,), all around; `noise` [m] is the standard deviation of the ranges."""
-    angles = np.linspace(-np.pi, np.pi, beams, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, beams, endpoint=False) + 0.013
     lidar = se2.compose(pose, mount)
     direction = np.stack([np.cos(lidar[2] + angles), np.sin(lidar[2] + angles)], axis=-1)[:, None]
     along, away = WALLS[:, 2:] - WALLS[:, :2], WALLS[:, :2] - lidar[:2]

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from slam import se2
 from slam._map_kernels import Rays
+from slam.beams import rays_of
 from tests.slam.rooms import counts_of, dense, drive, empty_maps, rays, scan_at
 
 
@@ -64,16 +65,10 @@ def test_fields_of_a_drive_through_a_room(threads):
     maps = empty_maps(5, threads=threads)
     rng = np.random.default_rng(0)
     for truth in drive(8):
-        rays = scan_rays(truth)
-        maps.register(truth + rng.normal(scale=(0.03, 0.03, 0.02), size=(5, 3)), rays)
+        scan = rays_of([scan_at(truth, beams=180)], usable_range=80.0)
+        maps.register(truth + rng.normal(scale=(0.03, 0.03, 0.02), size=(5, 3)), scan)
         maps.descend(np.sort(rng.integers(0, 5, 5)))
     assert_fields_are_true(maps, 5, 8)
-
-
-def scan_rays(truth):
-    scan = scan_at(truth, beams=180)
-    ends = scan.ranges[:, None] * np.stack([np.cos(scan.angles), np.sin(scan.angles)], axis=-1)
-    return rays(ends)
 
 
 def test_a_wall_that_is_seen_through_vanishes_and_comes_back():
