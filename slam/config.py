@@ -85,9 +85,9 @@ class MapConfig:
 class MatchConfig:
     """Scan matching and the beam end point model (T-RO 2007, section IV-B)."""
 
-    hit_sigma: float = 0.05
+    hit_sigma: float = 0.03
     """Spread of beam end points about a wall [m] (sigma)."""
-    beam_weight: float = 0.3
+    beam_weight: float = 0.07
     """Share of each beam's log-likelihood that counts in the match and in the proposal: neighbouring beams are not
     independent."""
     outlier_distance: float = 0.3
@@ -101,7 +101,7 @@ class MatchConfig:
     """Distance of these starting poses [m]."""
     coarse_share: float = 0.3
     """Share of the beam weight with which starting poses are compared to the odometry."""
-    weight_share: float = 0.01
+    weight_share: float = 0.02
     """Share of log eta that goes into the particles' weights (1 / ogain): two maps of one place differ by their own
     noise far more than eta knows, and at full weight the particles that could close the next loop die of it."""
     iterations: int = 20

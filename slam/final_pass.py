@@ -14,7 +14,7 @@ odometry, so the result has a pose at every frame. It is a local refinement: loo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from slam import se2
 from slam._chain_kernels import add_odometry_steps, scan_equations, solve_chain
 from slam._map_kernels import Rays
 from slam.beams import rays_of
-from slam.config import FilterConfig
+from slam.config import FilterConfig, MapConfig
 from slam.gmapping import beam_model
 from slam.motion import motion_prior
 from slam.occupancy import OccupancyGrid
@@ -77,17 +77,18 @@ def refine(
         raise ValueError("no frame has a scan with a hit: nothing to refine")
     workers = Threads(threads)
     chain = _Chain(np.asarray(odometry, dtype=np.float64), rays, config, workers)
+    crisp = replace(config.map, occupied_share=config.refine.occupied_share)
     poses = np.array(initial, dtype=np.float64)
     for _ in range(config.refine.rounds):
-        maps = _map_of(poses, rays, config, workers)
+        maps = _map_of(poses, rays, crisp, workers)
         for _ in range(config.refine.iterations):
             poses = chain.improved(poses, maps)
-    return Refined(poses=poses, map=_map_of(poses, rays, config, workers).occupancy(0))
+    return Refined(poses=poses, map=_map_of(poses, rays, config.map, workers).occupancy(0))
 
 
-def _map_of(poses: se2.Pose, rays: dict[int, Rays], config: FilterConfig, threads: Threads) -> ParticleMaps:
+def _map_of(poses: se2.Pose, rays: dict[int, Rays], config: MapConfig, threads: Threads) -> ParticleMaps:
     """The map of all scans at given poses."""
-    maps = ParticleMaps(1, config.map, threads)
+    maps = ParticleMaps(1, config, threads)
     for i, ray in rays.items():
         maps.register(poses[i : i + 1], ray)
     return maps
