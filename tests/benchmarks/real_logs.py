@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: MIT
+# ruff: noqa: T201
 """Accuracy on the recorded logs over seeds and particle counts: the table of docs/accuracy.md.
 
     python tests/benchmarks/real_logs.py --particles 5,30 --seeds 5
