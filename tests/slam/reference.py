@@ -61,14 +61,11 @@ class Map:
     occupied_share: float
     radius: int
     cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
-
-    def copy(self):
-        return Map(
-            self.cell, self.occupied_share, self.radius, {place: Cell(**vars(c)) for place, c in self.cells.items()}
-        )
+    _found: dict[tuple[int, int], tuple[int, int] | None] = field(default_factory=dict)
 
     def register(self, pose, rays):
         """Count the rays of one scan taken at `pose` (3,)."""
+        self._found.clear()
         starts = se2.transform_points(pose, rays.origins) / self.cell
         ends = se2.transform_points(pose, rays.ends) / self.cell
         seen = set()
@@ -118,6 +115,11 @@ class Map:
 
     def nearest_wall(self, place):
         """The wall cell nearest to a cell within the radius, the lower, then the left one at a tie; or None."""
+        if place not in self._found:
+            self._found[place] = self._search(place)
+        return self._found[place]
+
+    def _search(self, place):
         found = [
             (dx * dx + dy * dy, dy, dx)
             for dy in range(-self.radius, self.radius + 1)

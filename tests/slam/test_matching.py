@@ -229,7 +229,7 @@ def test_descent_finds_the_way_back_to_the_truth(room):
     for start in last + np.random.default_rng(4).uniform(-1.0, 1.0, (10, 3)) * (0.1, 0.1, 0.05):
         pose, L = np.empty(3), np.empty((3, 3))
         cost, near = descend(grids, 0, last, start, hits, MODEL, prior, 30, pose, L)
-        np.testing.assert_allclose(pose, last, atol=0.008)
+        np.testing.assert_allclose(pose, last, atol=0.012)  # a quarter of a cell
         assert near == len(hits)
         assert cost == pytest.approx(cost_at(grids, pose, hits) + motion_cost(prior, last, *pose))
         H = np.zeros((3, 3))
