@@ -188,9 +188,10 @@ class Density:
 
     def linearised(self, pose):
         """Hessian as of iteratively reweighted least squares, and the gradient."""
-        h = 1e-7
-        J = np.array([(self.residuals(pose + d) - self.residuals(pose - d)) / (2.0 * h) for d in h * np.eye(3)])
-        r = self.residuals(pose)
+        h, r = 1e-7, self.residuals(pose)
+        ahead = np.array([self.residuals(pose + d) - r for d in h * np.eye(3)]) / h
+        back = np.array([r - self.residuals(pose - d) for d in h * np.eye(3)]) / h
+        J = np.where(np.abs(ahead) < np.abs(back), ahead, back)  # a beam jumps to another wall on one side only
         w = (1.0 + (r**2).sum(axis=1) / self.beams.outlier**2) ** -2.0 * self.beams.weight / self.beams.sigma**2
         H, g = np.einsum("akr,bkr,k->ab", J, J, w), np.einsum("akr,kr,k->a", J, r, w)
         deviation = se2.between(self.guess, pose)

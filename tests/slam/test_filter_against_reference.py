@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The compiled filter beside the reference, on the same scans and the same random numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,18 +13,37 @@ from tests.slam.reference_filter import ReferenceFilter
 from tests.slam.rooms import counts_of, drive, scan_at
 
 STEPS = 4
-TOLERANCE = 2e-4
-"""Of poses [m, rad]: derivatives are differences, and mean end points are rounded to 1/4096 cell."""
+MOTION = MotionConfig(
+    translation_from_translation=0.1,
+    translation_from_rotation=0.05,
+    rotation_from_translation=0.1,
+    rotation_from_rotation=0.1,
+    floor_translation=0.005,
+    floor_rotation=0.003,
+    failure_share=0.05,
+    failure_along=1.0,
+    failure_limit=0.4,
+    failure_rotation=0.3,
+)
+MATCH = MatchConfig(
+    hit_sigma=0.05,
+    beam_weight=0.3,
+    outlier_distance=0.3,
+    min_matched_share=0.1,
+    search_reach=0.8,
+    search_step=0.1,
+    coarse_share=0.3,
+    weight_share=0.5,
+    iterations=20,
+)
 
 
 def config_of(kind, when="ess", **match):
     return FilterConfig(
         particles=3,
-        motion=MotionConfig(failure_share=0.05),
+        motion=MOTION,
         map=MapConfig(cell=0.1, field_radius=0.4, occupied_share=0.25),
-        match=MatchConfig(
-            **({"hit_sigma": 0.05, "beam_weight": 0.3, "outlier_distance": 0.3, "weight_share": 0.5} | match)
-        ),
+        match=replace(MATCH, **match),
         proposal=ProposalConfig(kind=kind, samples=20),
         resample=ResampleConfig(when=when, threshold=0.7, scheme="systematic"),
         gate=GateConfig(distance=0.0, angle=0.0),
@@ -42,6 +63,14 @@ def recording(seed, passers_by):
     return odometry, scans
 
 
+def assert_close(found, expected, *, typical, most):
+    """A bound on the median deviation, and one on the largest: an end point at the border of a cell, or at the middle
+    between two walls, may fall to either side."""
+    deviation = np.abs(np.asarray(found) - np.asarray(expected))
+    assert np.median(deviation) < typical
+    assert deviation.max() < most
+
+
 def in_step(config, seed, passers_by=0.0):
     """Both filters after each scan of one recording."""
     odometry, scans = recording(seed, passers_by)
@@ -52,23 +81,22 @@ def in_step(config, seed, passers_by=0.0):
         report = fast.process(odometry[k], scans[k])
         motion = se2.between(odometry[k - 1], odometry[k])
         log_gains, ess, resampled = slow.update(motion, rays_of([scans[k]], usable_range=80.0))
-        np.testing.assert_allclose(report.proposed.log_gain, log_gains, atol=0.1)
-        assert report.ess == pytest.approx(ess, abs=0.05)
+        assert_close(report.proposed.log_gain, log_gains, typical=0.01, most=0.5)
+        assert report.ess == pytest.approx(ess, abs=0.1)
         assert report.resampled == resampled
         poses = np.array([particle.pose for particle in slow.particles])
-        np.testing.assert_allclose(se2.between(fast.poses, poses), 0.0, atol=TOLERANCE)
-        np.testing.assert_allclose(fast.weights, slow.weights, atol=0.02)
+        assert_close(se2.between(fast.poses, poses), 0.0, typical=1e-4, most=3e-3)
+        assert_close(fast.weights, slow.weights, typical=0.005, most=0.06)
         yield fast, slow, report
 
 
 @pytest.mark.parametrize("kind", ["improved", "scan-match", "motion"])
 @pytest.mark.parametrize(("when", "seed"), [("always", 1), ("never", 2), ("ess", 3)])
 def test_poses_weights_paths_and_maps_agree(kind, when, seed):
-    """Cells may differ where an end point, which differs by the tolerance, lies at their border."""
     steps = list(in_step(config_of(kind, when), seed))
     fast, slow, _ = steps[-1]
     paths = [np.array(particle.path) for particle in slow.particles]
-    np.testing.assert_allclose([fast.path(i) for i in range(3)], paths, atol=TOLERANCE)
+    assert_close([fast.path(i) for i in range(3)], paths, typical=1e-4, most=3e-3)
     for i, particle in enumerate(slow.particles):
         hits, visits, walls = counts_of(fast.maps, i)
         column, row = fast.maps.grids.corner
