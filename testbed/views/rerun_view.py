@@ -42,7 +42,7 @@ MOST_BRANCHES = 100
 FAN_LENGTH = 60
 """Updates of the recent paths."""
 SEND_PERIOD = 0.5
-"""Rows are sent this often [s of wall time]."""
+"""Rows are sent this often [s of wall time], by the snapshot that comes next."""
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
 

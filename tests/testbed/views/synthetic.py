@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slam import se2
-from slam.config import FilterConfig
+from slam.config import FilterConfig, MatchConfig, ResampleConfig
 from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
@@ -60,10 +60,19 @@ def scan_at(pose: np.ndarray, stamp: float) -> Scan:
     return Scan(ranges=distance.min(axis=1), angles=angles, range_max=20.0, stamp=stamp)
 
 
+def settings(particles: int) -> FilterConfig:
+    """Weights as sharp as the paper has them: now and then the particles are resampled, whatever the defaults are."""
+    return FilterConfig(
+        particles=particles,
+        match=MatchConfig(hit_sigma=0.05, beam_weight=0.1, weight_share=1.0),
+        resample=ResampleConfig(when="ess", threshold=0.5),
+    )
+
+
 def snapshots(seconds: float, particles: int = 30, seed: int = 0) -> Iterator[Snapshot]:
     """What a run of so many seconds shows, one snapshot per scan."""
     rng = np.random.default_rng(seed)
-    mapper = GMapping(FilterConfig(particles=particles), seed=seed)
+    mapper = GMapping(settings(particles), seed=seed)
     odometry, previous = np.array([1.0, -2.0, 0.5]), truth_at(0.0)
     for k in range(round(seconds / PERIOD) + 1):
         stamp = k * PERIOD

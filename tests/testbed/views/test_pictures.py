@@ -13,7 +13,7 @@ import rerun as rr
 from scipy.ndimage import binary_dilation
 
 from slam import se2
-from testbed.views import ViewOptions, drawing, entities, open_view
+from testbed.views import ViewOptions, drawing, entities, open_view, rerun_view
 from testbed.views.drawing import HEAVY, LIGHT
 from testbed.views.headless import HeadlessViewer
 from testbed.views.styles import ESTIMATE, ODOMETRY, SCAN, TRUTH
@@ -30,6 +30,12 @@ WALL, FREE, UNKNOWN = (0, 0, 0), (222, 222, 222), (112, 137, 134)
 def viewer() -> Iterator[HeadlessViewer]:
     with viewer_or_skip() as opened:
         yield opened
+
+
+@pytest.fixture
+def sent_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A view sends twice a second, when a snapshot comes: a test that stops in between must not wait for the rest."""
+    monkeypatch.setattr(rerun_view, "SEND_PERIOD", 0.0)
 
 
 @dataclass(frozen=True)
@@ -112,17 +118,19 @@ def test_scan_and_particles_are_where_the_robot_is(plan: Plan, recorded: Recorde
     assert reddish.sum() > 20
 
 
+@pytest.mark.usefixtures("sent_at_once")
 def test_a_viewer_that_is_connected_shows_the_run_while_it_goes_on(viewer: HeadlessViewer, tmp_path: Path) -> None:
     with open_view(tmp_path / "recording.rrd", scene(), ViewOptions(connect=viewer.url)) as view:
         for snapshot in snapshots(5.0):
             view.show(snapshot)
-        viewer.await_recording(until=4.0)  # before the recording is complete
-        picture = pixels(viewer.picture(4.0, "Map"))
+        viewer.await_recording(until=5.0)  # before the recording is complete
+        picture = pixels(viewer.picture(5.0, "Map"))
     assert near(picture, WALL, 60).sum() > 500
     assert near(picture, ESTIMATE, 50).sum() > 50
     assert viewer.complaints() == []
 
 
+@pytest.mark.usefixtures("sent_at_once")
 def test_a_viewer_that_is_closed_leaves_the_recording_going_on(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     with viewer_or_skip() as opened:
