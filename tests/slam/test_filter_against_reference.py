@@ -105,7 +105,7 @@ def test_poses_weights_paths_and_maps_agree(kind, when, seed):
             (hits[place], visits[place], walls[place]) == (cell.hits, cell.visits, cell.wall)
             for place, cell in zip(places, particle.map.cells.values(), strict=True)
         ]
-        assert np.mean(same) > 0.99
+        assert np.mean(same) > 0.97
         assert abs(int((visits > 0).sum()) - len(places)) < 0.01 * len(places)
 
 

@@ -125,7 +125,7 @@ def proposed(grids, hits, guesses, kind, *, prior, seed=0, failure_share=0.0, mo
     draws = Draws(rng.standard_normal((20, 3)), rng.standard_normal((n, 3)), rng.uniform(size=n))
     out = Proposed(
         np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan),
-        np.full(n, np.nan), np.zeros(n, bool),
+        np.full(n, np.nan), np.zeros(n, bool), np.zeros((n, 20, 3)),
     )  # fmt: skip
     search = Search(kind, 20, np.zeros((0, 3)), model, fail_share, failure_share, SPREAD)
     propose(0, n, grids, guesses, hits, model, prior, search, draws, out)
