@@ -59,6 +59,8 @@ class Proposed(NamedTuple):
     """Share of the hits near a wall, (particles,)."""
     failed: NDArray[np.bool_]
     """Whether matching failed, (particles,)."""
+    samples: NDArray[np.float64]
+    """The K poses drawn about the optimum, (particles, K, 3); NaN where none were drawn."""
 
 
 @kernel
@@ -180,6 +182,16 @@ def fit_gaussian(grids, particle, guess, hits, model, prior, optimum, L, near, s
 
 
 @kernel
+def place_samples(optimum, L, near, spread, samples):
+    """The poses samples (K, 3) at which `fit_gaussian` weighs the product, from the same variates near (K, 3)."""
+    for j in range(near.shape[0]):
+        offset_of(L, near[j], spread, samples[j])
+        for a in range(3):
+            samples[j, a] += optimum[a]
+        samples[j, 2] = wrapped(samples[j, 2])
+
+
+@kernel
 def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out):
     """New poses of particles [start, stop) and what they add to the log-weights; guesses (particles, 3)."""
     pose, L, factor, offset = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
@@ -188,6 +200,7 @@ def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out)
         guess = guesses[i]
         out.failed[i] = False
         out.matched[i] = 0.0
+        out.samples[i] = np.nan
         if search.kind != MOTION:
             _, out.matched[i] = match(grids, i, guess, hits, model, prior, search, distances, pose, L)
             out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
@@ -215,6 +228,7 @@ def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out)
                 out.covariance[i, a] = offset
             out.log_gain[i] = -scan_cost(grids, i, pose[0], pose[1], pose[2], hits, model, distances)
         else:
+            place_samples(pose, L, draws.near, search.spread, out.samples[i])
             out.log_gain[i] = fit_gaussian(
                 grids, i, guess, hits, model, prior, pose, L, draws.near, search.spread, out.mean[i], out.covariance[i]
             )

@@ -63,7 +63,8 @@ class StepReport:
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall time of the stages: match (proposal and weights), map, resample."""
     proposed: Proposed | None = None
-    """Gaussians and poses of all particles before resampling; None where the filter did not take the scan in."""
+    """Samples, Gaussians and new poses of all particles before resampling; None for the first scan and for those
+    that are not taken in."""
 
 
 class GMapping:
@@ -218,6 +219,7 @@ class GMapping:
             covariance=np.zeros((n, 3, 3)),
             matched=np.empty(n),
             failed=np.empty(n, np.bool_),
+            samples=np.empty((n, cfg.proposal.samples, 3)),
         )
         self._threads.run(
             propose,

@@ -16,7 +16,7 @@ import numpy as np
 from eval.relations import Relations
 from eval.scoring import Reference, score
 from slam.config import FilterConfig
-from slam.gmapping import StepReport
+from slam.gmapping import GMapping, StepReport
 from slam.occupancy import OccupancyGrid
 from testbed.estimation import Estimate, Estimation
 from testbed.frame import Frame
@@ -61,6 +61,8 @@ class Job:
     """Hand-checked relations between poses."""
     share_done: Callable[[], float | None] = lambda: None
     """How much of the job is behind us, in [0, 1]; None = unknown."""
+    collided: Callable[[], bool] = lambda: False
+    """Whether the robot has touched something."""
     ended: Callable[[], str | None] = lambda: None
     """Why the drive did not end as planned, asked after the last frame: `collided`, `timeout`; None = it did."""
 
@@ -115,15 +117,18 @@ def _feed(job: Job, estimation: Estimation, watcher: Watcher, view: View) -> boo
         for frame in job.frames:
             report = estimation.process(frame)
             if report is not None:
-                view.show(_snapshot(frame, report, estimation))
+                view.show(snapshot(frame, report, estimation.mapper, collided=job.collided()))
                 watcher.step(frame.stamp, job.share_done(), estimation.steps.last_error)
             if interruption.requested:
                 return True
     return False
 
 
-def _snapshot(frame: Frame, report: StepReport, estimation: Estimation) -> Snapshot:
-    mapper = estimation.mapper
+def snapshot(frame: Frame, report: StepReport, mapper: GMapping, *, collided: bool = False) -> Snapshot:
+    """What a view is shown of one scan, straight after the filter was given it."""
+    samples = None if report.proposed is None else report.proposed.samples[report.best]
+    if samples is not None and np.isnan(samples).any():  # none were drawn: matching failed, or another proposal
+        samples = None
     return Snapshot(
         stamp=frame.stamp,
         estimate=report.pose,
@@ -133,6 +138,8 @@ def _snapshot(frame: Frame, report: StepReport, estimation: Estimation) -> Snaps
         step=report,
         poses=mapper.poses,
         weights=mapper.weights,
+        proposal_samples=samples,
+        collided=collided,
         path=mapper.path,
         map=mapper.map,
     )

@@ -18,7 +18,7 @@ def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOpt
     """Run the job under a progress line, write the report, print the headline figures; returns the exit status."""
     view = open_view(directory / "recording.rrd", scene, output.view_options)
     if view.address is not None:
-        console.print(f"live view: {view.address}")
+        console.print(f"live view: {view.address}", soft_wrap=True)
     with progress_line() as watcher:
         metrics = execute(job, directory, watcher, view)
         if metrics["outcome"] in ("interrupted", "failed"):

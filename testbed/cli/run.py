@@ -58,6 +58,7 @@ def run(
             refine=estimator.refine,
             truth_map=truth,
             share_done=lambda: _share_done(simulation, simulator.duration),
+            collided=lambda: simulation.collided,
             ended=lambda: _ended(simulation, simulator.duration),
         )
         return carry_out(job, output.directory(place.name), scene, output)

@@ -21,5 +21,5 @@ def view(run: Path, *, serve: bool = False) -> None:
     """
     viewer = open_run(run, serve=serve)
     if viewer.address is not None:
-        console.print(f"view: {viewer.address}")
+        console.print(f"view: {viewer.address}", soft_wrap=True)
     viewer.wait()

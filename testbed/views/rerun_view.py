@@ -207,8 +207,8 @@ class RerunView:
                 drawing.headings(snapshot.poses, self._scene.robot_radius),
                 drawing.weight_colours(snapshot.weights),
             )
-        if snapshot.proposal_samples is not None:
-            self._columns.add(entities.PROPOSAL_SAMPLES, drawing.lifted(snapshot.proposal_samples, Z_TOP))
+        samples = np.empty((0, 3)) if snapshot.proposal_samples is None else snapshot.proposal_samples
+        self._columns.add(entities.PROPOSAL_SAMPLES, drawing.lifted(samples, Z_TOP))  # none: the last ones go away
 
     def _extend_path(self, entity: str, pose: Pose | None, z: float) -> None:
         """Log the last piece of a path that never changes afterwards; the view shows all pieces up to its time."""

@@ -63,7 +63,7 @@ class Snapshot:
     proposal_samples: Pose | None = None
     """The K poses that were drawn about the optimum of the best particle, (K, 3), map's frame."""
     collided: bool = False
-    """Whether the robot touches something."""
+    """Whether the robot has touched something."""
     notes: tuple[str, ...] = ()
     """Further lines for the event log."""
     path: Callable[[int | None], Pose] | None = None

@@ -166,6 +166,7 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
         expected = [-scan_cost(grids, i, *out.pose[i], hits, MODEL, distances) for i in range(n)]
         np.testing.assert_allclose(out.log_gain, expected)
         assert not out.failed.any()
+        assert np.isnan(out.samples).all()
 
     out, draws = proposed(grids, hits, guesses, IMPROVED, prior=prior)
     for i in range(n):
@@ -174,6 +175,22 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
         assert out.log_gain[i] == pytest.approx(log_eta, abs=1e-3)
         expected = mean + np.linalg.cholesky(covariance) @ draws.pose[i]
         np.testing.assert_allclose(out.pose[i], expected, atol=1e-4)
+
+
+def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
+    """Equations 16 and 17, from the samples alone: weights are the product over the density they were drawn from."""
+    grids, truth, hits = repeated(room, 1)
+    prior = motion_prior((0.3, 0.0, 0.12), MotionConfig(failure_share=0.0))
+    guess = truth + np.array([0.02, -0.02, 0.01])
+    out, draws = proposed(grids, hits, guess[None], IMPROVED, prior=prior)
+    samples, distances = out.samples[0], np.empty((4, len(hits)))
+    cost = [scan_cost(grids, 0, *x, hits, MODEL, distances) + motion_cost(prior, guess, *x) for x in samples]
+    logs = 0.5 * (draws.near**2).sum(axis=1) - cost
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    np.testing.assert_allclose(weights @ samples, out.mean[0], atol=1e-9)
+    away = samples - out.mean[0]
+    np.testing.assert_allclose((weights[:, None] * away).T @ away, out.covariance[0], atol=1e-12)
 
 
 def test_scan_match_proposes_the_optimum_itself(room):
@@ -196,6 +213,7 @@ def test_where_matching_fails_the_motion_model_is_sampled_and_the_likelihood_wei
     failed, _ = proposed(grids, hits, guesses, kind, prior=prior, fail_share=1.01)
     plain, _ = proposed(grids, hits, guesses, MOTION, prior=prior)
     assert failed.failed.all()
+    assert np.isnan(failed.samples).all()
     np.testing.assert_array_equal(failed.pose, plain.pose)
     np.testing.assert_array_equal(failed.log_gain, plain.log_gain)
     np.testing.assert_allclose(failed.mean, guesses)

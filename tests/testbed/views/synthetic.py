@@ -12,6 +12,8 @@ from slam.config import FilterConfig, MatchConfig, ResampleConfig
 from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
+from testbed.frame import Frame
+from testbed.run import snapshot
 from testbed.views import Scene, Snapshot
 
 WIDTH, HEIGHT = 8.0, 6.0
@@ -82,18 +84,7 @@ def snapshots(seconds: float, particles: int = 30, seed: int = 0) -> Iterator[Sn
         previous = truth
         scan = scan_at(truth, stamp)
         step = mapper.process(odometry, scan)
-        yield Snapshot(
-            stamp=stamp,
-            estimate=step.pose,
-            odometry=odometry,
-            truth=truth,
-            scan=scan,
-            step=step,
-            poses=mapper.poses,
-            weights=mapper.weights,
-            path=mapper.path,
-            map=mapper.map,
-        )
+        yield snapshot(Frame(stamp=stamp, odometry=odometry, scan=scan, truth=truth), step, mapper)
 
 
 def scene(particles: int = 30, urdf: str | None = None) -> Scene:

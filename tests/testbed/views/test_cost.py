@@ -13,7 +13,7 @@ import worlds
 from eval.grids import true_grid
 from slam.config import FilterConfig
 from testbed.estimation import Estimation
-from testbed.run import _snapshot
+from testbed.run import snapshot
 from testbed.simulation.simulator import SimulationConfig, simulate
 from testbed.simulation.urdf import robot_urdf
 from testbed.views import Scene, open_view
@@ -36,9 +36,9 @@ def test_a_view_costs_little_of_the_run(tmp_path: Path) -> None:
         for frame in frames:
             report = estimation.process(frame)
             if report is not None:
-                snapshot, stamp = _snapshot(frame, report, estimation), frame.stamp
+                shown, stamp = snapshot(frame, report, estimation.mapper), frame.stamp
                 before = time.thread_time()
-                view.show(snapshot)
+                view.show(shown)
                 spent.append(time.thread_time() - before)
     elapsed = time.perf_counter() - started
     mean, share = 1e3 * np.mean(spent), np.sum(spent) / elapsed

@@ -86,6 +86,25 @@ def test_what_the_filter_did_is_there_scan_by_scan(recorded: Recorded) -> None:
     assert all(before != after for before, after in itertools.pairwise(states))
 
 
+def test_the_samples_of_the_best_particle_are_there_and_go_where_none_are_drawn(
+    recorded: Recorded, tmp_path: Path
+) -> None:
+    updates = [s for s in recorded.snapshots if s.step is not None and s.step.updated]
+    found = rows(recorded.path, entities.PROPOSAL_SAMPLES, "Points3D:positions")
+    assert [stamp for stamp, _ in found] == pytest.approx([s.stamp for s in updates])
+    assert len(found[0][1]) == 0  # nothing is proposed for the first scan
+    for (_, points), update in zip(found[1:], updates[1:], strict=True):
+        assert update.step is not None
+        assert update.step.proposed is not None
+        drawn = update.step.proposed.samples[update.step.best]
+        assert np.array(points)[:, :2] == pytest.approx(drawn[:, :2], abs=1e-6)
+    path = tmp_path / "recording.rrd"
+    with open_view(path, scene()) as view:
+        for update, samples in ((updates[1], updates[1].proposal_samples), (updates[2], None)):
+            view.show(replace(update, proposal_samples=samples))
+    assert [len(points) for _, points in rows(path, entities.PROPOSAL_SAMPLES, "Points3D:positions")] == [20, 0]
+
+
 def test_maps_come_about_once_a_second_and_at_the_end(recorded: Recorded) -> None:
     maps = rows(recorded.path, entities.MAP, "GridMap:data")
     duration = recorded.snapshots[-1].stamp
