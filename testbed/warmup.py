@@ -7,7 +7,9 @@ is that process.
 
 from __future__ import annotations
 
+import hashlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -18,28 +20,49 @@ import numpy as np
 import slam
 from slam._jit import cache_folder
 
+PACKAGES = (Path(slam.__file__).parent, Path(__file__).parent / "simulation")
+"""Packages with kernels."""
+
 
 def is_compiled() -> bool:
-    """Whether kernels of this version are on disk, or no disk cache is in use at all."""
-    if os.environ.get("SLAM_KERNEL_CACHE", "1") != "1":
-        return True
-    packages = (Path(slam.__file__).parent, Path(__file__).parent / "simulation")
-    return all(any(cache_folder(package).rglob("*.nbc")) for package in packages)
+    """Whether all kernels of this installation are on disk, or no disk cache is in use at all."""
+    return os.environ.get("SLAM_KERNEL_CACHE", "1") != "1" or all(_mark(package).exists() for package in PACKAGES)
 
 
 def compile_kernels() -> float:
-    """Compile all kernels, unless they are on disk already; returns the time it took [s]."""
+    """Compile all kernels, unless they are on disk already; returns the time it took [s].
+
+    Raises OSError, with the last line of what that process said, where it fails, such as on a full disk.
+    """
     start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "testbed.warmup"], check=True)
+    done = subprocess.run([sys.executable, "-m", "testbed.warmup"], stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode != 0:
+        reason = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        raise OSError(f"the kernels could not be compiled: {reason}")
     return time.perf_counter() - start
 
 
 def exercise_kernels() -> None:
-    """Call every kernel with its usual types."""
+    """Call every kernel with its usual types, then note that all of them are on disk."""
     from testbed.simulation.warm_up import warm_up
 
     _map_a_room()
     warm_up()
+    for package in PACKAGES:
+        _mark(package).touch()
+
+
+def _mark(package: Path) -> Path:
+    """File that says that all kernels of a package were compiled to the end.
+
+    Some machine code on disk says less: a compilation may have been cut off, and numba compiles again for the same
+    sources in another place or with another time of change, such as those of a second installation.
+    """
+    digest = hashlib.sha256()
+    for source in sorted(package.resolve().glob("_*_kernels.py")):
+        status = source.stat()
+        digest.update(f"{source} {status.st_mtime_ns} {status.st_size}\n".encode())
+    return cache_folder(package) / f"compiled-{digest.hexdigest()[:16]}"
 
 
 def _map_a_room() -> None:
@@ -63,4 +86,5 @@ def _map_a_room() -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # a terminal sends Ctrl-C to this process too: it ends without a word
     exercise_kernels()
