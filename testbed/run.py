@@ -7,7 +7,6 @@ import resource
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -73,14 +72,9 @@ def execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View | No
     Ctrl-C ends the run after the frame at hand: the outcome is `interrupted`, and what was there is kept. If anything
     else breaks, the outcome is `failed` and the exception goes on to the caller.
     """
-    try:
+    with directory.marked():
         directory.write_config(job.document)
         return _execute(job, directory, watcher, view if view is not None else NullView())
-    except BaseException as error:
-        with suppress(OSError):  # the disk may be full: then no metrics.json says that the run did not finish
-            outcome = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
-            directory.write_metrics({"outcome": outcome, "reason": " ".join(f"{error}".split())})
-        raise
 
 
 def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -58,15 +59,19 @@ class RunDirectory:
         no run that looks finished), files that no run writes stay.
         """
         path = Path(path)
-        if path.exists() and not path.is_dir():
-            raise RunDirectoryError(f"{path}: is a file, expected a directory")
-        if path.is_dir() and any(path.iterdir()):
-            if not overwrite:
-                raise RunDirectoryError(f"{path}: is not empty; choose another --out or add --overwrite")
-            for name in ("metrics.json", *RUN_FILES):
-                (path / name).unlink(missing_ok=True)
+        cls.check(path, overwrite=overwrite)
+        for name in ("metrics.json", *RUN_FILES):
+            (path / name).unlink(missing_ok=True)
         path.mkdir(parents=True, exist_ok=True)
         return cls(path)
+
+    @staticmethod
+    def check(path: Path, *, overwrite: bool = False) -> None:
+        """Raise RunDirectoryError where `create` would; nothing is changed."""
+        if path.exists() and not path.is_dir():
+            raise RunDirectoryError(f"{path}: is a file, expected a directory")
+        if path.is_dir() and any(path.iterdir()) and not overwrite:
+            raise RunDirectoryError(f"{path}: is not empty; choose another --out or add --overwrite")
 
     def __truediv__(self, name: str) -> Path:
         """Path of one of the files in `RUN_FILES`."""
@@ -91,6 +96,22 @@ class RunDirectory:
         """Write `metrics.json`, which makes the run complete; `metrics` is JSON-ready, as `eval.scoring` gives it."""
         with write_aside(self / "metrics.json") as aside:
             aside.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+    @contextmanager
+    def marked(self, known: Mapping[str, Any] | None = None) -> Iterator[None]:
+        """Whatever ends the block early is told by `metrics.json`, beside what is `known`: the outcome is
+        `interrupted` (Ctrl-C) or `failed`, with the reason. The exception goes on to the caller."""
+        try:
+            yield
+        except BaseException as error:
+            outcome = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+            mark = {"outcome": outcome, "reason": " ".join(f"{error}".split())}
+            try:
+                self.write_metrics({**(known or {}), **mark})
+            except OSError:  # the disk is full: without metrics.json no run looks finished
+                with suppress(OSError):
+                    (self / "metrics.json").unlink(missing_ok=True)
+            raise
 
 
 def default_directory(name: str, now: datetime) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from eval.gate import check
 from eval.report import write_report
-from testbed.cli.console import console, progress_line, results
+from testbed.cli.console import announce_compilation, console, progress_line, results
 from testbed.cli.options import OutputOptions
 from testbed.cli.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.summary import headline_table
@@ -15,8 +15,13 @@ from testbed.views import Scene, open_view
 
 
 def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
-    """Run the job under a progress line, write the report, print the headline figures; returns the exit status."""
-    view = open_view(directory / "recording.rrd", scene, output.view_options)
+    """Compile the kernels if need be, run the job under a progress line, write the report, print the headline figures.
+
+    Returns the exit status.
+    """
+    with directory.marked():
+        announce_compilation()
+        view = open_view(directory / "recording.rrd", scene, output.view_options)
     if view.address is not None:
         console.print(f"live view: {view.address}", soft_wrap=True)
     with progress_line() as watcher:
@@ -25,7 +30,8 @@ def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOpt
             console.print(f"{metrics['outcome']}: {directory.path} keeps what there was")
             return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED
         watcher.stage("report")
-        report = write_report(directory.path)
+        with directory.marked(metrics):
+            report = write_report(directory.path)
     results.print(headline_table(metrics))
     broken = check(metrics, output.limits)
     for sentence in broken:

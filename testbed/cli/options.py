@@ -80,6 +80,11 @@ class OutputOptions:
     def __post_init__(self) -> None:
         _ = self.limits, self.view_options  # complain before the run, not after it
 
+    def check_directory(self) -> None:
+        """Complain about --out before anything takes time."""
+        if self.out is not None:
+            RunDirectory.check(self.out, overwrite=self.overwrite)
+
     def directory(self, name: str) -> RunDirectory:
         """The directory of this run, made or emptied now."""
         return RunDirectory.create(self.out or default_directory(name, datetime.now()), overwrite=self.overwrite)

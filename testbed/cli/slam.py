@@ -14,7 +14,7 @@ from eval.map_server import read_map
 from eval.relations import read_relations
 from eval.trajectory import Trajectory
 from eval.tum import read_tum
-from testbed.cli.console import announce_compilation, console
+from testbed.cli.console import console
 from testbed.cli.ending import carry_out
 from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
 from testbed.formats import open_log
@@ -49,9 +49,9 @@ def slam(
     range_max
         Readings from here on are no returns [m]; default: what the log says or shows.
     """
+    output.check_directory()
+    filter_config = estimator.filter_config
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
-    for note in recording.notes:
-        console.print(f"{log}: {note}", soft_wrap=True)
     truth_map = log / "truth_map.yaml"  # beside the recording in a dataset of ours
     known_relations = None if relations is None else read_relations(relations)
     frames = recording.frames if truth is None else _with_truth(recording.frames, read_tum(truth))
@@ -72,7 +72,7 @@ def slam(
         frames=done,
         document=document,
         seed=estimator.seed,
-        filter=estimator.filter_config,
+        filter=filter_config,
         filter_seed=estimator.filter_seed,
         threads=estimator.threads,
         refine=estimator.refine,
@@ -80,12 +80,13 @@ def slam(
         truth_map=read_map(truth_map) if truth_map.is_file() else None,
         share_done=lambda: done.share,
     )
-    announce_compilation()
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=estimator.filter_config.particles,
+        particles=filter_config.particles,
     )
+    for note in recording.notes:
+        console.print(f"{log}: {note}", soft_wrap=True)
     return carry_out(job, output.directory(name), scene, output)
 
 

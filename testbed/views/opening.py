@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,8 @@ def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None 
     """
     if recording is None:
         return NullView()
+    # read by Rerun when it is imported: errors of its file writer are raised, and need not be told twice
+    os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
     from testbed.views.rerun_view import RerunView
 
     return RerunView(recording, scene, options or ViewOptions())

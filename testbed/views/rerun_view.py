@@ -9,8 +9,13 @@ are the source of truth.
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 import time
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
@@ -46,6 +51,9 @@ SEND_PERIOD = 0.5
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
 
+SMALLEST_SPACE = 1 << 16
+"""Bytes; with less than this left a disk counts as full."""
+
 
 class RerunView:
     """Writes `recording.rrd` and keeps live viewers supplied. Use `open_view`."""
@@ -72,7 +80,9 @@ class RerunView:
         batches.flush_tick = timedelta(seconds=FILE_PERIOD)
         self._rec = rr.RecordingStream(entities.APPLICATION, recording_id=run, batcher_config=batches)
         self._rec.set_log_time_enabled(False)
-        self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(scenery))
+        self._recording = recording
+        with self._file_errors():
+            self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(scenery))
         self._rec.send_recording_name(scene.title)
         self._columns = Columns(self._rec)
         styles.log_scene(self._rec, scene)
@@ -128,7 +138,19 @@ class RerunView:
                 self._fit_eye(grid)
             self._last = None
         self._send()
+        with self._file_errors():
+            self._rec.flush()
         self._rec.disconnect()
+
+    @contextmanager
+    def _file_errors(self) -> Iterator[None]:
+        """Raise what the recording's writer reports, such as a full disk, as an OSError that names the file."""
+        try:
+            yield
+        except RuntimeError as error:
+            full = shutil.disk_usage(self._recording.parent).free < SMALLEST_SPACE
+            reason = os.strerror(errno.ENOSPC) if full else " ".join(f"{error}".split())
+            raise OSError(errno.ENOSPC if full else errno.EIO, reason, str(self._recording)) from error
 
     def wait(self) -> None:
         """Serve the web page until Ctrl-C; returns at once where none is served."""
