@@ -10,6 +10,7 @@ from worlds.floor_plan import import_map, world_from_grid
 from worlds.generators import KINDS, generate
 from worlds.movers import PERSON_RADIUS, Door, Person
 from worlds.raster import TrueMap, true_map
+from worlds.tour_planner import plan_tour
 from worlds.world import Difficulty, Start, Tour, World
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "import_map",
     "load",
     "measure_difficulty",
+    "plan_tour",
     "true_map",
     "world_from_grid",
 ]

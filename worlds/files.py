@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""World files: TOML in, `World` out, and one clear line for everything that can be wrong with a file."""
+"""World files: TOML or a ROS map in, `World` out, and one clear line for everything that can be wrong with a file."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
 from worlds.errors import WorldError
+from worlds.floor_plan import import_map
 from worlds.movers import Door, Person
 from worlds.world import Difficulty, Start, Tour, World
 
@@ -43,14 +44,17 @@ def catalogue() -> list[str]:
 
 
 def load(name_or_path: str | Path, *, footprint_radius: float = 0.0) -> World:
-    """The world of that catalogue name, or of that TOML file; checked by `worlds.check_world`.
+    """The world of that catalogue name, TOML file or ROS map (`.yaml`, no tour); checked by `worlds.check_world`.
 
     footprint_radius: outer radius of the robot that is to drive the tour [m].
     Raises `WorldError`: unknown name (with the nearest names), unreadable file, misspelt key (with the nearest key),
     wrong type or unit, start inside a wall, open outline, tour too narrow.
     """
-    text, place = _read(name_or_path)
-    world = parse(text, place)
+    if Path(name_or_path).suffix in {".yaml", ".yml"}:
+        world, place = import_map(name_or_path), str(name_or_path)
+    else:
+        text, place = _read(name_or_path)
+        world = parse(text, place)
     check_world(world, footprint_radius=footprint_radius, place=place)
     return world
 
@@ -82,7 +86,9 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
     path = Path(name)
     if path.suffix != ".toml" and not path.exists():
         near = difflib.get_close_matches(name, catalogue(), n=3, cutoff=0.4) or catalogue()
-        raise WorldError(f"unknown world {name!r}, expected a TOML file or a name such as {', '.join(near)}")
+        raise WorldError(
+            f"unknown world {name!r}, expected a TOML file, a ROS map (.yaml) or a name such as {', '.join(near)}"
+        )
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise WorldError(f"{path}: {path.stat().st_size} bytes, expected at most {MAX_FILE_BYTES}")

@@ -161,8 +161,9 @@ def _read_yaml(path: Path) -> _MapFile:
             raise
         if isinstance(error, ValidationError):
             problem = error.errors(include_url=False)[0]
-            key = ".".join(str(part) for part in problem["loc"]) or "content"
-            raise WorldError(f"{path}: {key}: {problem['msg']}") from None
+            key = ".".join(str(part) for part in problem["loc"])
+            what = f"{key}: {problem['msg']}" if key else "no keys and values"
+            raise WorldError(f"{path}: {what}, expected a map_server map") from None
         raise WorldError(f"{path}: not readable as YAML, expected a map_server map") from None
 
 

@@ -17,6 +17,7 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
 
     Raises ValueError for a file that cannot be read; unknown keys are reported by cyclopts with the nearest names.
     """
+    _refuse_values_for_groups(arguments)
     option = next((argument for argument in arguments if argument.name == "--config"), None)
     if option is None or not option.tokens:
         return
@@ -26,3 +27,12 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
     if path.stat().st_size > LARGEST_CONFIG:
         raise ValueError(f"{path}: larger than {LARGEST_CONFIG} bytes, expected the settings of a run (config.toml)")
     Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
+
+
+def _refuse_values_for_groups(arguments: ArgumentCollection) -> None:
+    """`--driver 0.3` would set the first of the driver's settings: only `--driver.speed 0.3` says what is meant."""
+    for argument in arguments:
+        own = [token for token in argument.tokens if token.keyword == argument.name and not token.keys]
+        if own and argument.children:
+            names = ", ".join(child.name for child in argument.children)
+            raise ValueError(f"{argument.name} {own[0].value}: takes no value of its own, expected one of {names}")

@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from eval.grids import true_grid
-from testbed.cli.console import announce_compilation
 from testbed.cli.ending import carry_out
 from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
 from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
@@ -15,7 +14,7 @@ from testbed.run import Job
 from testbed.simulation import Simulation, simulate
 from testbed.simulation.urdf import robot_urdf
 from testbed.views import Scene
-from worlds import load, true_map
+from worlds import true_map
 
 
 def run(
@@ -32,27 +31,29 @@ def run(
     Parameters
     ----------
     world
-        Name from the catalogue (`testbed worlds list`), or a TOML file.
+        Name from the catalogue (`testbed worlds list`), a TOML file, or a ROS map (`.yaml`).
+        A world without a tour gets a tour of all the floor that the robot can reach.
     """
     config = simulator.simulation(estimator.seed)
-    place = load(world)
+    output.check_directory()
+    filter_config = estimator.filter_config
+    place = simulator.place(world)
     truth = true_grid(true_map(place, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{place.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=estimator.filter_config.particles,
+        particles=filter_config.particles,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
     )
     with simulate(place, config) as simulation:
-        announce_compilation()
         job = Job(
             frames=simulation,
             document=document,
             seed=estimator.seed,
-            filter=estimator.filter_config,
+            filter=filter_config,
             filter_seed=estimator.filter_seed,
             threads=estimator.threads,
             refine=estimator.refine,

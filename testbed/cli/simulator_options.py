@@ -12,6 +12,8 @@ from cyclopts import Group, Parameter
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
 from testbed.simulation.pybullet_backend import import_pybullet
+from testbed.simulation.simulator import TOUR_CLEARANCE
+from worlds import World, load, plan_tour
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
@@ -51,6 +53,13 @@ class SimulatorOptions:
             duration=DEFAULT.duration if self.duration is None else self.duration,
             seed=seed,
         )
+
+    def place(self, world: str) -> World:
+        """The world of that name or file; one without a tour gets a tour of all the floor that the robot can reach."""
+        place = load(world)
+        if place.tour is not None:
+            return place
+        return plan_tour(place, footprint_radius=load_robot(self.robot).footprint_radius + TOUR_CLEARANCE)
 
     def files(self, world: str) -> list[Path]:
         """Which of world, robot and lidar are files of the user's own."""

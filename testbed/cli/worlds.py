@@ -42,7 +42,7 @@ def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> Non
     Parameters
     ----------
     world
-        Name from the catalogue, or a TOML file.
+        Name from the catalogue, a TOML file, or a ROS map (`.yaml`).
     out
         Picture to write (.png, .svg, .pdf); default: the world's name with .png.
     overwrite
@@ -100,7 +100,7 @@ def generate_world(
 
 @app.command(name="import")
 def import_world(map_: Annotated[Path, Parameter(name="map")], *, out: Path) -> None:
-    """Turn a ROS map_server map into a world: walls along the edges of occupied cells. It has no tour yet.
+    """Turn a ROS map_server map into a world: walls along the edges of occupied cells. It has no tour: `run` plans one.
 
     Example: `testbed worlds import floor.yaml --out floor.toml`
 

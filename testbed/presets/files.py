@@ -65,7 +65,11 @@ def _load(model: type[_Preset], kind: str, name: str) -> _Preset:
         key = ".".join(str(part) for part in problem["loc"])
         if problem["type"] == "extra_forbidden":
             near = difflib.get_close_matches(str(problem["loc"][-1]), list(model.model_fields), n=1, cutoff=0.5)
-            hint = f", expected {near[0]!r}" if near else ""
+            hint = (
+                f", expected {near[0]!r}"
+                if near
+                else f", expected the keys of a {kind}: {', '.join(model.model_fields)}"
+            )
             raise PresetError(f"{place}: {key} is not known{hint}") from None
         if problem["type"] == "missing":
             raise PresetError(f"{place}: {key} is missing") from None

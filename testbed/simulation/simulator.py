@@ -28,7 +28,7 @@ CONTROL_STEPS = 12
 """Steps of motion between two commands and two odometry readings (20 Hz)."""
 CONTROL_PERIOD = CONTROL_STEPS / STEP_RATE
 """Time between two commands and two odometry readings [s]."""
-_CLEARANCE = 0.05
+TOUR_CLEARANCE = 0.05
 """Room that a tour must leave beside the robot's footprint, since pure pursuit cuts corners [m]."""
 
 
@@ -56,6 +56,7 @@ class SimulationConfig:
     def __post_init__(self) -> None:
         if not self.duration > 0.0:
             raise ValueError(f"duration must be positive, got {self.duration} s")
+        streams(self.seed)  # complains about a negative one
 
 
 class Simulation(Iterator[Frame]):
@@ -67,7 +68,7 @@ class Simulation(Iterator[Frame]):
 
     def __init__(self, world: World, config: SimulationConfig) -> None:
         """Raises `WorldError` if the world has no tour, or if the robot does not fit through it."""
-        check_world(world, footprint_radius=config.robot.footprint_radius + _CLEARANCE)
+        check_world(world, footprint_radius=config.robot.footprint_radius + TOUR_CLEARANCE)
         if world.tour is None:
             raise WorldError(f"world {world.name!r} has no tour, expected [tour] with way points")
         self.world = world
