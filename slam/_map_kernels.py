@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Compiled parts of the maps: ray traversal, counting, sub-cell surface, and the field of nearest walls.
 
-Each cell keeps one 32-bit word of counts and one of surface, each in the counts pool, and a 16-bit word in the field
-pool:
+Each cell keeps a 16-bit word of counts and a 32-bit word of surface in one pool, and a 16-bit word in the field pool:
 
-    counts   bit 31 wall flag | bits 16..30 hits | bits 0..15 visits (hits + beams that passed)
+    counts   bit 15 wall flag | bits 9..14 hits | bits 0..8 visits (hits + beams that passed)
     surface  bits 20..31 mean x | bits 8..19 mean y of the end points, in 1/4096 of a cell | bits 0..7 line direction
     nearest  bits 7..13 dy + 64 | bits 0..6 dx + 64 to the nearest wall cell; 0 = none within the field's radius
 
@@ -24,16 +23,16 @@ from numpy.typing import NDArray
 from slam._jit import inlined, kernel
 from slam._tile_kernels import MASK, SHIFT, SIDE
 
-WALL = np.uint32(1 << 31)
-ONE_HIT = np.uint32(1 << 16)
-HITS = np.uint32(0x7FFF)
-VISITS = np.uint32(0xFFFF)
+WALL = np.uint32(1 << 15)
+HIT_SHIFT = np.uint32(9)
+HITS = np.uint32(0x3F)
+VISITS = np.uint32(0x1FF)
 FAR = 0
 HERE = (64 << 7) | 64
 LARGEST_OFFSET = 63
 LINE_REACH = 2
 LINE_FLATNESS = 0.1
-MEAN_MEMORY = 64
+MEAN_MEMORY = 32
 """The mean of a cell's end points forgets slowly: the gain of a new one never falls below 1 / MEAN_MEMORY."""
 
 
@@ -42,7 +41,7 @@ class Grids(NamedTuple):
 
     table: NDArray[np.int32]
     """Tile numbers in `counts` and `surface`, (particles, rows, columns)."""
-    counts: NDArray[np.uint32]
+    counts: NDArray[np.uint16]
     """(tiles, SIDE * SIDE)."""
     surface: NDArray[np.uint32]
     """(tiles, SIDE * SIDE)."""
@@ -131,16 +130,16 @@ def demand_of_rays(start, stop, grids, poses, rays, demand):
 def counted(word, hit):
     """The counts word after one more beam, a hit (1) or not (0); both counts are halved before either overflows."""
     visits = word & VISITS
-    hits = (word >> np.uint32(16)) & HITS
+    hits = (word >> HIT_SHIFT) & HITS
     if visits == VISITS or hits == HITS:
         visits, hits = visits >> np.uint32(1), hits >> np.uint32(1)
-    return (word & WALL) | ((hits + np.uint32(hit)) << np.uint32(16)) | (visits + np.uint32(1))
+    return (word & WALL) | ((hits + np.uint32(hit)) << HIT_SHIFT) | (visits + np.uint32(1))
 
 
 @inlined
 def is_wall(word, occupied_share):
     """Whether at least `occupied_share` of the beams that reached the cell ended in it."""
-    hits = (word >> np.uint32(16)) & HITS
+    hits = (word >> HIT_SHIFT) & HITS
     return hits > 0 and hits >= occupied_share * (word & VISITS)
 
 
@@ -244,7 +243,7 @@ def count_hits(table, counts, surface, segments, hit, doubtful, n):
         word = counted(counts[tile, k], 1 if hit[beam] else 0)
         counts[tile, k] = word
         if hit[beam]:
-            surface[tile, k] = with_end_point(surface[tile, k], (word >> np.uint32(16)) & HITS, x - cx, y - cy)
+            surface[tile, k] = with_end_point(surface[tile, k], (word >> HIT_SHIFT) & HITS, x - cx, y - cy)
         if n < doubtful.shape[0]:
             doubtful[n] = packed(cx, cy)
             n += 1

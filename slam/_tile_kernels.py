@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from slam._jit import kernel
 
-SHIFT = 5
+SHIFT = 4
 SIDE = 1 << SHIFT
 MASK = SIDE - 1
 

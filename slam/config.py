@@ -170,11 +170,19 @@ class RefineConfig:
     """Gauss-Newton steps against each map."""
     beam_weight: float = 1.0
     """Share of each beam's log-likelihood that counts against the odometry."""
-    occupied_share: float = 0.15
+    occupied_share: float = 0.12
     """As `MapConfig.occupied_share`, for the maps that the poses are matched against: with all scans in view, walls
     that many beams graze are worth more than the few false cells that come with them."""
-    motion: MotionConfig = field(default_factory=lambda: MotionConfig(floor_translation=0.001, floor_rotation=0.0005))
-    """Motion model between neighbouring frames, which lie closer together than the updates of the filter."""
+    motion: MotionConfig = field(
+        default_factory=lambda: MotionConfig(
+            floor_translation=0.001,
+            floor_rotation=0.002,
+            rotation_from_translation=0.2,
+            rotation_from_rotation=0.2,
+        )
+    )
+    """Motion model between neighbouring frames, which lie closer together than the updates of the filter: less error
+    at rest, more per metre and radian, since errors of many short steps partly cancel."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._map_kernels import (
+    HIT_SHIFT,
+    HITS,
     LARGEST_OFFSET,
+    VISITS,
     Grids,
     Rays,
     demand_of_changes,
@@ -26,7 +29,7 @@ from slam.parallel import Threads
 from slam.tiles import TilePool
 
 LARGEST_TABLE = 1 << 22
-"""Tiles that the table of one particle may span; at 0.05 m cells a square of 3.2 km."""
+"""Tiles that the table of one particle may span; at 0.05 m cells a square of 1.6 km."""
 
 
 class ParticleMaps:
@@ -40,7 +43,7 @@ class ParticleMaps:
         """
         self.config = config
         self.threads = threads
-        self._walls = TilePool(particles, (np.uint32, np.uint32))
+        self._walls = TilePool(particles, (np.uint16, np.uint32))
         self._field = TilePool(particles, (np.int16,))
         self._corner = np.zeros(2, np.int64)
         self._radius = round(config.field_radius / config.cell)
@@ -145,8 +148,8 @@ class ParticleMaps:
         if len(rows) == 0:
             raise ValueError("the map is empty: no scan was taken in")
         counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        hits = ((counts >> 16) & 0x7FFF).astype(np.float32)
-        visits = (counts & 0xFFFF).astype(np.float32)
+        hits = ((counts >> HIT_SHIFT) & HITS).astype(np.float32)
+        visits = (counts & VISITS).astype(np.float32)
         share = self.config.occupied_share
         log_odds = HIT_LOG_ODDS * (hits - (visits - hits) * share / (1.0 - share))
         probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, *LOG_ODDS_LIMITS)))
@@ -162,11 +165,11 @@ class ParticleMaps:
             ),
         )
 
-    def _dense(self, particle: int) -> NDArray[np.uint32]:
+    def _dense(self, particle: int) -> NDArray[np.uint16]:
         """Counts words of one particle's whole table, (rows, columns) of cells."""
         table = self._walls.table[particle]
         tiles = self._walls.data[0][table].reshape(*table.shape, SIDE, SIDE)
-        dense: NDArray[np.uint32] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
+        dense: NDArray[np.uint16] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
         return dense
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 
 from slam import Scan, se2
-from slam._map_kernels import Rays
+from slam._map_kernels import HIT_SHIFT, HITS, VISITS, WALL, Rays
 from slam._tile_kernels import SIDE
 from slam.config import MapConfig
 from slam.parallel import Threads
@@ -63,7 +63,7 @@ def dense(table, data):
 def counts_of(maps, particle=0):
     """Hits, visits and wall flags of one particle's cells, (rows, columns) each."""
     words = dense(maps.grids.table[particle], maps.grids.counts)
-    return (words >> 16) & 0x7FFF, words & 0xFFFF, words >> 31 == 1
+    return (words >> HIT_SHIFT) & HITS, words & VISITS, words & WALL != 0
 
 
 def word_at(maps, name, point, particle=0):

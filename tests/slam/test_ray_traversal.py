@@ -12,14 +12,14 @@ from tests.slam.reference import cells_on_segment, crossings
 from tests.slam.rooms import dense
 from tests.slam.strategies import segments
 
-TILES = 3
+TILES = 96 // SIDE
 SIZE = TILES * SIDE
 
 
 def misses(segments):
     """Visits (rows, columns) that `count_misses` counts on an empty map, every tile of which may be written."""
     table = np.arange(TILES * TILES, dtype=np.int32).reshape(TILES, TILES)
-    counts = np.zeros((TILES * TILES, SIDE * SIDE), np.uint32)
+    counts = np.zeros((TILES * TILES, SIDE * SIDE), np.uint16)
     count_misses(table, counts, np.atleast_2d(segments), np.empty(0, np.int64))
     return dense(table, counts)
 

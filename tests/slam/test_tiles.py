@@ -144,4 +144,4 @@ def test_memory_is_that_of_the_tiles_in_use_and_the_tables():
     tables = 2 * 3 * rows * columns * 4
     walls, field = maps._walls.tiles_in_use, maps._field.tiles_in_use
     assert walls == 3
-    assert maps.bytes_in_use == tables + SIDE * SIDE * (walls * (4 + 4) + field * 2)
+    assert maps.bytes_in_use == tables + SIDE * SIDE * (walls * (2 + 4) + field * 2)
