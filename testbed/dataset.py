@@ -19,9 +19,10 @@ from testbed.formats.checksums import CONFIG, checksums_of
 from testbed.formats.ros_bag_writer import write_bag
 from testbed.provenance import dump_toml, versions
 from testbed.simulation import SimulationConfig, simulate
+from testbed.simulation.urdf import robot_urdf
 from worlds import World, dumps, true_map
 
-Format = Literal["rosbag2", "carmen"]
+Format = Literal["rosbag2", "rosbag2-lean", "carmen"]
 
 MAP_RESOLUTION = 0.05
 """Side of a cell of the true map [m]."""
@@ -37,9 +38,10 @@ def write_dataset(
 ) -> None:
     """Simulate a drive and write it as a dataset directory, which must not exist.
 
-    It holds the recording (`rosbag2`: metadata.yaml and one .mcap that ROS 2 plays; `carmen`: one .log.gz), world.toml,
-    truth.tum (a pose at every scan), truth_map.pgm and .yaml, and config.toml with `settings`, versions and the SHA-256
-    of all other files. The same world and settings give the same bytes. Written aside and renamed.
+    It holds the recording (`rosbag2`: metadata.yaml and one .mcap that ROS 2 plays and Rerun shows; `rosbag2-lean`:
+    the same in half the space, without `/scan_cloud`, which is what Rerun draws of scans; `carmen`: one .log.gz),
+    world.toml, truth.tum (a pose at every scan), truth_map.pgm and .yaml, and config.toml with `settings`, versions and
+    the SHA-256 of all other files. The same world and settings give the same bytes. Written aside and renamed.
     """
     aside = path.parent / f".{path.name}.simulating" / path.name
     shutil.rmtree(aside.parent, ignore_errors=True)
@@ -57,11 +59,12 @@ def _write(path: Path, world: World, config: SimulationConfig, form: Format) -> 
     with simulate(world, config) as simulation:
         frames = list(simulation)
     truth_map = true_grid(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
-    if form == "rosbag2":
-        write_bag(path, frames, truth_map=truth_map)
-    else:
+    if form == "carmen":
         path.mkdir()
         write_carmen(path / f"{path.name}.log.gz", frames)
+    else:
+        cloud = form == "rosbag2"
+        write_bag(path, frames, truth_map=truth_map, robot_urdf=robot_urdf(config.robot), cloud=cloud)
     (path / "world.toml").write_text(dumps(world), encoding="utf-8")
     write_map(path / "truth_map.yaml", truth_map)
     known = [(frame.stamp, frame.truth) for frame in frames if frame.scan is not None and frame.truth is not None]

@@ -11,15 +11,16 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from testbed.views import entities
 from testbed.views.headless import HeadlessViewer, NoDriverError, headless_viewer
 
 
 @contextmanager
-def viewer_or_skip() -> Iterator[HeadlessViewer]:
+def viewer_or_skip(timeline: str = entities.TIMELINE) -> Iterator[HeadlessViewer]:
     """A headless viewer; skips the test where there is nothing to draw with."""
     with ExitStack() as stack:
         try:
-            viewer = stack.enter_context(headless_viewer())
+            viewer = stack.enter_context(headless_viewer(timeline))
         except (NoDriverError, FileNotFoundError) as error:
             pytest.skip(str(error))
         yield viewer

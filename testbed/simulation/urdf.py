@@ -17,6 +17,10 @@ _MASS_BEHIND_AXLE = 0.125
 _WHEEL_MASS_SHARE = 0.04
 """Mass of one wheel as a share of the robot's (0.03 of 0.8 kg)."""
 
+_BODY = '<material name="body"><color rgba="0.16 0.35 0.82 1"/></material>'
+_TYRE = '<material name="tyre"><color rgba="0.2 0.2 0.2 1"/></material>'
+"""Colours of the visuals: viewers draw a body without one in white, and floors too."""
+
 LEFT_WHEEL, RIGHT_WHEEL = "left_wheel_joint", "right_wheel_joint"
 
 
@@ -51,7 +55,7 @@ def _base(robot: RobotPreset, mass: float) -> str:
       <inertia ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" ixy="0" ixz="0" iyz="0"/>
     </inertial>
     <collision>{body}</collision>
-    <visual>{body}</visual>
+    <visual>{body}{_BODY}</visual>
   </link>"""
 
 
@@ -64,7 +68,7 @@ def _wheel(side: str, y: float, radius: float, mass: float) -> str:
       <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>
     </inertial>
     <collision><geometry><sphere radius="{radius}"/></geometry></collision>
-    <visual><geometry><cylinder radius="{radius}" length="{radius / 2.0}"/></geometry></visual>
+    <visual><geometry><cylinder radius="{radius}" length="{radius / 2.0}"/></geometry>{_TYRE}</visual>
   </link>
   <joint name="{side}_wheel_joint" type="continuous">
     <parent link="base_link"/>
@@ -82,7 +86,7 @@ def _caster(x: float, radius: float) -> str:
       <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/>
     </inertial>
     <collision><geometry><sphere radius="{radius}"/></geometry></collision>
-    <visual><geometry><sphere radius="{radius}"/></geometry></visual>
+    <visual><geometry><sphere radius="{radius}"/></geometry>{_TYRE}</visual>
   </link>
   <joint name="caster_joint" type="fixed">
     <parent link="base_link"/>

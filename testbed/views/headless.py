@@ -33,10 +33,11 @@ class NoDriverError(RuntimeError):
 class HeadlessViewer:
     """A viewer that takes recordings as files, or live at `url`. Use `headless_viewer`."""
 
-    def __init__(self, client: Any, url: str) -> None:
-        """client: a `rerun.experimental.ViewerClient`;  url: where it takes live recordings"""
+    def __init__(self, client: Any, url: str, timeline: str) -> None:
+        """client: a `rerun.experimental.ViewerClient`;  url: where it takes live recordings;  timeline: of all times"""
         self._client = client
         self.url = url
+        self._timeline = timeline
 
     def open(self, recording: Path) -> float:
         """Open a file and wait until all of it is read; its last time [s]."""
@@ -56,7 +57,7 @@ class HeadlessViewer:
                 if recording.store_id != state.active_recording or state.loading:
                     continue
                 for timeline in recording.timelines:
-                    if timeline.name == entities.TIMELINE and timeline.end is not None and timeline.end / 1e9 >= until:
+                    if timeline.name == self._timeline and timeline.end is not None and timeline.end / 1e9 >= until:
                         return float(timeline.end / 1e9)
             time.sleep(0.2)
         raise TimeoutError(f"the viewer shows no recording up to {until} s after {LOAD_TIMEOUT:g} s")
@@ -67,7 +68,7 @@ class HeadlessViewer:
         Raises:
             ValueError: there is no such view.
         """
-        self._client.set_time(entities.TIMELINE, duration=at, play_state="paused")
+        self._client.set_time(self._timeline, duration=at, play_state="paused")
         time.sleep(settle)
         if view is None:
             return bytes(self._client.take_screenshot(max_size=largest))
@@ -82,8 +83,8 @@ class HeadlessViewer:
 
 
 @contextmanager
-def headless_viewer() -> Iterator[HeadlessViewer]:
-    """A viewer for the length of the context.
+def headless_viewer(timeline: str = entities.TIMELINE) -> Iterator[HeadlessViewer]:
+    """A viewer for the length of the context, of recordings that have this timeline.
 
     Raises:
         NoDriverError: there is no Vulkan driver.
@@ -102,7 +103,7 @@ def headless_viewer() -> Iterator[HeadlessViewer]:
         executable_path=programs.viewer_binary(),
     )
     with client:
-        yield HeadlessViewer(client, programs.proxy_url(port))
+        yield HeadlessViewer(client, programs.proxy_url(port), timeline)
 
 
 def choose_driver() -> None:

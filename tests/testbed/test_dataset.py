@@ -47,7 +47,7 @@ def test_it_holds_what_a_reader_needs(made):
     assert tomllib.loads((made / "config.toml").read_text())["settings"] == {"seed": 3}
 
 
-@pytest.mark.parametrize("form", ["rosbag2", "carmen"])
+@pytest.mark.parametrize("form", ["rosbag2", "rosbag2-lean", "carmen"])
 def test_the_same_settings_give_the_same_bytes(tmp_path, form):
     for parent in ("a", "b"):
         write_dataset(tmp_path / parent / "loop", load("loop"), CONFIG, {}, form=form)

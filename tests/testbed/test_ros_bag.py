@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
 
 from slam import se2
 from slam.occupancy import OccupancyGrid
@@ -83,6 +85,97 @@ def test_equal_frames_give_equal_bytes(tmp_path):
     write_bag(tmp_path / "b" / "bag", drive())
     for name in ("bag.mcap", "metadata.yaml"):
         assert (tmp_path / "bag" / name).read_bytes() == (tmp_path / "b" / "bag" / name).read_bytes()
+
+
+URDF = """<robot name="two-link">
+  <link name="base_link"/><link name="arm"/><link name="hand"/>
+  <joint name="a" type="fixed"><parent link="base_link"/><child link="arm"/>
+    <origin xyz="0.5 -1 2" rpy="0 1.5707963267948966 1.5707963267948966"/></joint>
+  <joint name="b" type="fixed"><parent link="arm"/><child link="hand"/></joint>
+</robot>"""
+
+
+def messages_of(path: Path) -> dict[str, list]:
+    """All messages by topic."""
+    found: dict[str, list] = {}
+    with AnyReader([path], default_typestore=STORE) as reader:
+        for connection, _, raw in reader.messages():
+            found.setdefault(connection.topic, []).append(reader.deserialize(raw, connection.msgtype))
+    return found
+
+
+def matrix(transform) -> np.ndarray:
+    r, t = transform.rotation, transform.translation
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_quat([r.x, r.y, r.z, r.w]).as_matrix()
+    T[:3, 3] = t.x, t.y, t.z
+    return T
+
+
+def test_for_viewers_the_hits_are_there_as_points_where_they_truly_are(tmp_path):
+    write_bag(tmp_path / "bag", drive())
+    found, frames = messages_of(tmp_path / "bag"), drive()
+    mount = matrix(found["/tf_static"][0].transforms[0].transform)
+    clouds = iter(found["/scan_cloud"])
+    for frame, in_map, in_odom in zip(frames, found["/ground_truth/tf"], found["/tf"], strict=True):
+        (on_map,), (on_odom,) = in_map.transforms, in_odom.transforms
+        names = [(t.header.frame_id, t.child_frame_id) for t in (on_map, on_odom)]
+        assert names == [("map", "odom"), ("odom", "base_link")]
+        robot = matrix(on_map.transform) @ matrix(on_odom.transform)
+        x, y, theta = frame.truth
+        np.testing.assert_allclose(robot[:2, 3], (x, y), atol=1e-12)
+        np.testing.assert_allclose(robot[:2, 0], (math.cos(theta), math.sin(theta)), atol=1e-12)
+        if frame.scan is None:
+            continue
+        cloud = next(clouds)
+        assert [(f.name, f.offset, f.datatype) for f in cloud.fields] == [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)]
+        points = cloud.data.view("<f4").reshape(cloud.width, 3)
+        assert cloud.header.stamp.nanosec == round(1e9 * frame.stamp)
+        ranges, angles = frame.scan.ranges[frame.scan.hit], frame.scan.angles[frame.scan.hit]
+        ends = np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
+        hits = se2.transform_points(frame.truth, se2.transform_points(MOUNT, ends))
+        placed = (robot @ mount @ np.column_stack([points, np.ones(len(points))]).T).T
+        np.testing.assert_allclose(placed[:, :2], hits, atol=1e-5)
+    assert next(clouds, None) is None
+
+
+def test_a_bag_without_clouds_differs_in_nothing_else(tmp_path):
+    write_bag(tmp_path / "whole", drive())
+    write_bag(tmp_path / "lean", drive(), cloud=False)
+    whole, lean = messages_of(tmp_path / "whole"), messages_of(tmp_path / "lean")
+    assert set(whole) - set(lean) == {"/scan_cloud"}
+    assert {topic: len(found) for topic, found in lean.items()}.items() <= {t: len(f) for t, f in whole.items()}.items()
+    assert_same_frames(open_log(tmp_path / "lean").frames, drive())
+
+
+def test_the_robots_joints_are_in_the_one_static_message(tmp_path):
+    write_bag(tmp_path / "bag", drive(), robot_urdf=URDF)
+    found = messages_of(tmp_path / "bag")
+    assert [text.data for text in found["/robot_description"]] == [URDF]
+    (static,) = found["/tf_static"]  # late subscribers receive the last one only
+    names = [(t.header.frame_id, t.child_frame_id) for t in static.transforms]
+    assert names == [("base_link", "laser"), ("base_link", "arm"), ("arm", "hand")]
+    _, arm, hand = (matrix(t.transform) for t in static.transforms)
+    # first pitched by 90 degrees, x down and z ahead; then turned to the left, z to the left
+    np.testing.assert_allclose(arm, [[0, -1, 0, 0.5], [0, 0, 1, -1], [-1, 0, 0, 2], [0, 0, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(hand, np.eye(4), atol=1e-15)
+    with AnyReader([tmp_path / "bag"], default_typestore=STORE) as reader:
+        durability = {c.topic: [q.durability.name for q in c.ext.offered_qos_profiles] for c in reader.connections}
+    assert {t for t, kept in durability.items() if kept == ["TRANSIENT_LOCAL"]} == {"/tf_static", "/robot_description"}
+    assert_same_frames(open_log(tmp_path / "bag").frames, drive())
+
+
+def test_rotations_are_about_the_fixed_axes(tmp_path):
+    turns = np.random.default_rng(0).uniform(-math.pi, math.pi, (50, 3))
+    joints = [
+        f'<joint name="{k}" type="fixed"><parent link="base_link"/><child link="{k}"/>'
+        f'<origin rpy="{" ".join(map(repr, rpy))}"/></joint>'
+        for k, rpy in enumerate(turns.tolist())
+    ]
+    write_bag(tmp_path / "bag", drive(), robot_urdf=f"<robot>{''.join(joints)}</robot>")
+    (static,) = messages_of(tmp_path / "bag")["/tf_static"]
+    found = [matrix(stamped.transform)[:3, :3] for stamped in static.transforms[1:]]
+    np.testing.assert_allclose(found, Rotation.from_euler("xyz", turns).as_matrix(), atol=1e-12)
 
 
 @pytest.mark.parametrize(
