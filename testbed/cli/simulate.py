@@ -45,7 +45,8 @@ def simulate(
     workers
         Datasets that are made at the same time.
     format
-        rosbag2: directory with an MCAP file, as ROS 2 plays it; carmen: packed CARMEN log.
+        rosbag2: directory with an MCAP file that ROS 2 plays and Rerun shows; rosbag2-lean: without the point clouds
+        that Rerun draws, in half the space; carmen: packed CARMEN log.
     config
         TOML file with settings, such as the config.toml of a dataset; the command line wins.
     """
