@@ -14,7 +14,6 @@ from rich.progress import track
 from testbed.cli.console import announce_compilation, console, results
 from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
 from testbed.dataset import Format, is_complete, write_dataset
-from worlds import load
 
 FAST = replace(SIMULATOR, backend="fast")
 
@@ -35,7 +34,8 @@ def simulate(
     Parameters
     ----------
     world
-        Name from the catalogue (`testbed worlds list`), or a TOML file.
+        Name from the catalogue (`testbed worlds list`), a TOML file, or a ROS map (`.yaml`).
+        A world without a tour gets a tour of all the floor that the robot can reach.
     out
         Directory that takes the datasets; those that are there already are kept.
     seed
@@ -52,7 +52,7 @@ def simulate(
     """
     if count < 1 or workers < 1:
         raise ValueError(f"count and workers must be at least 1, got {count} and {workers}")
-    place = load(world)
+    place = simulator.place(world)
     settings = {"world": world, "format": format, **asdict(simulator)}
     simulator.simulation(seed)  # complain before the first dataset, not in a worker
     jobs = {out / f"{place.name}-{number:04d}": number for number in range(seed, seed + count)}
@@ -60,6 +60,8 @@ def simulate(
     for path in missing:
         if path.exists():
             raise ValueError(f"{path}: exists and is no dataset; choose another --out")
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out}: is a file, expected a directory")
     announce_compilation()
     out.mkdir(parents=True, exist_ok=True)
     # spawned, not forked: PyBullet and numba keep threads; a fresh process now and then bounds what PyBullet leaks
@@ -74,7 +76,14 @@ def simulate(
             for path, number in missing.items()
         ]
         try:
-            for future in track(as_completed(futures), "simulating", len(futures), console=console, transient=True):
+            for future in track(
+                as_completed(futures),
+                "simulating",
+                len(futures),
+                console=console,
+                transient=True,
+                disable=not console.is_terminal,
+            ):
                 future.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)
