@@ -71,6 +71,12 @@ def assert_refused(capsys, complaint: str, *arguments: str) -> None:
         (["run", "office", "--particles", "0"], "particles must be at least 1"),
         (["run", "office", "--particles", "-3"], "particles must be at least 1"),
         (["run", "office", "--particles", "many"], "many"),
+        (["run", "office", "--driver", "explore"], "--driver explore: takes no value of its own"),
+        (["run", "office", "--driver", "0.3"], "--driver.speed"),
+        (["run", "office", "--filter.match", "3"], "--filter.match.hit-sigma"),
+        (["run", "nowhere.yaml"], "nowhere.yaml: No such file"),
+        (["simulate", "loop", "--seed", "-4", "--out", "datasets"], "seed must not be negative"),
+        (["worlds", "generate", "maze", "--out", "nowhere/maze.toml"], "nowhere: no such directory"),
         (["run", "office", "--robot", "creat3"], "create3"),
         (["run", "office", "--lidar", "rplidar_b2"], "rplidar_a2"),
         (["run", "office", "--seed", "-1"], "seed must not be negative"),
@@ -138,6 +144,15 @@ def test_a_directory_with_other_work_is_left_alone(here, capsys):
     (here / "run" / "thesis.tex").write_text("years of work")
     assert_refused(capsys, "run: is not empty", "slam", "room.log", "--out", "run")
     assert [path.name for path in (here / "run").iterdir()] == ["thesis.tex"]
+
+
+def test_settings_and_output_are_checked_before_the_log_is_read(here, capsys):
+    """A log of many megabytes takes a while, and its notes would be more than the one line."""
+    Path("room.log").write_text("no log at all")
+    Path("full").mkdir()
+    Path("full", "notes.txt").write_text("mine")
+    assert_refused(capsys, "particles must be at least 1, got 0", "slam", "room.log", "--particles", "0")
+    assert_refused(capsys, "full: is not empty", "slam", "room.log", "--out", "full")
 
 
 def test_unknown_key_in_a_settings_file_is_named(here, capsys):
@@ -247,10 +262,13 @@ def test_a_generated_world_can_be_driven(here, capsys):
     assert_refused(capsys, 'Choose from: "rooms"', "worlds", "generate", "moon", "--out", "moon.toml")
 
 
-def test_a_floor_plan_becomes_a_world(here):
+def test_a_floor_plan_becomes_a_world_that_can_be_driven(here):
     assert call("simulate", "loop", "--duration", "0.5", "--out", "datasets") == 0
     assert call("worlds", "import", here / "datasets" / "loop-0000" / "truth_map.yaml", "--out", "plan.toml") == 0
     assert load("plan.toml").boundary_segments().shape[0] > 10
+    plan = here / "datasets" / "loop-0000" / "truth_map.yaml"  # without a step between, too
+    assert call("simulate", plan, "--duration", "1", "--out", "driven") == 0
+    assert open_log(here / "driven" / "truth_map-0000").scan_count > 5
 
 
 # --- as a program of its own ------------------------------------------------------------------------------------------

@@ -78,10 +78,32 @@ def test_a_full_disk_leaves_the_old_file_or_none(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(OSError, match="No space left"):
         directory.write_metrics({"outcome": "other"})
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match=r"No space left.*config\.toml'"):  # not the name it has meanwhile
         directory.write_config({})
     assert [p.name for p in tmp_path.iterdir()] == ["metrics.json"]
     assert json.loads((tmp_path / "metrics.json").read_bytes()) == {"outcome": "ok"}
+
+
+@pytest.mark.parametrize(("error", "outcome"), [(KeyboardInterrupt, "interrupted"), (ValueError, "failed")])
+def test_what_is_cut_off_is_marked_beside_what_is_known(tmp_path, error, outcome):
+    directory = RunDirectory.create(tmp_path)
+    with pytest.raises(error), directory.marked({"outcome": "ok", "scans": 7}):
+        raise error("so it\nwas")
+    read = json.loads((tmp_path / "metrics.json").read_text())
+    assert read == {"outcome": outcome, "reason": "so it was", "scans": 7}
+
+
+def test_a_run_that_cannot_even_be_marked_does_not_look_finished(tmp_path, monkeypatch):
+    directory = RunDirectory.create(tmp_path)
+    directory.write_metrics({"outcome": "ok"})
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OSError, match=r"report\.html"), directory.marked({"outcome": "ok"}):
+        raise OSError(errno.ENOSPC, "No space left on device", "report.html")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_default_directories_never_collide(tmp_path, monkeypatch):

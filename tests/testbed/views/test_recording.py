@@ -180,3 +180,13 @@ def test_a_wrong_address_and_a_missing_recording_are_told_in_one_line(tmp_path: 
         ViewOptions(connect="localhost:9876")
     with pytest.raises(ValueError, match="no recording"):
         open_run(tmp_path)
+
+
+def test_a_full_disk_is_an_error_that_names_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    if not Path("/dev/full").exists():
+        pytest.skip("/dev/full is absent: a file on a full disk cannot be had")
+    path.symlink_to("/dev/full")
+    with pytest.raises(OSError, match=r"recording\.rrd"), open_view(path, scene()) as view:
+        for snapshot in snapshots(1.0):
+            view.show(snapshot)
