@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: MIT
+"""What the filter costs: match, proposal, map update, resampling and the whole step.
+
+    python -m pytest -m benchmark tests/benchmarks/test_engine.py
+
+Each stage runs on a simulated room, against the number of particles, beams and threads, and the whole step also on the
+log intel-910 where it is present. `extra_info` of each figure holds microseconds per particle.
+"""
+
+import copy
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam import FilterConfig, GMapping, se2
+from slam._proposal_kernels import IMPROVED, match
+from slam.beams import rays_of
+from slam.config import GateConfig, ResampleConfig
+from slam.gmapping import beam_model, search_of
+from slam.motion import motion_prior
+from slam.resampling import systematic
+from tests.slam.rooms import drive, scan_at
+
+pytestmark = pytest.mark.benchmark
+
+INTEL = (
+    Path(os.environ.get("TESTBED_DATASETS", Path(__file__).resolve().parents[3] / "shared" / "datasets"))
+    / "intel"
+    / "intel-910.clf.gz"
+)
+EVERY_SCAN = GateConfig(distance=0.0, angle=0.0)
+STEP = (0.3, 0.0, 0.12)
+SIZES = pytest.mark.parametrize(("particles", "beams"), [(30, 180), (30, 360), (30, 720), (30, 1080), (300, 180)])
+
+
+class Stage:
+    """A filter after some scans of the room, and the scan that comes next."""
+
+    def __init__(self, particles, beams, threads=1, when="always"):
+        config = FilterConfig(particles=particles, gate=EVERY_SCAN, resample=ResampleConfig(when=when))
+        self.mapper = GMapping(config, threads=threads)
+        rng = np.random.default_rng(0)
+        path = drive(8)
+        for pose in path[:-1]:
+            self.mapper.process(pose, scan_at(pose, beams=beams, noise=0.01, rng=rng))
+        self.odometry = path
+        self.scan = scan_at(path[-1], beams=beams, noise=0.01, rng=rng)
+        self.rays = rays_of([self.scan], usable_range=80.0)
+        self.guesses = se2.compose(self.mapper.poses, STEP)
+
+
+def per_particle(benchmark, particles):
+    """Note the median in microseconds per particle."""
+    benchmark.extra_info["us_per_particle"] = round(1e6 * benchmark.stats.stats.median / particles, 1)
+
+
+@SIZES
+def test_match(benchmark, particles, beams):
+    stage = Stage(particles, beams)
+    config, grids = stage.mapper.config, stage.mapper.maps.grids
+    hits = np.ascontiguousarray(stage.rays.ends[stage.rays.hit])
+    model, prior = beam_model(config.match, config.map), motion_prior(STEP, config.motion)
+    search, distances = search_of(np.array(STEP), config), np.empty((4, len(hits)))
+    pose, L = np.empty(3), np.empty((3, 3))
+
+    def match_all():
+        for i in range(particles):
+            match(grids, i, stage.guesses[i], hits, model, prior, search, distances, pose, L)
+
+    assert search.kind == IMPROVED
+    benchmark(match_all)
+    per_particle(benchmark, particles)
+
+
+@SIZES
+def test_match_and_sample(benchmark, particles, beams):
+    """Lines 4 to 21 of Algorithm 1; less `test_match` it is the cost of the K samples and the Gaussian."""
+    stage = Stage(particles, beams)
+    proposed = benchmark(stage.mapper._propose, np.array(STEP), stage.rays)
+    assert not proposed.failed.any()
+    per_particle(benchmark, particles)
+
+
+@SIZES
+def test_map_update(benchmark, particles, beams):
+    """Registering one more scan, tiles private already, as where nothing was resampled."""
+    stage = Stage(particles, beams, when="never")
+    benchmark(stage.mapper.maps.register, stage.guesses, stage.rays)
+    per_particle(benchmark, particles)
+
+
+@pytest.mark.parametrize("particles", [30, 300])
+def test_map_update_after_resampling(benchmark, particles):
+    """The same where all particles share all tiles, which are copied on the first write."""
+    stage = Stage(particles, 180)
+
+    def share():
+        maps = copy.deepcopy(stage.mapper.maps._walls), copy.deepcopy(stage.mapper.maps._field)
+        stage.mapper.maps._walls, stage.mapper.maps._field = maps
+        stage.mapper.maps.descend(np.zeros(particles, np.int64))
+
+    benchmark.pedantic(stage.mapper.maps.register, (stage.guesses, stage.rays), setup=share, rounds=20)
+    per_particle(benchmark, particles)
+
+
+@pytest.mark.parametrize("particles", [30, 300, 3000])
+def test_resample(benchmark, particles):
+    """Ancestors, and the tables and trajectories that follow them."""
+    stage = Stage(particles, 60)
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet(np.ones(particles))
+
+    def resample():
+        ancestors = systematic(weights, rng)
+        stage.mapper.maps.descend(ancestors)
+        stage.mapper.ancestry.descend(ancestors)
+
+    benchmark(resample)
+    per_particle(benchmark, particles)
+
+
+def back_and_forth(stage):
+    """The whole step, over and over on the same stretch of the room."""
+    turn = [0]
+
+    def step():
+        turn[0] += 1
+        pose = stage.odometry[-1 - turn[0] % 2]
+        return stage.mapper.process(pose, stage.scan if turn[0] % 2 == 0 else stage.before)
+
+    stage.before = scan_at(stage.odometry[-2], beams=len(stage.scan.ranges))
+    return step
+
+
+@SIZES
+def test_step(benchmark, particles, beams):
+    stage = Stage(particles, beams, when="ess")
+    assert benchmark(back_and_forth(stage)).updated
+    per_particle(benchmark, particles)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 4])
+def test_step_with_threads(benchmark, threads):
+    if threads > len(os.sched_getaffinity(0)):
+        pytest.skip(f"this machine has fewer than {threads} cores")
+    stage = Stage(100, 360, threads=threads, when="ess")
+    assert benchmark(back_and_forth(stage)).updated
+    per_particle(benchmark, 100)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.skipif(not INTEL.exists(), reason=f"{INTEL} is absent")
+def test_intel_log(benchmark, threads):
+    """The whole log with 30 particles and the settings as they are; microseconds per update and particle."""
+    from testbed.formats import open_log
+
+    frames = [frame for frame in open_log(INTEL).frames if frame.scan is not None]
+
+    def run():
+        mapper = GMapping(FilterConfig(particles=30), threads=threads)
+        for frame in frames:
+            report = mapper.process(frame.odometry, frame.scan, twist=frame.twist)
+        return mapper, report
+
+    mapper, report = benchmark.pedantic(run, rounds=1, warmup_rounds=0)
+    per_particle(benchmark, 30 * len(mapper.update_scans))
+    benchmark.extra_info["updates"] = len(mapper.update_scans)
+    benchmark.extra_info["map_bytes_per_particle"] = report.map_bytes // 30
+    assert np.all(np.isfinite(mapper.path()))
