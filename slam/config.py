@@ -168,8 +168,10 @@ class RefineConfig:
     """How often the map is drawn anew."""
     iterations: int = 3
     """Gauss-Newton steps against each map."""
-    beam_weight: float = 1.0
-    """Share of each beam's log-likelihood that counts against the odometry."""
+    hit_sigma: float = 0.02
+    """As `MatchConfig.hit_sigma`: a map drawn from all scans is sharper than one that still grows [m]."""
+    outlier_distance: float = 0.2
+    """As `MatchConfig.outlier_distance`: the poses are nearly right from the start [m]."""
     occupied_share: float = 0.12
     """As `MapConfig.occupied_share`, for the maps that the poses are matched against: with all scans in view, walls
     that many beams graze are worth more than the few false cells that come with them."""

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from slam import se2
 from slam._chain_kernels import add_odometry_steps, scan_equations, solve_chain
 from slam._map_kernels import Rays
+from slam._match_kernels import BeamModel
 from slam.beams import rays_of
 from slam.config import FilterConfig, MapConfig
-from slam.gmapping import beam_model
 from slam.motion import motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.parallel import Threads
@@ -105,7 +105,12 @@ class _Chain:
         hits = [ray.ends[ray.hit] for ray in rays.values()]
         self.points = np.ascontiguousarray(np.concatenate(hits))
         self.first = np.concatenate([[0], np.cumsum([len(h) for h in hits])])
-        self.model = beam_model(config.match, config.map)._replace(weight=config.refine.beam_weight)
+        self.model = BeamModel(
+            per_sigma2=config.refine.hit_sigma**-2.0,
+            per_outlier2=config.refine.outlier_distance**-2.0,
+            weight=1.0,
+            far=config.map.field_radius,
+        )
 
     def improved(self, poses: se2.Pose, maps: ParticleMaps) -> se2.Pose:
         """Poses (frames, 3) after one Gauss-Newton step."""
