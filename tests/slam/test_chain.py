@@ -108,7 +108,7 @@ def test_hessian_of_the_odometry_where_it_fits(seed):
 CONFIG = FilterConfig(
     map=MapConfig(cell=0.05, field_radius=0.4),
     match=MatchConfig(hit_sigma=0.05, outlier_distance=0.3),
-    refine=RefineConfig(rounds=4, iterations=3, beam_weight=0.3),
+    refine=RefineConfig(rounds=4, iterations=3, hit_sigma=0.05, outlier_distance=0.3),
 )
 
 
