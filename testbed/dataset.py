@@ -43,8 +43,8 @@ def write_dataset(
     world.toml, truth.tum (a pose at every scan), truth_map.pgm and .yaml, and config.toml with `settings`, versions and
     the SHA-256 of all other files. The same world and settings give the same bytes. Written aside and renamed.
     """
-    aside = path.parent / f".{path.name}.simulating" / path.name
-    shutil.rmtree(aside.parent, ignore_errors=True)
+    discard_unfinished(path)
+    aside = _aside(path)
     aside.parent.mkdir(parents=True)
     try:
         _write(aside, world, config, form)
@@ -52,7 +52,17 @@ def write_dataset(
         (aside / CONFIG).write_text(dump_toml(document), encoding="utf-8")
         aside.replace(path)
     finally:
-        shutil.rmtree(aside.parent, ignore_errors=True)
+        discard_unfinished(path)
+
+
+def discard_unfinished(path: Path) -> None:
+    """Remove what a writer of this dataset has left that was killed."""
+    shutil.rmtree(_aside(path).parent, ignore_errors=True)
+
+
+def _aside(path: Path) -> Path:
+    """Where the dataset is while it is written: a folder of its own, since its files are named after the last part."""
+    return path.parent / f".{path.name}.simulating" / path.name
 
 
 def _write(path: Path, world: World, config: SimulationConfig, form: Format) -> None:

@@ -4,16 +4,18 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import asdict, replace
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 from rich.progress import track
 
 from testbed.cli.console import announce_compilation, console, results
 from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
-from testbed.dataset import Format, is_complete, write_dataset
+from testbed.dataset import Format, discard_unfinished, is_complete, write_dataset
 
 FAST = replace(SIMULATOR, backend="fast")
 
@@ -65,32 +67,41 @@ def simulate(
     announce_compilation()
     out.mkdir(parents=True, exist_ok=True)
     # spawned, not forked: PyBullet and numba keep threads; a fresh process now and then bounds what PyBullet leaks
-    pool = ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=_leave_signals, max_tasks_per_child=50
-    )
-    with pool:
-        futures = [
-            pool.submit(
-                write_dataset, path, place, simulator.simulation(number), settings | {"seed": number}, form=format
-            )
-            for path, number in missing.items()
-        ]
-        try:
-            for future in track(
-                as_completed(futures),
-                "simulating",
-                len(futures),
-                console=console,
-                transient=True,
-                disable=not console.is_terminal,
-            ):
-                future.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), max_tasks_per_child=50)
+    with pool, _ended_with_us(missing):
+        with _ctrl_c_blocked():  # workers inherit this for good: Ctrl-C is the parent's business
+            futures = [
+                pool.submit(
+                    write_dataset, path, place, simulator.simulation(number), settings | {"seed": number}, form=format
+                )
+                for path, number in missing.items()
+            ]
+        silent = not console.is_terminal
+        done = track(as_completed(futures), "simulating", len(futures), console=console, transient=True, disable=silent)
+        for future in done:
+            future.result()
     results.print(f"{out}: {len(missing)} datasets written, {len(jobs) - len(missing)} were there already")
 
 
-def _leave_signals() -> None:
-    """In a worker: Ctrl-C is the parent's business, which lets the datasets at hand be finished."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def _ended_with_us(datasets: Iterable[Path]) -> Iterator[None]:
+    """End the workers at once where the block ends early: the datasets at hand are made again by the next start."""
+    try:
+        yield
+    except BaseException:
+        for worker in active_children():
+            worker.terminate()
+            worker.join()
+        for path in datasets:
+            discard_unfinished(path)
+        raise
+
+
+@contextmanager
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Ctrl-C takes effect at the end of the block; never in threads and processes that are started in it."""
+    previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous)

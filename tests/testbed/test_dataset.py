@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Synthetic datasets: the same bytes again, whole or not there, and changes are noticed."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -108,6 +113,23 @@ def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
     assert "1 datasets written, 2 were there already" in capsys.readouterr().out
     assert first.stat().st_mtime_ns == written
     assert sorted(path.name for path in tmp_path.iterdir()) == ["loop-0000", "loop-0001", "loop-0002"]
+
+
+def test_ctrl_c_ends_soon_and_leaves_whole_datasets_only(tmp_path):
+    command = [sys.executable, "-c", "from testbed.cli import main; main()", "simulate", "office", "--count", "3"]
+    job = subprocess.Popen([*command, "--out", tmp_path], stderr=subprocess.PIPE, text=True, start_new_session=True)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / ".office-0000.simulating").exists():  # a worker is at work
+        assert time.monotonic() < deadline
+        assert job.poll() is None
+        time.sleep(0.05)
+    os.killpg(job.pid, signal.SIGINT)  # as a terminal does: to all
+    sent = time.monotonic()
+    _, errors = job.communicate(timeout=30)
+    assert time.monotonic() - sent < 4.0  # 2 s on a machine at rest
+    assert (job.returncode, errors.splitlines()[-1]) == (130, "testbed: interrupted")
+    assert "Traceback" not in errors
+    assert all((path / "config.toml").is_file() for path in tmp_path.iterdir())
 
 
 def test_other_files_are_left_alone(tmp_path, capsys):
