@@ -56,9 +56,9 @@ def test_a_whole_tour_closes_its_loops(tmp_path, world, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("log", "relations", "metres", "degrees"),
-    [  # a fifth above what the filter reaches, well below the published particle filters (datasets/README.md)
-        ("intel/intel-merged.clf.gz", "intel/intel-resolved.relations", 0.026, 0.65),
-        ("fr079/fr079-merged.clf.gz", "fr079/fr079.relations", 0.061, 0.8),
+    [  # a fifth above what is reached: 0.0185 m and 0.42 deg, 0.035 m and 0.47 deg
+        ("intel/intel-merged.clf.gz", "intel/intel-resolved.relations", 0.022, 0.50),
+        ("fr079/fr079-merged.clf.gz", "fr079/fr079.relations", 0.042, 0.56),
     ],
 )
 def test_recorded_logs_are_mapped_from_start_to_end(tmp_path, log, relations, metres, degrees):
@@ -71,12 +71,22 @@ def test_recorded_logs_are_mapped_from_start_to_end(tmp_path, log, relations, me
 
 @pytest.mark.slow
 def test_loops_of_a_sparse_log_are_closed(tmp_path):
-    """ACES has no truth; the published gMapping run closed its four corridor loops, and so must we."""
+    """ACES has no truth; the published gMapping run closed its four corridor loops, and so must we.
+
+    Distances to its poses with seeds 0 to 4: 0.16, 0.82, 0.16, 0.27, 0.36 m. Not every seed holds the best loop with 30
+    particles, so the middle one is bounded, and the worst; both by a fifth above that. C++ gMapping with 15 particles:
+    0.89 m.
+    """
     if not (DATASETS / "aces").exists():
         pytest.skip(f"{DATASETS / 'aces'} is absent: set TESTBED_DATASETS")
-    testbed(tmp_path, "slam", DATASETS / "aces" / "aces-merged.clf.gz")
     reference = np.loadtxt(DATASETS / "aces" / "ref_gmapping_440.txt")
-    estimate = read_tum(tmp_path / "run" / "estimate.tum")
-    matched = associate(estimate, Trajectory(reference[:, 0], reference[:, 1:]))
-    assert len(matched.rows) == len(reference)
-    assert absolute_error(matched, "se2").translation.rmse < 0.89  # the C++ gMapping with 15 particles
+    errors = []
+    for seed in range(5):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        testbed(folder, "slam", DATASETS / "aces" / "aces-merged.clf.gz", "--seed", str(seed))
+        matched = associate(read_tum(folder / "run" / "estimate.tum"), Trajectory(reference[:, 0], reference[:, 1:]))
+        assert len(matched.rows) == len(reference)
+        errors.append(absolute_error(matched, "se2").translation.rmse)
+    assert np.median(errors) < 0.33
+    assert max(errors) < 0.98
