@@ -47,8 +47,10 @@ def write_map(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
     rows, cols = grid.probability.shape
     _check_size(path, rows, cols)
     pixels = np.full((rows, cols), UNKNOWN_PIXEL, dtype=np.uint8)
-    shade = np.rint(255.0 * (1.0 - grid.probability[grid.known].astype(np.float64))).astype(np.uint8)
-    pixels[grid.known] = np.where(shade == UNKNOWN_PIXEL, UNKNOWN_PIXEL - 1, shade)
+    exact = 255.0 * (1.0 - grid.probability[grid.known].astype(np.float64))
+    beside_unknown = np.where(exact > UNKNOWN_PIXEL, UNKNOWN_PIXEL + 1, UNKNOWN_PIXEL - 1)  # the nearer neighbour
+    shade = np.rint(exact)
+    pixels[grid.known] = np.where(shade == UNKNOWN_PIXEL, beside_unknown, shade)
     image = path.with_suffix(".pgm")
     with write_aside(image) as aside, aside.open("wb") as file:
         file.write(f"P5\n{cols} {rows}\n255\n".encode())
