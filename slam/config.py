@@ -101,7 +101,7 @@ class MatchConfig:
     """Distance of these starting poses [m]."""
     coarse_share: float = 0.3
     """Share of the beam weight with which starting poses are compared to the odometry."""
-    weight_share: float = 0.02
+    weight_share: float = 0.012
     """Share of log eta that goes into the particles' weights (1 / ogain): two maps of one place differ by their own
     noise far more than eta knows, and at full weight the particles that could close the next loop die of it."""
     iterations: int = 20
