@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam._field_kernels import FAR
 from slam._jit import inlined, kernel
-from slam._map_kernels import FAR, in_tile, mean_x, mean_y
+from slam._map_kernels import in_tile, mean_x, mean_y
 from slam._tile_kernels import SHIFT
 
 LINES = np.array(

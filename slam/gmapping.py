@@ -107,7 +107,7 @@ class GMapping:
 
         Raises:
             ValueError: the odometry or the twist is not three finite numbers, or the map would grow beyond all
-                bounds; the filter is then as it was before.
+                bounds; poses, weights and maps are then as they were before.
         """
         now = np.asarray(odometry, dtype=np.float64)
         if twist is not None and not np.all(np.isfinite(twist)):
@@ -193,7 +193,7 @@ class GMapping:
             covariance=covariance,
             ess=ess,
             resampled=resampled,
-            matched_share=float(weights @ proposed.matched),
+            matched_share=min(float(weights @ proposed.matched), 1.0),  # the weights' sum may round above 1
             match_failures=int(proposed.failed.sum()),
             log_evidence=evidence,
             unique_ancestors=self.ancestry.unique_ancestors,

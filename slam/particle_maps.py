@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
+from slam._field_kernels import LARGEST_OFFSET, demand_of_changes, update_fields
 from slam._map_kernels import (
     HIT_SHIFT,
     HITS,
-    LARGEST_OFFSET,
     VISITS,
     Grids,
     Rays,
-    demand_of_changes,
     demand_of_rays,
     register_scans,
-    update_fields,
 )
 from slam._tile_kernels import SHIFT, SIDE
 from slam.config import MapConfig
