@@ -73,8 +73,8 @@ def test_recorded_logs_are_mapped_from_start_to_end(tmp_path, log, relations, me
 def test_loops_of_a_sparse_log_are_closed(tmp_path):
     """ACES has no truth; the published gMapping run closed its four corridor loops, and so must we.
 
-    Distances to its poses with seeds 0 to 4: 0.26, 0.17, 0.12, 0.25, 0.15 m; above 0.5 m a loop is open (the worst of 20
-    seeds reached 0.498 m). C++ gMapping with 15 particles: 0.89 m.
+    Distances to its poses with seeds 0 to 4: 0.26, 0.17, 0.12, 0.25, 0.15 m; above 0.5 m a loop is open (the worst of
+    20 seeds reached 0.498 m). C++ gMapping with 15 particles: 0.89 m.
     """
     if not (DATASETS / "aces").exists():
         pytest.skip(f"{DATASETS / 'aces'} is absent: set TESTBED_DATASETS")
