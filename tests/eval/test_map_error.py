@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.grids import cell_centres, lookup, resample, true_grid
-from eval.map_alignment import best_rigid_alignment
 from eval.map_error import map_error
 from eval.map_overlap import coverage, free_overlap, occupied_overlap
 from eval.map_probability import CLIP, probability_score
@@ -15,7 +14,7 @@ from eval.map_structure import map_structure
 from eval.observability import observable_cells
 from eval.wall_error import wall_distances, wall_profile
 from slam.occupancy import OccupancyGrid
-from slam.se2 import compose, inverse, wrap_angle
+from slam.se2 import compose, inverse
 from tests.eval.helpers import moved, room, with_wall
 from worlds import TrueMap
 
@@ -196,23 +195,6 @@ def test_a_moved_map_scores_as_before_under_its_alignment(x, y, theta):
     there, back = wall_distances(moved(TRUTH, (x, y, theta)), TRUTH, inverse([x, y, theta]), EVERYWHERE)
     assert there.mean < 1e-9
     assert back.mean < 1e-9
-
-
-@pytest.mark.parametrize("T", [(0.3, -0.2, 0.03), (-0.6, 0.1, -0.05), (0.0, 0.0, 0.02), (0.0, 0.0, 0.0)])
-def test_the_best_rigid_alignment_is_found(T):
-    truth = with_wall(TRUTH, slice(20, 60), 70)
-    found = best_rigid_alignment(moved(truth, T), truth, IDENTITY)
-    off = compose(found, T)
-    assert np.hypot(off[0], off[1]) < 0.01
-    assert abs(wrap_angle(off[2])) < 0.003
-
-
-def test_a_bent_map_is_not_mended_by_rigid_alignment():
-    truth = with_wall(TRUTH, slice(20, 100), 80)
-    bent = with_wall(with_wall(TRUTH, slice(20, 100), 80, 0.0), slice(20, 100), 90)
-    best = best_rigid_alignment(bent, truth, IDENTITY)
-    there, _ = wall_distances(bent, truth, best, EVERYWHERE)
-    assert there.mean > 0.05
 
 
 @pytest.mark.parametrize("resolution", [0.025, 0.05, 0.1])
