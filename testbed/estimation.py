@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.trajectory import Trajectory
+from slam import se2
 from slam.config import FilterConfig
 from slam.final_pass import refine
 from slam.gmapping import GMapping, StepReport
@@ -50,22 +51,33 @@ class Estimation:
     mapper: GMapping = field(init=False)
     steps: StepTable = field(init=False)
     frames: list[Frame] = field(init=False, default_factory=list)
+    _waiting: dict[str, tuple[Pose, Scan]] = field(init=False, default_factory=dict)
+    """The newest scan of each lidar since the filter last took scans in, and the odometry (3,) of its time."""
 
     def __post_init__(self) -> None:
         self.mapper = GMapping(self.config, seed=self.seed, threads=self.threads)
         self.steps = StepTable(self.config.particles)
 
     def process(self, frame: Frame) -> StepReport | None:
-        """Take in one frame: its scan goes to the filter; None where it has no scan."""
+        """Take in one frame: its scan goes to the filter; None where it has no scan.
+
+        Where a robot has several lidars, the newest scan of each other one goes with it, unless the filter had it
+        before: its update gates would otherwise leave most of the lidars out.
+        """
         self.frames.append(frame)
         if frame.scan is None:
             return None
+        others = [_seen_from(frame, *seen) for name, seen in self._waiting.items() if name != frame.lidar]
         start = time.perf_counter()
         try:
-            report = self.mapper.process(frame.odometry, frame.scan, twist=frame.twist)
+            report = self.mapper.process(frame.odometry, [frame.scan, *others], twist=frame.twist)
         except BaseException:  # Ctrl-C within the filter: the frame was not taken in
             self.frames.pop()
             raise
+        if report.updated:
+            self._waiting.clear()
+        else:
+            self._waiting[frame.lidar] = frame.odometry, frame.scan
         self.steps.add(frame, report, time.perf_counter() - start)
         return report
 
@@ -110,3 +122,9 @@ class Estimation:
         result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
         dense = Trajectory(self.stamps, result.poses)
         return Estimate(dense=dense, scan_frames=estimate.scan_frames, map=result.map)
+
+
+def _seen_from(frame: Frame, odometry: Pose, scan: Scan) -> Scan:
+    """A scan that was taken earlier, at `odometry` (3,), as if its lidar had been mounted there at the frame's time."""
+    x, y, theta = se2.compose(se2.between(frame.odometry, odometry), scan.mount).tolist()
+    return replace(scan, mount=(x, y, theta), stamp=frame.stamp)

@@ -19,6 +19,8 @@ class Frame:
     """`T_odom_robot` at `stamp`, integrated wheel odometry, (3,)."""
     scan: Scan | None = None
     """The scan whose first beam was measured at `stamp`."""
+    lidar: str = "laser"
+    """Name of the coordinate frame of the lidar that took the scan: tells the lidars of one robot apart."""
     twist: Pose | None = None
     """Velocity of the robot in its own frame while the scan was taken, as the odometry saw it
     `(vx, vy, omega)` [m/s, m/s, rad/s], (3,); None = unknown."""

@@ -27,7 +27,7 @@ class SimulatorOptions:
     robot: str = DEFAULT.robot.name
     """Name of a robot, or a TOML file."""
     lidar: str = DEFAULT.lidar.name
-    """Name of a lidar, or a TOML file."""
+    """Name of a lidar, or a TOML file; several, separated by commas, for robots with room for them."""
     backend: Literal["pybullet", "fast"] = "pybullet"
     """pybullet: physics and rays of PyBullet; fast: exact arcs and a ray caster of ours."""
     duration: float | None = None
@@ -43,9 +43,11 @@ class SimulatorOptions:
         """Settings of the simulator; ValueError where the backend is not installed."""
         if self.backend == "pybullet":
             import_pybullet()
+        lidar, *further = map(load_lidar, self.lidars)
         return SimulationConfig(
             robot=load_robot(self.robot),
-            lidar=load_lidar(self.lidar),
+            lidar=lidar,
+            further_lidars=tuple(further),
             driver=self.driver,
             odometry=self.odometry,
             lidar_layers=self.layers,
@@ -53,6 +55,11 @@ class SimulatorOptions:
             duration=DEFAULT.duration if self.duration is None else self.duration,
             seed=seed,
         )
+
+    @property
+    def lidars(self) -> list[str]:
+        """Names or files of the lidars, the main one first."""
+        return [name.strip() for name in self.lidar.split(",")]
 
     def place(self, world: str) -> World:
         """The world of that name or file; one without a tour gets a tour of all the floor that the robot can reach."""
@@ -62,8 +69,8 @@ class SimulatorOptions:
         return plan_tour(place, footprint_radius=load_robot(self.robot).footprint_radius + TOUR_CLEARANCE)
 
     def files(self, world: str) -> list[Path]:
-        """Which of world, robot and lidar are files of the user's own."""
-        return [path for path in map(Path, (world, self.robot, self.lidar)) if path.is_file()]
+        """Which of world, robot and lidars are files of the user's own."""
+        return [path for path in map(Path, (world, self.robot, *self.lidars)) if path.is_file()]
 
 
 SIMULATOR = SimulatorOptions()

@@ -43,6 +43,8 @@ class Mount(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=50)] = "laser"
+    """Of the lidar's coordinate frame; tells several lidars apart."""
     x: Annotated[float, Field(strict=True, ge=-2.0, le=2.0)] = 0.0
     """Forward of the wheel axle's middle [m]."""
     y: Annotated[float, Field(strict=True, ge=-2.0, le=2.0)] = 0.0
@@ -89,6 +91,20 @@ class RobotPreset(_Preset):
     """Encoder ticks in one turn of a wheel."""
     lidar_mount: Mount
     """Where the lidar sits."""
+    further_lidar_mounts: tuple[Mount, ...] = ()
+    """Where a second lidar can sit, a third …"""
+
+    @model_validator(mode="after")
+    def _lidars_have_names_of_their_own(self) -> Self:
+        names = [mount.name for mount in self.lidar_mounts]
+        if len(set(names)) < len(names):
+            raise ValueError(f"lidar mounts must have different names, got {', '.join(names)}")
+        return self
+
+    @property
+    def lidar_mounts(self) -> tuple[Mount, ...]:
+        """All places for lidars, the main one first."""
+        return (self.lidar_mount, *self.further_lidar_mounts)
 
     @property
     def footprint_radius(self) -> float:

@@ -48,8 +48,9 @@ class Backend(Protocol):
         """Steer towards that speed [m/s] and turn rate [rad/s] for some steps of 1 / `STEP_RATE` s."""
         ...
 
-    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float) -> Hits:
-        """Rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame."""
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
+        """Level rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame, at
+        `height` above the floor [m]: that of one of the robot's lidars."""
         ...
 
     def close(self) -> None:

@@ -21,9 +21,10 @@ _BORDER = 0.5137
 class FastBackend:
     """A world and a robot whose wheels never slip. Same rays as PyBullet to a micrometre, away from corners."""
 
-    def __init__(self, world: World, robot: RobotPreset, limits: Limits, lidar_height: float) -> None:
-        """Bin what the lidar sees, and what the robot's body can touch."""
-        self._seen = segment_grid(world.boundary_segments(lidar_height, glass=False))
+    def __init__(self, world: World, robot: RobotPreset, limits: Limits) -> None:
+        """Bin what the robot's body can touch; what its lidars see is binned when the first ray is cast."""
+        self._world = world
+        self._seen: dict[float, SegmentGrid] = {}  # by height
         self._solid = segment_grid(world.boundary_segments())
         self._vehicle = Vehicle(robot.wheel_radius, robot.track / 2.0, robot.footprint_radius, *limits)
         self._state = np.array([world.start.x, world.start.y, world.start.theta, 0.0, 0.0, 0.0, 0.0])
@@ -35,9 +36,12 @@ class FastBackend:
         )
         return Motion(poses, wheels, contact)
 
-    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float) -> Hits:
-        """Rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame."""
-        return Hits(*cast_rays(self._seen, origins, directions, reach))
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
+        """Level rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame, at
+        `height` above the floor [m]."""
+        if height not in self._seen:
+            self._seen[height] = segment_grid(self._world.boundary_segments(height, glass=False))
+        return Hits(*cast_rays(self._seen[height], origins, directions, reach))
 
     def close(self) -> None:
         """Nothing to free."""

@@ -42,14 +42,14 @@ class PyBulletBackend:
     """A world and a robot in a physics client of their own, without a window. One client a process is best: each
     takes 27 MB, and PyBullet never gives a mesh's memory back."""
 
-    def __init__(self, world: World, robot: RobotPreset, limits: Limits, lidar_height: float) -> None:
+    def __init__(self, world: World, robot: RobotPreset, limits: Limits) -> None:
         """Build the world at its start pose and let the robot settle for a second.
 
         Raises `PyBulletMissingError` if pybullet cannot be imported.
         """
         self._p = import_pybullet()
         self._client: int = self._p.connect(self._p.DIRECT)
-        self._robot_preset, self._limits, self._lidar_height = robot, limits, lidar_height
+        self._robot_preset, self._limits = robot, limits
         self._command = (0.0, 0.0)
         self._wheel_zero = (0.0, 0.0)
         try:
@@ -153,11 +153,12 @@ class PyBulletBackend:
         p, client = self._p, self._client
         return any(p.getContactPoints(self._robot, body, physicsClientId=client) for body in self._walls)
 
-    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float) -> Hits:
-        """Rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], level, at the lidar's height."""
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
+        """Level rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame, at
+        `height` above the floor [m]."""
         n = len(directions)
         cos, sin = np.cos(directions), np.sin(directions)
-        begin = np.column_stack([origins, np.full(n, self._lidar_height)])
+        begin = np.column_stack([origins, np.full(n, height)])
         end = begin + reach * np.column_stack([cos, sin, np.zeros(n)])
         answers: list[Any] = []
         for low in range(0, n, _RAYS_PER_CALL):

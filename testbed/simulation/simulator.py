@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -40,6 +40,9 @@ class SimulationConfig:
     """The robot."""
     lidar: LidarPreset = field(default_factory=lambda: load_lidar("rplidar_a2"))
     """The lidar."""
+    further_lidars: tuple[LidarPreset, ...] = ()
+    """More lidars, at the robot's `further_lidar_mounts`. Each scans on its own: their first beams are spread evenly
+    over a scan's time."""
     driver: DriverConfig = field(default_factory=DriverConfig)
     """How the tour is driven."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
@@ -56,6 +59,11 @@ class SimulationConfig:
     def __post_init__(self) -> None:
         if not self.duration > 0.0:
             raise ValueError(f"duration must be positive, got {self.duration} s")
+        if len(self.further_lidars) > len(self.robot.further_lidar_mounts):
+            raise ValueError(
+                f"robot {self.robot.name!r} has room for {len(self.robot.lidar_mounts)} lidars, not for "
+                f"{1 + len(self.further_lidars)}: expected further_lidar_mounts in its preset"
+            )
         streams(self.seed)  # complains about a negative one
 
 
@@ -150,14 +158,41 @@ def _backend(world: World, config: SimulationConfig) -> Backend:
         min(config.driver.acceleration, config.robot.max_acceleration),
         min(config.driver.turn_acceleration, config.robot.max_turn_acceleration),
     )
-    height = config.robot.lidar_mount.height
     if config.backend == "fast":
         from testbed.simulation.fast_backend import FastBackend
 
-        return FastBackend(world, config.robot, limits, height)
+        return FastBackend(world, config.robot, limits)
     from testbed.simulation.pybullet_backend import PyBulletBackend
 
-    return PyBulletBackend(world, config.robot, limits, height)
+    return PyBulletBackend(world, config.robot, limits)
+
+
+class _Device:
+    """One lidar on the robot, and when it scans."""
+
+    def __init__(self, number: int, config: SimulationConfig, seed: np.random.SeedSequence) -> None:
+        self.preset = (config.lidar, *config.further_lidars)[number]
+        mount = config.robot.lidar_mounts[number]
+        self.name, self.height = mount.name, mount.height
+        self.lidar = Lidar(self.preset, mount, config.lidar_layers, np.random.default_rng(seed))
+        self.sweep_time = self.preset.sweep_time if config.lidar_layers.motion else 0.0
+        self._phase = number / (1 + len(config.further_lidars))
+        self._scans = 0
+
+    @property
+    def stamp(self) -> float:
+        """Of the next scan's first beam [s]."""
+        return (self._scans + self._phase) / self.preset.scan_rate
+
+    def advance(self) -> None:
+        """The next scan has been taken."""
+        self._scans += 1
+
+
+def _devices(config: SimulationConfig, seed: np.random.SeedSequence) -> list[_Device]:
+    """All lidars; the stream of the first does not depend on whether there are more."""
+    seeds = [seed, *seed.spawn(len(config.further_lidars))]
+    return [_Device(number, config, own) for number, own in enumerate(seeds)]
 
 
 class _Sensors:
@@ -165,17 +200,15 @@ class _Sensors:
 
     def __init__(self, backend: Backend, movers: Movers, config: SimulationConfig) -> None:
         seeds = streams(config.seed)
-        self._backend, self._movers, self._config = backend, movers, config
+        self._backend, self._movers = backend, movers
         self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(seeds.odometry))
-        self._lidar = Lidar(
-            config.lidar, config.robot.lidar_mount, config.lidar_layers, np.random.default_rng(seeds.lidar)
-        )
+        self._devices = _devices(config, seeds.lidar)
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
         self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
         self._odometry = History(self._odometer.advance(*start.wheels[-1].tolist()), CONTROL_PERIOD)
-        self._scans = 0
         self._next_odometry = 0
-        self._keep = config.lidar.sweep_time + 2.0 / config.lidar.scan_rate + 2.0 * CONTROL_PERIOD
+        presets = [device.preset for device in self._devices]
+        self._keep = max(p.sweep_time + 2.0 / p.scan_rate for p in presets) + 2.0 * CONTROL_PERIOD
 
     def read_wheels(self, left: float, right: float) -> None:
         """Take an odometry reading: angles turned by the wheels since the beginning [rad]."""
@@ -183,11 +216,11 @@ class _Sensors:
 
     def frames_until(self, time: float) -> Iterator[Frame]:
         """Frames that are complete at `time` [s]: scans whose last beam was fired, and odometry up to then."""
-        sweep = self._config.lidar.sweep_time if self._config.lidar_layers.motion else 0.0
-        while (stamp := self._scans / self._config.lidar.scan_rate) + sweep <= time + 1e-9:
+        while (device := min(self._devices, key=lambda d: d.stamp)).stamp + device.sweep_time <= time + 1e-9:
+            stamp = device.stamp
             yield from self._odometry_frames(before=stamp)
-            yield self._scan_frame(stamp, sweep)
-            self._scans += 1
+            yield self._scan_frame(device)
+            device.advance()
             if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has told it
                 self._next_odometry += 1
         self.truth.forget_before(time - self._keep)
@@ -199,23 +232,23 @@ class _Sensors:
             yield self._frame(stamp, CONTROL_PERIOD, None)
             self._next_odometry += 1
 
-    def _scan_frame(self, stamp: float, sweep_time: float) -> Frame:
-        lidar = self._config.lidar
-        sweep = self._lidar.sweep()
+    def _scan_frame(self, device: _Device) -> Frame:
+        stamp, lidar = device.stamp, device.lidar
+        sweep = lidar.sweep()
         times = np.full(len(sweep.angles), stamp) if sweep.time_offsets is None else stamp + sweep.time_offsets
-        origins, directions = place_beams(*self.truth.between(times), self._lidar.true_mount, sweep.true_angles)
-        hits = self._backend.cast(origins, directions, lidar.range_max)
+        origins, directions = place_beams(*self.truth.between(times), lidar.true_mount, sweep.true_angles)
+        hits = self._backend.cast(origins, directions, device.preset.range_max, device.height)
         hits = self._movers.before(hits, origins, directions, times)
         scan = Scan(
-            ranges=self._lidar.ranges(hits),
+            ranges=lidar.ranges(hits),
             angles=sweep.angles,
-            range_min=lidar.range_min,
-            range_max=lidar.range_max,
+            range_min=device.preset.range_min,
+            range_max=device.preset.range_max,
             stamp=stamp,
-            mount=self._lidar.mount,
+            mount=lidar.mount,
             time_offsets=sweep.time_offsets,
         )
-        return self._frame(stamp, max(sweep_time, CONTROL_PERIOD), scan)
+        return replace(self._frame(stamp, max(device.sweep_time, CONTROL_PERIOD), scan), lidar=device.name)
 
     def _frame(self, stamp: float, seconds: float, scan: Scan | None) -> Frame:
         """The frame of `stamp` [s], with the mean velocity by odometry over `seconds` from then on."""

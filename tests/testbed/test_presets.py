@@ -68,7 +68,7 @@ def test_every_robot_drives_straight_and_turns_true_in_pybullet(name):
     module = pytest.importorskip("testbed.simulation.pybullet_backend")
     robot = load_robot(name)
     speed, turn_rate = 0.9 * robot.max_speed, min(0.5, robot.max_turn_rate)
-    backend = module.PyBulletBackend(room(half=30.0), robot, Limits(0.3, 2.0), robot.lidar_mount.height)
+    backend = module.PyBulletBackend(room(half=30.0), robot, Limits(0.3, 2.0))
     straight = backend.drive(speed, 0.0, 10 * STEP_RATE).poses[-1]
     backend.drive(0.0, 0.0, 5 * STEP_RATE)
     backend.drive(0.0, turn_rate, 2 * STEP_RATE)

@@ -84,10 +84,10 @@ def test_both_backends_see_the_same_world(seed):
     world, robot = random_world(rng), load_robot("create3")
     origins = np.concatenate([rng.uniform(-0.8, 0.8, (20, 2)) for _ in range(360)])
     directions = rng.uniform(-np.pi, np.pi, len(origins))
-    fast = FastBackend(world, robot, LIMITS, 0.19).cast(origins, directions, 30.0)
-    backend = pybullet_backend.PyBulletBackend(world, robot, LIMITS, 0.19)
+    fast = FastBackend(world, robot, LIMITS).cast(origins, directions, 30.0, 0.19)
+    backend = pybullet_backend.PyBulletBackend(world, robot, LIMITS)
     try:
-        reference = backend.cast(origins, directions, 30.0)
+        reference = backend.cast(origins, directions, 30.0, 0.19)
     finally:
         backend.close()
     error = np.abs(fast.distances - reference.distances)
@@ -106,17 +106,17 @@ def test_glass_is_not_seen_by_either_backend():
         update={"walls": [*room().walls, Wall(points=[(2.0, -4.0), (2.0, 4.0)], glass=True, thickness=0.02)]}
     )
     robot, origin, ahead = load_robot("create3"), np.zeros((1, 2)), np.zeros(1)
-    assert FastBackend(world, robot, LIMITS, 0.19).cast(origin, ahead, 30.0).distances[0] == pytest.approx(5.0)
-    backend = pybullet_backend.PyBulletBackend(world, robot, LIMITS, 0.19)
-    assert backend.cast(origin, ahead, 30.0).distances[0] == pytest.approx(5.0)
+    assert FastBackend(world, robot, LIMITS).cast(origin, ahead, 30.0, 0.19).distances[0] == pytest.approx(5.0)
+    backend = pybullet_backend.PyBulletBackend(world, robot, LIMITS)
+    assert backend.cast(origin, ahead, 30.0, 0.19).distances[0] == pytest.approx(5.0)
     assert backend.drive(0.4, 0.0, 240 * 8).contact  # the robot does not drive through it
     backend.close()
 
 
 def test_more_rays_than_pybullet_takes_in_one_call():
     pybullet_backend = pytest.importorskip("testbed.simulation.pybullet_backend")
-    backend = pybullet_backend.PyBulletBackend(room(), load_robot("create3"), LIMITS, 0.19)
+    backend = pybullet_backend.PyBulletBackend(room(), load_robot("create3"), LIMITS)
     n = 16_384
-    hits = backend.cast(np.zeros((n, 2)), np.zeros(n), 30.0)
+    hits = backend.cast(np.zeros((n, 2)), np.zeros(n), 30.0, 0.19)
     backend.close()
     np.testing.assert_allclose(hits.distances, 5.0, atol=1e-6)

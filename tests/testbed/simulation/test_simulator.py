@@ -20,9 +20,9 @@ LIMITS = Limits(0.5, 3.0)
 
 def make_backend(kind, world, robot):
     if kind == "fast":
-        return FastBackend(world, robot, LIMITS, robot.lidar_mount.height)
+        return FastBackend(world, robot, LIMITS)
     module = pytest.importorskip("testbed.simulation.pybullet_backend")
-    return module.PyBulletBackend(world, robot, LIMITS, robot.lidar_mount.height)
+    return module.PyBulletBackend(world, robot, LIMITS)
 
 
 @pytest.fixture(params=["pybullet", "fast"])
