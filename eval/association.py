@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.trajectory import Trajectory
+from eval.trajectory import Trajectory, travelled
 from slam.se2 import wrap_angle
 
 TOLERANCE = 0.01
@@ -94,6 +94,18 @@ def associate(
     if interpolate:
         method = f"interpolated over gaps up to {max_gap} s, else {method}"
     return Association(estimate[rows], Trajectory(at[rows], partners[rows]), rows, total, method, tuple(notes))
+
+
+def covered_share(matched: Association, reference: Trajectory) -> float:
+    """Share of the reference's path [m/m] that lies between the first and the last matched pose in time, 0 to 1.
+
+    The share of matched poses does not show an estimate that ends early. 1 for a reference that does not move.
+    """
+    order = np.argsort(reference.stamps, kind="stable")
+    path = travelled(reference.poses[order])
+    ends = matched.estimate.stamps.min(), matched.estimate.stamps.max()
+    first, last = np.interp(ends, reference.stamps[order], path)
+    return float((last - first) / path[-1]) if path[-1] > 0.0 else 1.0
 
 
 def _between_poses(a: NDArray[np.float64], b: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,6 +28,8 @@ LOCAL_SHARE = 0.01
 LOOP_M, LOOP_DEG = 0.5, 10.0
 """`broken loop`: an error above either in over 5 % of the pairs of visits to one place."""
 LOOP_SHARE = 0.05
+COVERED_SHARE = 0.9
+"""`lost`, too: the estimate spans less of the true path."""
 DRIFT_M = 0.2
 """`drift`: neither, but an ATE rmse (relations: a median error) above this."""
 _ENDS: dict[str, str] = {
@@ -59,10 +61,15 @@ class Evidence:
     whole_m: float
     whole_name: str
     """What `whole_m` is, in words."""
+    covered: float = 1.0
+    """Share of the true path that the estimate spans, 0 to 1."""
 
 
-def evidence_from_truth(matched: Association) -> Evidence:
-    """Evidence of a run with known truth; path pieces of one metre, and `loop_pairs` for the visits."""
+def evidence_from_truth(matched: Association, covered: float = 1.0) -> Evidence:
+    """Evidence of a run with known truth: path pieces of one metre, and `loop_pairs` for the visits.
+
+    covered: see `eval.association.covered_share`.
+    """
     estimate, truth = matched.estimate.poses, matched.reference.poses
     pieces = relative_error(matched, 1.0, "m")
     none: Pairs = (np.zeros(0, np.intp), np.zeros(0, np.intp))
@@ -72,6 +79,7 @@ def evidence_from_truth(matched: Association) -> Evidence:
         loops=pair_errors(estimate, truth, loop_pairs(matched)),
         whole_m=absolute_error(matched, "se2").translation.rmse,
         whole_name="ATE rmse",
+        covered=covered,
     )
 
 
@@ -99,6 +107,13 @@ def judge(evidence: Evidence | None, ended: str | None = None) -> Outcome:
         return Outcome(ended, _ENDS[ended])  # type: ignore[arg-type]  # the keys are labels
     if evidence is None:
         return Outcome("unjudged", "the run came to its end; there is no truth and no relation to judge it by")
+    return _first_rule(evidence)
+
+
+def _first_rule(evidence: Evidence) -> Outcome:
+    """The first rule of the module that a run breaks which came to its end."""
+    if evidence.covered < COVERED_SHARE:
+        return Outcome("lost", f"the estimate spans only {evidence.covered:.0%} of the true path")
     bad, worst = _bad(evidence.local, LOCAL_M, LOCAL_DEG)
     if bad > evidence.local_share:
         return Outcome("lost", f"over short stretches the estimate is wrong by up to {worst}")

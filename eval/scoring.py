@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Mapping
@@ -13,14 +14,15 @@ from typing import Any
 import numpy as np
 
 from eval.alignment import scale_suspicion
-from eval.association import Association, associate
+from eval.association import Association, associate, covered_share
 from eval.consistency import Columns, column, consistency, filter_health
 from eval.grids import cell_centres
+from eval.lidar_view import LidarView
 from eval.map_alignment import best_rigid_alignment
 from eval.map_error import TOLERANCES, MapError, map_error
 from eval.map_server import read_map
 from eval.map_structure import map_structure
-from eval.observability import observable_cells
+from eval.observability import EVERYTHING, observable_cells
 from eval.outcome import Evidence, evidence_from_relations, evidence_from_truth, judge
 from eval.relations import PairErrors, RelationError, Relations, read_relations, relation_error
 from eval.trajectory import Trajectory, suspicions
@@ -34,7 +36,7 @@ RPE_LENGTHS = (1.0, 5.0, 20.0, 50.0)
 RPE_TIMES = (1.0, 10.0, 60.0)
 """Pieces of time for the relative error [s]."""
 LOW_SHARE = 0.9
-"""Below this share of matched poses the result says so in its notes."""
+"""Below this share of matched poses, of the path, or of the relations the result says so in its notes."""
 
 Metrics = dict[str, Any]
 
@@ -49,8 +51,9 @@ class Reference:
     """Hand-checked relative poses."""
     grid: OccupancyGrid | None = None
     """The true map: 1 occupied, 0 free, NaN what no lidar can see (`eval.grids.true_grid`)."""
-    range_max: float = math.inf
-    """How far the lidar sees [m]: true cells that were never within reach are asked of no map."""
+    lidar: LidarView | None = None
+    """What the lidar sees: true cells that were never in its view are asked of no map. None = unknown: everything in
+    sight of the true path counts, which the notes say."""
 
 
 def score(
@@ -83,11 +86,14 @@ def score(
         metrics["relations"] = _relations_metrics(scored)
         evidence = evidence_from_relations(scored, reference.relations)
         notes += scored.notes
+        if scored.unmatched > (1.0 - LOW_SHARE) * len(reference.relations):
+            notes.append(f"{scored.unmatched} of {len(reference.relations)} relations have a stamp that no pose has")
     if reference.trajectory is not None:
         matched = associate(estimate, reference.trajectory)
-        metrics["trajectory"] = _trajectory_metrics(matched)
-        evidence = evidence_from_truth(matched)
-        notes += [*suspicions(reference.trajectory, "truth"), *_association_notes(matched)]
+        covered = covered_share(matched, reference.trajectory)
+        metrics["trajectory"] = {**_trajectory_metrics(matched), "covered_share": covered}
+        evidence = evidence_from_truth(matched, covered)
+        notes += [*suspicions(reference.trajectory, "truth"), *_association_notes(matched, covered)]
         if odometry is not None:
             metrics["trajectory"]["odometry"] = _trajectory_metrics(associate(odometry, reference.trajectory))
     if grid is not None:
@@ -106,11 +112,12 @@ def score_files(
     grid: str | os.PathLike[str] | None = None,
     *,
     relations: str | os.PathLike[str] | None = None,
-    range_max: float = math.inf,
+    lidar: LidarView | None = None,
 ) -> Metrics:
-    """Score any system's output against a dataset directory (`truth.tum`, `truth_map.yaml`) or a relations file.
+    """Score any system's output against a dataset or run directory (`truth.tum`, `truth_map.yaml`) or a relations file.
 
-    trajectory: TUM, one pose per scan or more. grid: map_server `.yaml`.
+    trajectory: TUM, one pose per scan or more. grid: map_server `.yaml`. lidar: by default that of the run, where the
+    directory is one.
     Raises ValueError where the directory holds no truth and no relations are given, and as `score` and the readers.
     """
     folder = Path(dataset)
@@ -124,10 +131,23 @@ def score_files(
             trajectory=read_tum(truth_file) if truth_file.exists() else None,
             relations=read_relations(relations) if relations is not None else None,
             grid=read_map(truth_map_file) if truth_map_file.exists() else None,
-            range_max=range_max,
+            lidar=lidar if lidar is not None else _lidar_of_run(folder),
         ),
         grid=read_map(grid) if grid is not None else None,
     )
+
+
+def _lidar_of_run(folder: Path) -> LidarView | None:
+    """The lidar that a run was scored with; None where the directory is no finished run or does not say."""
+    path = folder / "metrics.json"
+    if not path.is_file():
+        return None
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        stated = document.get("map", {}).get("lidar")
+        return None if stated is None else LidarView.from_metrics(stated)
+    except (ValueError, AttributeError) as error:
+        raise ValueError(f"{path}: map.lidar: {error}") from None
 
 
 def _trajectory_metrics(matched: Association) -> Metrics:
@@ -178,10 +198,12 @@ def _relative(error: RelativeError) -> Metrics:
     }
 
 
-def _association_notes(matched: Association) -> list[str]:
+def _association_notes(matched: Association, covered: float) -> list[str]:
     notes = list(matched.notes)
     if matched.share < LOW_SHARE:
         notes.append(f"only {matched.share:.0%} of the estimate could be compared with the truth")
+    if covered < LOW_SHARE:
+        notes.append(f"the estimate spans only {covered:.0%} of the true path")
     if len(matched.rows) < 3:
         notes.append(f"{len(matched.rows)} matched poses: too few for an alignment that means anything")
     suspicion = scale_suspicion(matched.estimate.poses, matched.reference.poses)
@@ -231,7 +253,11 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
         notes.append("no true path: every known cell of the true map counts as observable")
     else:
         alignment, how = absolute_error(matched, "se2").alignment.T_reference_estimate, "se2"
-        observable = observable_cells(truth, matched.reference.poses[:, :2], range_max=reference.range_max)
+        assert reference.trajectory is not None
+        lidar = reference.lidar if reference.lidar is not None else EVERYTHING
+        observable = observable_cells(truth, reference.trajectory.poses, lidar=lidar)
+        if reference.lidar is None:
+            notes.append("the lidar is unknown: every cell in sight of the true path counts as observable")
         if not observable.any():
             notes.append("the true path sees not one cell of the true map: are they in one frame?")
     if abs(grid.resolution - truth.resolution) > 1e-9:
@@ -241,6 +267,7 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
         **metrics,
         "alignment": how,
         "observable_cells": int(observable.sum()),
+        "lidar": reference.lidar.metrics if reference.lidar is not None else None,
         **_map_error_metrics(map_error(grid, truth, alignment, observable)),
         "best_rigid": {
             "T_truth_map": best,

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from eval.lidar_view import LidarView
 from eval.relations import Relations
 from eval.scoring import Reference, score
 from slam.config import FilterConfig
@@ -165,7 +166,7 @@ def _metrics(
             trajectory=estimation.trajectory_at_scans("truth"),
             relations=job.relations,
             grid=job.truth_map,
-            range_max=max(frame.scan.range_max for frame in estimation.frames if frame.scan is not None),
+            lidar=LidarView.of(frame.scan for frame in estimation.frames if frame.scan is not None),
         ),
         odometry=estimation.trajectory_at_scans("odometry"),
         dense=estimate.dense,

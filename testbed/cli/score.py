@@ -12,10 +12,12 @@ from cyclopts import Parameter
 
 from eval.files import write_aside
 from eval.gate import Limit, check
+from eval.lidar_view import LidarView
 from eval.scoring import score_files
 from testbed.cli.console import console
 from testbed.cli.status import GATE_FAILED
 from testbed.cli.summary import headline_table
+from testbed.formats import open_log
 
 
 def score(
@@ -34,7 +36,8 @@ def score(
     Parameters
     ----------
     dataset
-        Directory with truth.tum, and truth_map.yaml where a map is scored: a dataset or a run.
+        Directory with truth.tum, and truth_map.yaml where a map is scored: a dataset or a run. Which cells can be
+        asked of the map follows from the lidar of its scans, or of the run.
     trajectory
         The system's trajectory in the TUM format, `t x y z qx qy qz qw`.
     map_
@@ -47,7 +50,7 @@ def score(
         Exit with 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
     """
     limits = [Limit.parse(text) for text in fail_if]
-    metrics = score_files(dataset, trajectory, map_, relations=relations)
+    metrics = score_files(dataset, trajectory, map_, relations=relations, lidar=_lidar(dataset) if map_ else None)
     text = json.dumps(metrics, indent=2, allow_nan=False) + "\n"
     if out is None:
         sys.stdout.write(text)
@@ -60,3 +63,11 @@ def score(
     for sentence in broken:
         console.print(f"limit broken: {sentence}")
     return GATE_FAILED if broken else 0
+
+
+def _lidar(dataset: Path) -> LidarView | None:
+    """The lidar of a dataset's recording; None where the directory holds no recording."""
+    recordings = [dataset] if (dataset / "metadata.yaml").is_file() else sorted(dataset.glob("*.log.gz"))
+    if len(recordings) != 1:
+        return None
+    return LidarView.of(frame.scan for frame in open_log(recordings[0]).frames if frame.scan is not None)

@@ -11,7 +11,6 @@ from eval.map_error import map_error
 from eval.map_overlap import coverage, free_overlap, occupied_overlap
 from eval.map_probability import CLIP, probability_score
 from eval.map_structure import map_structure
-from eval.observability import observable_cells
 from eval.wall_error import wall_distances, wall_profile
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose, inverse
@@ -220,31 +219,6 @@ def test_the_true_map_of_a_world_becomes_1_0_and_unknown():
     occupied, free = np.array([[True, False, False]]), np.array([[False, True, False]])
     grid = true_grid(TrueMap(occupied=occupied, free=free, resolution=0.1, origin=(0.0, 0.0, 0.0)))
     np.testing.assert_array_equal(grid.probability, [[1.0, 0.0, np.nan]])
-
-
-# --- what can be seen
-
-
-def test_from_inside_an_empty_room_all_of_it_is_seen_and_nothing_else():
-    seen = observable_cells(TRUTH, [[3.0, 2.0]])
-    corners = np.zeros_like(seen)
-    corners[np.ix_([19, 100], [19, 140])] = True
-    np.testing.assert_array_equal(seen | corners, TRUTH.known)
-
-
-def test_a_wall_hides_what_is_behind_it_and_range_ends_sight():
-    divided = with_wall(TRUTH, slice(20, 100), 80)
-    seen = observable_cells(divided, [[1.0, 2.0]])
-    assert not seen[20:100, 81:].any()
-    assert seen[20:100, 20:81].all()
-    near = observable_cells(TRUTH, [[3.0, 2.0]], range_max=1.0)
-    distance = np.linalg.norm(cell_centres(TRUTH, near) - [3.0, 2.0], axis=1)
-    assert distance.max() <= 1.0 + 0.05 * np.sqrt(2.0)
-    assert near.sum() == pytest.approx(np.pi / 0.05**2, rel=0.06)
-
-
-def test_positions_off_the_map_or_in_a_wall_see_nothing():
-    assert not observable_cells(TRUTH, [[100.0, 0.0], [-0.025, 2.0]]).any()
 
 
 # --- probabilities

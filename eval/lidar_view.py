@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: MIT
+"""What part of its surroundings a lidar sees: decides which cells of the true map can be asked of a map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slam.scan import Scan
+from slam.se2 import Pose, compose, wrap_angle
+
+_MIN_BLIND = math.radians(3.0)
+"""A gap between beams of up to this angle [rad], or three usual ones, is the spacing of the beams, not a blind side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarView:
+    """Field of view, range and place of a lidar on its robot; the default sees everything from the robot's origin."""
+
+    first: float = -math.pi
+    """Direction in which the field of view begins, in the lidar's frame [rad]; it opens counter-clockwise."""
+    width: float = 2.0 * math.pi
+    """Angle of the field of view [rad], up to a full turn."""
+    range_max: float = math.inf
+    """How far it sees [m]."""
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """`T_robot_lidar` [m, m, rad]."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.width <= 2.0 * math.pi + 1e-9 or not self.range_max > 0.0:
+            raise ValueError(
+                f"a lidar's view takes a width in (0, 2 pi] and a range above 0, got {self.width} and {self.range_max}"
+            )
+        if not np.isfinite([self.first, *self.mount]).all():
+            raise ValueError(f"a lidar's view takes finite angles and mount, got {self.first} and {self.mount}")
+
+    @classmethod
+    def of(cls, scans: Iterable[Scan]) -> Self:
+        """What the scans of one lidar show: all directions outside of the widest gap between beams, the farthest range.
+
+        Raises ValueError where there is no beam at all.
+        """
+        kept = [scan for scan in scans if len(scan.angles)]
+        if not kept:
+            raise ValueError("a lidar's view takes at least one scan with a beam, got none")
+        # A micro-radian apart is one direction.
+        angles = np.unique(np.round(wrap_angle(np.concatenate([scan.angles for scan in kept])), 6))
+        gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
+        widest = int(np.argmax(gaps))
+        blind = float(gaps[widest])
+        full = blind <= max(_MIN_BLIND, 3.0 * float(np.median(gaps)))
+        range_max = max(scan.range_max for scan in kept)
+        if full:
+            return cls(range_max=range_max, mount=kept[0].mount)
+        first = float(angles[(widest + 1) % len(angles)])
+        # A single direction still has some width.
+        return cls(first=first, width=max(2.0 * math.pi - blind, 1e-3), range_max=range_max, mount=kept[0].mount)
+
+    @classmethod
+    def from_metrics(cls, document: Mapping[str, Any]) -> Self:
+        """From the table that `metrics` wrote; raises ValueError for one that is damaged."""
+        try:
+            reach = document["range_max_m"]
+            x, y, theta = (float(value) for value in document["mount"])
+            return cls(
+                first=math.radians(document["first_deg"]),
+                width=min(math.radians(document["field_of_view_deg"]), 2.0 * math.pi),
+                range_max=math.inf if reach is None else float(reach),
+                mount=(x, y, theta),
+            )
+        except (KeyError, TypeError) as error:
+            raise ValueError(
+                f"expected a lidar's first_deg, field_of_view_deg, range_max_m and mount: {error}"
+            ) from None
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """The view as `metrics.json` states it."""
+        return {
+            "first_deg": math.degrees(self.first),
+            "field_of_view_deg": math.degrees(self.width),
+            "range_max_m": None if math.isinf(self.range_max) else self.range_max,
+            "mount": list(self.mount),
+        }
+
+    @property
+    def all_around(self) -> bool:
+        """Whether it sees in every direction."""
+        return self.width >= 2.0 * math.pi - 1e-9
+
+    def lidar_poses(self, robot_poses: ArrayLike) -> Pose:
+        """`T_world_lidar` (n, 3) from `T_world_robot` (n, 3)."""
+        return compose(robot_poses, self.mount)
+
+    def sees(self, directions: ArrayLike) -> NDArray[np.bool_]:
+        """Which directions in the lidar's frame [rad], any shape, lie in the field of view."""
+        inside: NDArray[np.bool_] = (np.asarray(directions) - self.first) % (2.0 * np.pi) <= self.width
+        return inside | self.all_around
