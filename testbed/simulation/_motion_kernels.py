@@ -42,22 +42,21 @@ def clearance(grid, x, y, reach):
 
 
 @kernel
-def drive(state, target, steps, step_time, vehicle, grid):
-    """Motion of some steps: poses (steps, 3), wheel angles (steps, 2) [rad], state after them (7,), contact.
+def drive(state, target, step_time, vehicle, grid, poses):
+    """Fill `poses` (steps, 3) with the motion of that many steps, move `state` (7,) on in place; returns contact.
 
     state (7,): x, y [m], theta [rad], speed [m/s], turn rate [rad/s], left and right wheel [rad]
     target (2,): speed [m/s] and turn rate [rad/s] to go to;  step_time [s]
     Each step is an exact arc. A step that would bring a surface into the footprint is not taken, though the wheels
     turn on, as in front of a wall.
     """
-    state = state.copy()
-    poses, wheels, contact = np.empty((steps, 3)), np.empty((steps, 2)), False
+    steps, contact = poses.shape[0], False
     travel = max(abs(state[3]), abs(target[0])) * steps * step_time
     near = clearance(grid, state[0], state[1], vehicle.footprint_radius + travel) <= vehicle.footprint_radius + travel
+    change, turn_change = vehicle.acceleration * step_time, vehicle.turn_acceleration * step_time
     for k in range(steps):
-        state[3] += min(max(target[0] - state[3], -vehicle.acceleration * step_time), vehicle.acceleration * step_time)
-        change = vehicle.turn_acceleration * step_time
-        state[4] += min(max(target[1] - state[4], -change), change)
+        state[3] += min(max(target[0] - state[3], -change), change)
+        state[4] += min(max(target[1] - state[4], -turn_change), turn_change)
         length, turn = state[3] * step_time, state[4] * step_time
         half = 0.5 * turn
         chord = length * (np.sin(half) / half if abs(half) > 1e-9 else 1.0)
@@ -70,5 +69,4 @@ def drive(state, target, steps, step_time, vehicle, grid):
         else:
             state[0], state[1] = x, y
         poses[k] = state[:3]
-        wheels[k] = state[5:]
-    return poses, wheels, state, contact
+    return contact

@@ -18,7 +18,7 @@ class Motion(NamedTuple):
     poses: NDArray[np.float64]
     """`T_world_robot` after each step, (steps, 3), headings unwrapped within the array."""
     wheels: NDArray[np.float64]
-    """Angles turned by the left and the right wheel since the beginning [rad], after each step, (steps, 2)."""
+    """Angles turned by the left and the right wheel since the beginning [rad], after the last step, (2,)."""
     contact: bool
     """The robot touched a wall or a mover."""
 

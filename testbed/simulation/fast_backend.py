@@ -31,10 +31,9 @@ class FastBackend:
 
     def drive(self, speed: float, turn_rate: float, steps: int) -> Motion:
         """Steer towards that speed [m/s] and turn rate [rad/s] for some steps of 1 / `STEP_RATE` s."""
-        poses, wheels, self._state, contact = drive(
-            self._state, (speed, turn_rate), steps, 1.0 / STEP_RATE, self._vehicle, self._solid
-        )
-        return Motion(poses, wheels, contact)
+        poses = np.empty((steps, 3))
+        contact = drive(self._state, (speed, turn_rate), 1.0 / STEP_RATE, self._vehicle, self._solid, poses)
+        return Motion(poses, self._state[5:].copy(), contact)
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
         """Level rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame, at

@@ -10,59 +10,85 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 
+_ROOM = 1024
+"""Poses that the buffer first has room for."""
+
 
 class History:
     """Poses at times 0, period, 2 period, …; headings are unwrapped, so that they can be interpolated."""
 
     def __init__(self, first: Pose, period: float) -> None:
         """first: the pose (3,) at time 0; period [s]."""
-        self._poses: NDArray[np.float64] = np.array(first, dtype=np.float64)[None]
-        self._first_index = 0
+        self._buffer: NDArray[np.float64] = np.empty((_ROOM, 3))
+        self._buffer[0] = first
+        self._begin, self._end = 0, 1  # of what is kept, in the buffer
+        self._first_index = 0  # of the first kept pose, since time 0
         self._period = period
 
     @property
     def latest(self) -> Pose:
         """The newest pose, (3,)."""
-        newest: Pose = self._poses[-1]
+        newest: Pose = self._buffer[self._end - 1].copy()
         return newest
 
     @property
     def end(self) -> float:
         """Time of the newest pose [s]."""
-        return (self._first_index + len(self._poses) - 1) * self._period
+        return (self._first_index + self._end - self._begin - 1) * self._period
 
     def extend(self, poses: NDArray[np.float64]) -> None:
         """Append the next poses, (n, 3), with headings unwrapped among themselves."""
-        turns = round((self._poses[-1, 2] - poses[0, 2]) / (2.0 * math.pi))
-        poses = poses + np.array([0.0, 0.0, 2.0 * math.pi * turns])
-        self._poses = np.concatenate([self._poses, poses])
+        count = len(poses)
+        if self._end + count > len(self._buffer):
+            self._make_room(count)
+        turns = round((self._buffer[self._end - 1, 2] - poses[0, 2]) / (2.0 * math.pi))
+        new = self._buffer[self._end : self._end + count]
+        new[:] = poses
+        if turns:
+            new[:, 2] += 2.0 * math.pi * turns
+        self._end += count
 
-    def at(self, time: float) -> Pose:
-        """The pose (3,) at `time` [s], linear between its two neighbours. Raises `ValueError` if it is not kept."""
+    def _make_room(self, count: int) -> None:
+        """Move what is kept to the front of the buffer, or of a larger one where it would be more than half full."""
+        kept = self._buffer[self._begin : self._end]
+        room = len(self._buffer) if 2 * (len(kept) + count) <= len(self._buffer) else 4 * (len(kept) + count)
+        buffer = np.empty((room, 3))
+        buffer[: len(kept)] = kept
+        self._buffer, self._begin, self._end = buffer, 0, len(kept)
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """The pose `(x, y, theta)` at `time` [s], linear between its two neighbours.
+
+        Raises `ValueError` if it is not kept.
+        """
         position = self._position(time, time)
-        index = min(int(position), len(self._poses) - 1)
-        before, after = self._poses[index], self._poses[min(index + 1, len(self._poses) - 1)]
-        pose: Pose = before + (position - index) * (after - before)
-        return pose
+        index = min(int(position), self._end - self._begin - 1)
+        x, y, theta = self._buffer[self._begin + index].tolist()
+        weight = position - index
+        if weight == 0.0 or self._begin + index + 1 == self._end:
+            return x, y, theta
+        x_next, y_next, theta_next = self._buffer[self._begin + index + 1].tolist()
+        return x + weight * (x_next - x), y + weight * (y_next - y), theta + weight * (theta_next - theta)
 
     def between(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """All poses kept, (n, 3), and where increasing `times` (m,) [s] lie among them, as fractional indices (m,).
 
-        Raises `ValueError` for times that are not kept.
+        The poses are valid until the next `extend`. Raises `ValueError` for times that are not kept.
         """
         self._position(float(times[0]), float(times[-1]))
-        return self._poses, np.maximum(times / self._period - self._first_index, 0.0)
+        positions = np.maximum(times / self._period - self._first_index, 0.0)
+        return self._buffer[self._begin : self._end], positions
 
     def _position(self, first: float, last: float) -> float:
         """Fractional index of time `first` [s], once both are known to be kept."""
         position = first / self._period - self._first_index
         end = last / self._period - self._first_index
-        if position < -1e-6 or end > len(self._poses) - 1 + 1e-6:
+        if position < -1e-6 or end > self._end - self._begin - 1 + 1e-6:
             raise ValueError(f"poses from {first} to {last} s are not all kept, the last is that of {self.end} s")
         return max(position, 0.0)
 
     def forget_before(self, time: float) -> None:
         """Drop poses older than `time` [s], but keep one at or before it."""
-        drop = min(max(int(time / self._period) - self._first_index, 0), len(self._poses) - 1)
-        self._poses = self._poses[drop:]
+        drop = min(max(int(time / self._period) - self._first_index, 0), self._end - self._begin - 1)
+        self._begin += drop
         self._first_index += drop

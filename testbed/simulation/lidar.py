@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from testbed.presets import LidarPreset, Mount
 from testbed.simulation._lidar_kernels import Optics, read_beams
 from testbed.simulation.backend import Hits
+from testbed.simulation.random_rows import RandomRows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,54 +65,80 @@ class Sweep:
     """Time of each beam after the first [s], (beams,); None = all at once."""
 
 
+def optics_of(preset: LidarPreset, layers: LidarLayers) -> Optics:
+    """Sizes of the imperfections that are on."""
+    return Optics(
+        spot=math.radians(preset.spot_deg) * layers.mixed_pixels,
+        field_of_view=math.radians(preset.field_of_view_deg),
+        full_turn=preset.field_of_view_deg == 360.0,
+        grazing=math.radians(preset.grazing_deg) * layers.grazing,
+        short_return_rate=preset.short_return_rate * layers.short_returns,
+        noise_floor=preset.noise_floor * layers.range_noise,
+        noise_share=preset.noise_share * layers.range_noise,
+        range_step=preset.range_step * layers.rounding,
+        dropout=preset.dropout * layers.dropout,
+        range_min=preset.range_min,
+        range_max=preset.range_max,
+    )
+
+
+def draw_device(preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> NDArray[np.float64]:
+    """What sets one device apart from others of its kind, (5,): constant error [m] and factor of its ranges, and its
+    true mount x, y [m], theta [rad]. Draws five numbers whatever layers are on."""
+    constant, scale = rng.uniform(-1.0, 1.0, 2) * layers.bias
+    error = rng.standard_normal(3) * layers.mounting
+    error *= [mount.error, mount.error, math.radians(mount.error_deg)]
+    return np.array([preset.bias_floor * constant, 1.0 + preset.bias_share * scale, *(mount.pose + error)])
+
+
 class Lidar:
     """One lidar with its own random stream; the numbers it draws do not depend on the layers or on what it sees."""
 
     def __init__(self, preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> None:
-        self._preset, self._layers, self._rng = preset, layers, rng
+        self._preset, self._layers = preset, layers
         self._angles = preset.angles()
-        constant, scale = rng.uniform(-1.0, 1.0, 2) * layers.bias
-        x, y, theta = rng.standard_normal(3) * layers.mounting
-        self._optics = Optics(
-            spot=math.radians(preset.spot_deg) * layers.mixed_pixels,
-            field_of_view=math.radians(preset.field_of_view_deg),
-            full_turn=preset.field_of_view_deg == 360.0,
-            grazing=math.radians(preset.grazing_deg) * layers.grazing,
-            short_return_rate=preset.short_return_rate * layers.short_returns,
-            bias=preset.bias_floor * float(constant),
-            scale=1.0 + preset.bias_share * float(scale),
-            noise_floor=preset.noise_floor * layers.range_noise,
-            noise_share=preset.noise_share * layers.range_noise,
-            range_step=preset.range_step * layers.rounding,
-            dropout=preset.dropout * layers.dropout,
-            range_min=preset.range_min,
-            range_max=preset.range_max,
-        )
+        self._most_beams = math.ceil(preset.beams * (1.0 + _MOST_JITTER * preset.beam_jitter))
+        self._optics = optics_of(preset, layers)
+        self._device = draw_device(preset, mount, layers, rng)
+        self._numbers = RandomRows(1, 2 * self._most_beams, 2 * self._most_beams + 1, rows=BEAM_ROWS)
+        self._numbers.seed(0, rng)
         self.mount = mount.pose
         """`T_robot_lidar` as the robot's description says (x, y, theta) [m, m, rad]."""
-        self.true_mount = (
-            self.mount[0] + mount.error * float(x),
-            self.mount[1] + mount.error * float(y),
-            self.mount[2] + math.radians(mount.error_deg) * float(theta),
-        )
-        """`T_robot_lidar` as it is screwed on."""
+        self.true_mount = self._device[2:]
+        """`T_robot_lidar` as it is screwed on, (3,) [m, m, rad]."""
 
     def sweep(self) -> Sweep:
         """Beams of the next scan."""
-        preset, layers = self._preset, self._layers
-        jitter, angles = float(self._rng.standard_normal()), self._angles
+        self._numbers.advance()
+        normal = self._numbers.current(0)[1]
+        preset, layers, angles = self._preset, self._layers, self._angles
         if layers.beam_count and preset.beam_jitter > 0.0:
-            angles = preset.angles(max(1, round(preset.beams * (1.0 + preset.beam_jitter * jitter))))
-        noise = self._rng.standard_normal(len(angles)) * (math.radians(preset.angle_noise_deg) * layers.angle_noise)
+            count = round(preset.beams * (1.0 + preset.beam_jitter * normal[-1]))
+            angles = preset.angles(min(max(count, 1), self._most_beams))
+        true_angles = angles
+        if layers.angle_noise and preset.angle_noise_deg > 0.0:
+            true_angles = angles + normal[: len(angles)] * math.radians(preset.angle_noise_deg)
         offsets = (angles - angles[0]) / (2.0 * math.pi * preset.scan_rate) if layers.motion else None
-        return Sweep(angles=angles, true_angles=angles + noise, time_offsets=offsets)
+        return Sweep(angles=angles, true_angles=true_angles, time_offsets=offsets)
 
     def ranges(self, hits: Hits) -> NDArray[np.float64]:
-        """Readings [m] for what the beams of a sweep met, (beams,).
+        """Readings [m] for what the beams of the last sweep met, (beams,).
 
         As in ROS REP 117: inf = no return, -inf = nearer than `range_min`, NaN = lost.
         """
-        n = len(hits.distances)
-        uniform, normal = self._rng.random((n, 4)), self._rng.standard_normal(n)
-        readings: NDArray[np.float64] = read_beams(hits.distances, hits.incidence, uniform, normal, self._optics)
+        uniform, normal = self._numbers.current(0)
+        readings: NDArray[np.float64] = read_beams(
+            hits.distances,
+            hits.incidence,
+            uniform.reshape(2, -1),
+            normal[self._most_beams : -1],
+            self._optics,
+            self._device[:2],
+        )
         return readings
+
+
+BEAM_ROWS = 16
+"""Scans whose random numbers are drawn at once."""
+_MOST_JITTER = 4.0
+"""Beam counts farther than this many standard deviations above the nominal one do not occur."""

@@ -15,8 +15,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from numpy.typing import NDArray
+
 from slam.se2 import Pose
 from testbed.presets import RobotPreset
+from testbed.simulation._odometry_kernels import ODOMETER, Encoders, read_wheels
+from testbed.simulation.random_rows import RandomRows
 
 
 class _Grade(NamedTuple):
@@ -66,6 +70,38 @@ class OdometryConfig:
             raise ValueError(f"lost_ticks must be a share in [0, 1), got {self.lost_ticks}")
 
 
+READING_UNIFORMS, READING_NORMALS = 3, 2
+"""Random numbers that one odometry reading takes."""
+
+
+def encoders_of(robot: RobotPreset, config: OdometryConfig) -> Encoders:
+    """Sizes of the errors that each reading makes."""
+    return Encoders(
+        radius=robot.wheel_radius,
+        track=robot.track,
+        tick=2.0 * math.pi / robot.ticks_per_turn * config.ticks,
+        random_translation=config.random_translation * config.random,
+        random_rotation=config.random_rotation * config.random,
+        slip_rate=config.slip_rate,
+        slip_distance=config.slip_distance,
+        lost_ticks=config.lost_ticks,
+    )
+
+
+def believed_wheels(robot: RobotPreset, config: OdometryConfig, rng: Generator) -> NDArray[np.float64]:
+    """Left radius, right radius and track [m], (3,), that odometry reckons with in one run: drawn about the true ones.
+
+    Draws three numbers whatever layers are on.
+    """
+    distance, rotation, unequal = rng.standard_normal(3)
+    grade = GRADES[config.grade]
+    scale = 1.0 if config.systematic else 0.0
+    size = 1.0 + scale * grade.distance * distance
+    half_difference = scale * 0.5 * _UNEQUAL_WHEELS * grade.distance * unequal
+    radii = robot.wheel_radius * size * np.array([1.0 - half_difference, 1.0 + half_difference])
+    return np.append(radii, robot.track * size / (1.0 + scale * grade.rotation * rotation))
+
+
 class Odometry:
     """Integrates wheel angles to a pose `T_odom_robot`, which begins at zero.
 
@@ -73,67 +109,20 @@ class Odometry:
     """
 
     def __init__(self, robot: RobotPreset, config: OdometryConfig, rng: Generator) -> None:
-        self._config, self._rng = config, rng
-        distance, rotation, unequal = rng.standard_normal(3)
-        grade = GRADES[config.grade]
-        scale = 1.0 if config.systematic else 0.0
-        size = 1.0 + scale * grade.distance * distance
-        half_difference = scale * 0.5 * _UNEQUAL_WHEELS * grade.distance * unequal
-        self._left_radius = robot.wheel_radius * size * (1.0 - half_difference)
-        self._right_radius = robot.wheel_radius * size * (1.0 + half_difference)
-        self._track = robot.track * size / (1.0 + scale * grade.rotation * rotation)
-        self._nominal_radius, self._nominal_track = robot.wheel_radius, robot.track
-        self._tick = 2.0 * math.pi / robot.ticks_per_turn
-        self._true_wheels = (0.0, 0.0)
-        self._spun = [0.0, 0.0]  # by the wheels, slip included [rad]
-        self._counted = [0.0, 0.0]  # by the encoders [rad]
-        self._x = self._y = self._theta = 0.0
+        self._encoders = encoders_of(robot, config)
+        self._believed = believed_wheels(robot, config, rng)
+        self._numbers = RandomRows(1, READING_UNIFORMS, READING_NORMALS)
+        self._numbers.seed(0, rng)
+        self._odometer = np.zeros(ODOMETER)
 
     @property
     def pose(self) -> Pose:
         """`T_odom_robot`, (3,); the heading is not wrapped."""
-        return np.array([self._x, self._y, self._theta])
+        return self._odometer[:3].copy()
 
     def advance(self, left: float, right: float) -> Pose:
         """The pose after the wheels have turned to these angles since the beginning [rad]."""
-        d_left, d_right = left - self._true_wheels[0], right - self._true_wheels[1]
-        self._true_wheels = (left, right)
-        distance = self._nominal_radius * 0.5 * abs(d_left + d_right)
-        turned = self._nominal_radius * abs(d_right - d_left) / self._nominal_track
-        along, about = self._rng.standard_normal(2).tolist()
-        slips, which, how_far = self._rng.random(3).tolist()
-
-        count_left, count_right = self._encoders(d_left, d_right, self._slip(distance, slips, which, how_far))
-        s_left, s_right = self._left_radius * count_left, self._right_radius * count_right
-        step, turn = 0.5 * (s_left + s_right), (s_right - s_left) / self._track
-        if self._config.random:
-            step += self._config.random_translation * math.sqrt(distance) * along
-            turn += self._config.random_rotation * math.sqrt(distance + turned) * about
-        self._integrate(step, turn)
+        self._numbers.advance()
+        uniform, normal = self._numbers.current(0)
+        read_wheels(self._odometer, (left, right), uniform, normal, self._believed, self._encoders)
         return self.pose
-
-    def _slip(self, distance: float, slips: float, which: float, how_far: float) -> tuple[float, float]:
-        """Angles by which the wheels spin ahead [rad], from three uniform numbers."""
-        if slips >= -math.expm1(-self._config.slip_rate * distance):
-            return 0.0, 0.0
-        angle = -math.log1p(-how_far) * self._config.slip_distance / self._nominal_radius
-        return (angle, 0.0) if which < 0.5 else (0.0, angle)
-
-    def _encoders(self, d_left: float, d_right: float, slip: tuple[float, float]) -> tuple[float, float]:
-        """Angles counted by the encoders since the last call [rad]."""
-        counts = []
-        for wheel, (turned, slipped) in enumerate(zip((d_left, d_right), slip, strict=True)):
-            self._spun[wheel] += (turned + slipped) * (1.0 - self._config.lost_ticks)
-            spun = self._spun[wheel]
-            counted = math.floor(spun / self._tick) * self._tick if self._config.ticks else spun
-            counts.append(counted - self._counted[wheel])
-            self._counted[wheel] = counted
-        return counts[0], counts[1]
-
-    def _integrate(self, step: float, turn: float) -> None:
-        """Move along an arc of length `step` [m] that turns by `turn` [rad]; exact for constant velocities."""
-        half = 0.5 * turn
-        chord = step * (math.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0)
-        self._x += chord * math.cos(self._theta + half)
-        self._y += chord * math.sin(self._theta + half)
-        self._theta += turn

@@ -124,7 +124,7 @@ class PyBulletBackend:
         speeds = ramp(self._command[0], speed, self._limits.acceleration, steps)
         turn_rates = ramp(self._command[1], turn_rate, self._limits.turn_acceleration, steps)
         targets = np.stack([speeds - half_track * turn_rates, speeds + half_track * turn_rates], axis=-1) / radius
-        poses, wheels, contact = np.empty((steps, 3)), np.empty((steps, 2)), False
+        poses, contact = np.empty((steps, 3)), False
         for k, target in enumerate(targets.tolist()):
             p.setJointMotorControlArray(
                 robot, self._wheels, p.VELOCITY_CONTROL, targetVelocities=target, forces=self._torques,
@@ -132,11 +132,10 @@ class PyBulletBackend:
             )  # fmt: skip
             p.stepSimulation(client)
             poses[k] = self._pose()
-            left, right = self._wheel_angles()
-            wheels[k] = left - self._wheel_zero[0], right - self._wheel_zero[1]
             contact = contact or self._touching()
         self._command = (float(speeds[-1]), float(turn_rates[-1]))
         poses[:, 2] = np.unwrap(poses[:, 2])
+        wheels = np.subtract(self._wheel_angles(), self._wheel_zero)
         return Motion(poses, wheels, contact)
 
     def _pose(self) -> tuple[float, float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -130,7 +130,7 @@ class Simulation(Iterator[Frame]):
                 self.collided = self.collided or motion.contact
                 self._periods += 1
                 sensors.truth.extend(motion.poses)
-                sensors.read_wheels(*motion.wheels[-1].tolist())
+                sensors.read_wheels(*motion.wheels.tolist())
                 self.movers.advance(*motion.poses[-1, :2].tolist())
                 yield from sensors.frames_until(self.time)
         finally:
@@ -205,7 +205,7 @@ class _Sensors:
         self._devices = _devices(config, seeds.lidar)
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
         self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
-        self._odometry = History(self._odometer.advance(*start.wheels[-1].tolist()), CONTROL_PERIOD)
+        self._odometry = History(self._odometer.advance(*start.wheels.tolist()), CONTROL_PERIOD)
         self._next_odometry = 0
         presets = [device.preset for device in self._devices]
         self._keep = max(p.sweep_time + 2.0 / p.scan_rate for p in presets) + 2.0 * CONTROL_PERIOD
@@ -248,31 +248,32 @@ class _Sensors:
             mount=lidar.mount,
             time_offsets=sweep.time_offsets,
         )
-        return replace(self._frame(stamp, max(device.sweep_time, CONTROL_PERIOD), scan), lidar=device.name)
+        return self._frame(stamp, max(device.sweep_time, CONTROL_PERIOD), scan, lidar=device.name)
 
-    def _frame(self, stamp: float, seconds: float, scan: Scan | None) -> Frame:
+    def _frame(self, stamp: float, seconds: float, scan: Scan | None, lidar: str = Frame.lidar) -> Frame:
         """The frame of `stamp` [s], with the mean velocity by odometry over `seconds` from then on."""
         odometry = self._odometry.at(stamp)
         return Frame(
             stamp=stamp,
             odometry=_wrapped(odometry),
             scan=scan,
+            lidar=lidar,
             twist=self._twist(stamp, odometry, seconds),
             truth=_wrapped(self.truth.at(stamp)),
         )
 
-    def _twist(self, stamp: float, odometry: Pose, seconds: float) -> Pose:
+    def _twist(self, stamp: float, odometry: tuple[float, float, float], seconds: float) -> Pose:
         """Mean velocity in the robot's frame over `seconds` from `stamp` on, or as far as odometry was read; over the
         last period read if there is none since."""
         end = min(stamp + seconds, self._odometry.end)
         if end - stamp < 0.5 * CONTROL_PERIOD:
             stamp = end - CONTROL_PERIOD
             odometry = self._odometry.at(stamp)
-        x, y, theta = odometry.tolist()
-        x_end, y_end, theta_end = self._odometry.at(end).tolist()
-        cos, sin, dx, dy = math.cos(theta), math.sin(theta), x_end - x, y_end - y
-        return np.array([cos * dx + sin * dy, -sin * dx + cos * dy, theta_end - theta]) / (end - stamp)
+        x, y, theta = odometry
+        x_end, y_end, theta_end = self._odometry.at(end)
+        cos, sin, dx, dy, dt = math.cos(theta), math.sin(theta), x_end - x, y_end - y, end - stamp
+        return np.array([(cos * dx + sin * dy) / dt, (-sin * dx + cos * dy) / dt, (theta_end - theta) / dt])
 
 
-def _wrapped(pose: Pose) -> Pose:
+def _wrapped(pose: tuple[float, float, float]) -> Pose:
     return np.array([pose[0], pose[1], (pose[2] + math.pi) % (2.0 * math.pi) - math.pi])

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: MIT
+"""Random numbers for one or many robots, each from a generator of its own, drawn many rows at a time.
+
+A call of numpy's generators costs as much as some hundred numbers; a robot needs a few at every odometry reading.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+
+class RandomRows:
+    """For each robot an endless sequence of rows of uniform numbers in [0, 1) and of standard normal ones.
+
+    What a robot gets depends on its own generator alone, not on the other robots.
+    """
+
+    def __init__(self, robots: int, uniforms: int, normals: int, *, rows: int = 16) -> None:
+        """uniforms, normals: numbers in a row; rows: how many are drawn at once, which decides the bits."""
+        self.uniform: NDArray[np.float64] = np.empty((robots, rows, uniforms))
+        """Drawn ahead, (robots, rows, uniforms)."""
+        self.normal: NDArray[np.float64] = np.empty((robots, rows, normals))
+        """Drawn ahead, (robots, rows, normals)."""
+        self.row = np.zeros(robots, np.int64)
+        """Which of the rows is each robot's current one, (robots,)."""
+        self._rows = rows
+        self._generators: list[Generator | None] = [None] * robots
+
+    def seed(self, robot: int, rng: Generator) -> None:
+        """Start that robot's sequence anew; the next `advance` leads to its first row."""
+        self._generators[robot] = rng
+        self.row[robot] = self._rows - 1
+
+    def advance(self, robots: NDArray[np.intp] | slice = slice(None)) -> None:
+        """Go on to the next row of these robots (indices), all of which were seeded."""
+        self.row[robots] += 1
+        for robot in np.flatnonzero(self.row == self._rows).tolist():
+            generator = self._generators[robot]
+            assert generator is not None
+            generator.random(out=self.uniform[robot])
+            generator.standard_normal(out=self.normal[robot])
+            self.row[robot] = 0
+
+    def current(self, robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The current row of that robot: uniform (uniforms,) and normal (normals,) numbers; valid until `advance`."""
+        row = self.row[robot]
+        return self.uniform[robot, row], self.normal[robot, row]
