@@ -25,7 +25,7 @@ ERROR_COLOURS = LinearSegmentedColormap.from_list("error", ["#2b8a3e", "#f2b705"
 WIDE = (5.6, 2.5)
 """Size of a plot [inch]; two stand side by side on a page, one fills a phone."""
 MAX_POINTS = 1200
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9.5,
     "axes.spines.top": False,
@@ -46,6 +46,7 @@ _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "slam-testbed",  # equal runs give equal bytes
     "figure.constrained_layout.use": True,
 }
+"""For `rc_context`."""
 Series = tuple[str, ArrayLike, str]
 """Label, values, colour."""
 
@@ -53,7 +54,7 @@ Series = tuple[str, ArrayLike, str]
 def svg_uri(figure: Figure) -> str:
     """A figure as a `data:` address for HTML."""
     buffer = io.BytesIO()
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
 
@@ -75,7 +76,7 @@ def over_time(
     should be.
     """
     t = np.asarray(time, dtype=np.float64)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure, ax = _figure(WIDE)
         if band is not None:
             ax.axhspan(*band, color="#d3f9d8", lw=0, zorder=0)
@@ -102,7 +103,7 @@ def over_time(
 def stacked_over_time(time: ArrayLike, parts: Mapping[str, ArrayLike], label: str) -> str:
     """Parts of a whole over time [s], stacked; each bucket of time shows its mean."""
     t = np.asarray(time, dtype=np.float64)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure, ax = _figure(WIDE)
         buckets = np.array_split(np.arange(len(t)), min(len(t), 200))
         middle = [float(np.mean(t[rows])) for rows in buckets]
@@ -122,7 +123,7 @@ def paths(
     window: tuple[float, float, float, float] | None = None,
 ) -> str:
     """Paths (n, 2) [m] seen from above, over a faint map; `point` is circled, `window` = x, x, y, y to show."""
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure, ax = _figure(_size_for(background, window))
         _ground(ax, background)
         for name, path, colour in curves:
@@ -142,7 +143,7 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
     xy, e = np.asarray(path, dtype=np.float64), np.asarray(error, dtype=np.float64)
     step = -(-len(xy) // (2 * MAX_POINTS))
     xy, e = xy[::step], e[::step]
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         wide, high = _size_for(background, None)
         figure, ax = _figure((wide, max(0.82 * high, 2.0)))  # the colour bar takes a share of the width
         _ground(ax, background)
@@ -160,7 +161,7 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
 def calibration(stated: ArrayLike, observed: ArrayLike, cells: ArrayLike) -> str:
     """Calibration curve of the map's probabilities; the size of a dot grows with its number of cells."""
     n = np.asarray(cells, dtype=np.float64)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure, ax = _figure(WIDE)
         ax.plot([0, 1], [0, 1], color=QUIET, lw=1.0, ls=(0, (4, 2)), label="honest")
         ax.plot(stated, observed, color=ESTIMATE, lw=1.2)

@@ -22,6 +22,7 @@ from testbed.estimation import Estimate, Estimation
 from testbed.frame import Frame
 from testbed.interruption import deferred_interruption
 from testbed.rundir import RunDirectory, result_hash
+from testbed.simulation import Simulation
 from testbed.views import NullView, Snapshot, View
 
 
@@ -101,7 +102,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) ->
     watcher.stage("scoring")
     _write(job, directory, estimation, filtered, estimate)
     ended = "interrupted" if interrupted else job.ended()
-    metrics = _metrics(job, estimation, estimate, wall_seconds, ended)
+    metrics = metrics_of(job, estimation, estimate, wall_seconds, ended)
     directory.write_metrics(metrics)
     return metrics
 
@@ -156,10 +157,13 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     estimation.steps.write(directory / "steps.parquet")
 
 
-def _metrics(
+def metrics_of(
     job: Job, estimation: Estimation, estimate: Estimate, wall_seconds: float, ended: str | None
 ) -> dict[str, Any]:
-    """All measures, JSON-ready."""
+    """All measures of an estimate, JSON-ready: the content of `metrics.json`.
+
+    wall_seconds: time that the estimate took. ended: why the run did not end by itself, see `eval.outcome.judge`.
+    """
     return score(
         estimate.at_scans,
         reference=Reference(
@@ -181,6 +185,13 @@ def _metrics(
             "result_hash": result_hash(estimate.at_scans, estimate.map),
         },
     )
+
+
+def drive_ended(simulation: Simulation, duration: float | None) -> str | None:
+    """Why a simulated drive did not end as planned; `duration` [s] is what was allowed, None = the whole tour."""
+    if simulation.collided:
+        return "collided"
+    return None if simulation.finished or (duration is not None and not simulation.stuck) else "timeout"
 
 
 def peak_memory_mb() -> float:

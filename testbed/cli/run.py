@@ -10,7 +10,7 @@ from testbed.cli.ending import carry_out
 from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
 from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
 from testbed.provenance import config_document, settings_as_markdown
-from testbed.run import Job
+from testbed.run import Job, drive_ended
 from testbed.simulation import Simulation, simulate
 from testbed.simulation.urdf import robot_urdf
 from testbed.views import Scene
@@ -60,7 +60,7 @@ def run(
             truth_map=truth,
             share_done=lambda: _share_done(simulation, simulator.duration),
             collided=lambda: simulation.collided,
-            ended=lambda: _ended(simulation, simulator.duration),
+            ended=lambda: drive_ended(simulation, simulator.duration),
         )
         return carry_out(job, output.directory(place.name), scene, output)
 
@@ -69,10 +69,3 @@ def _share_done(simulation: Simulation, duration: float | None) -> float:
     """Share of the drive that is behind the robot: of the tour, or of the time where that ends first."""
     of_time = 0.0 if duration is None else simulation.time / duration
     return min(max(simulation.driver.share, of_time), 1.0)
-
-
-def _ended(simulation: Simulation, duration: float | None) -> str | None:
-    """Why the drive did not end as planned."""
-    if simulation.collided:
-        return "collided"
-    return None if simulation.finished or (duration is not None and not simulation.stuck) else "timeout"
