@@ -71,11 +71,12 @@ def wall_profile(
 ) -> WallProfile | None:
     """Cut the map along the normals of the straight, observable true walls.
 
-    Each cut runs from -`REACH` to +`REACH` in half cells; occupied samples next to each other are one wall. A place is
-    double if the map has more walls on the cut than the truth, which is looked at two cells further, so that a wall
-    at the edge is not held against the map; the thickness is that of the wall nearest to the true one. None where
-    there is no straight wall. Measures "ghosting" after bad loop closures; no published measure is known to us.
-    Trap: ghosts nearer than a cell show as thickness, those beyond `REACH` not at all (the wall distance sees them).
+    Each cut runs from -`REACH` to +`REACH` in half cells; walls are two where free ground lies between them: specks
+    that noise leaves within and behind a wall have none before them. A place is double if the map has more walls on
+    the cut than the truth, which is looked at two cells further, so that a wall at the edge is not held against the
+    map; the thickness is that of the wall nearest to the true one. None where there is no straight wall. Measures
+    "ghosting" after bad loop closures; no published measure is known to us. Trap: ghosts nearer than a cell show as
+    thickness, those beyond `REACH` not at all (the wall distance sees them).
     """
     wall, normal = _straight_walls(truth, observable)
     if len(wall) == 0:
@@ -86,17 +87,17 @@ def wall_profile(
     offsets = wide[4:-4]
     T_grid_truth = inverse(T_truth_grid)
 
-    def cut(of: OccupancyGrid, at: NDArray[np.float64], T: ArrayLike) -> NDArray[np.bool_]:
+    def cut(of: OccupancyGrid, at: NDArray[np.float64], T: ArrayLike) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         points = wall[:, None, :] + at[None, :, None] * normal[:, None, :]
-        values = lookup(of, transform_points(T, points.reshape(-1, 2)))
-        occupied: NDArray[np.bool_] = values > OccupancyGrid.OCCUPIED
-        return occupied.reshape(len(wall), len(at))
+        values = lookup(of, transform_points(T, points.reshape(-1, 2))).reshape(len(wall), len(at))
+        return values > OccupancyGrid.OCCUPIED, values < OccupancyGrid.FREE
 
-    found, true = cut(grid, offsets, T_grid_truth), cut(truth, wide, np.zeros(3))
+    found, found_free = cut(grid, offsets, T_grid_truth)
+    true, true_free = cut(truth, wide, np.zeros(3))
     shown = found.any(axis=1)
     if not shown.any():
         return WallProfile(None, None, _thickness(true, wide, cell), 0, 1.0)
-    double = _runs(found) > _runs(true)
+    double = _walls(found, found_free) > _walls(true, true_free)
     return WallProfile(
         double_rate=float(double[shown].mean()),
         thickness=_thickness(found[shown], offsets, cell),
@@ -132,11 +133,15 @@ def _straight_walls(
     return centres, np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def _runs(cuts: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Number of separate walls on each cut, (k,)."""
-    starts = np.diff(cuts.astype(np.int8), axis=1, prepend=0) == 1
-    runs: NDArray[np.intp] = starts.sum(axis=1)
-    return runs
+def _walls(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Number of walls on each cut (k, samples), (k,): occupied samples with free ones between them."""
+    known = np.where(occupied | free, np.arange(occupied.shape[1]), -1)
+    last_known = np.maximum.accumulate(known, axis=1)[:, :-1]
+    after_wall = np.take_along_axis(occupied, np.maximum(last_known, 0), axis=1) & (last_known >= 0)
+    begins = occupied.copy()
+    begins[:, 1:] &= ~after_wall
+    walls: NDArray[np.intp] = begins.sum(axis=1)
+    return walls
 
 
 def _thickness(cuts: NDArray[np.bool_], offsets: NDArray[np.float64], cell: float) -> float:

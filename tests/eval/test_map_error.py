@@ -83,6 +83,17 @@ def test_a_wall_that_stands_twice_is_double_and_one_beside_it_is_thick(offset):
     assert thick.thickness == pytest.approx(0.10)
 
 
+def test_specks_behind_a_wall_and_holes_in_it_are_not_a_second_wall():
+    rng = np.random.default_rng(3)
+    specked = TRUTH.probability.copy()
+    behind = specked[:, 9:19]
+    behind[rng.random(behind.shape) < 0.3] = 1.0  # in ground that was never seen
+    specked[20:100:3, 18], specked[20:100, 17] = np.nan, 1.0  # a thick wall with holes
+    west = np.zeros_like(EVERYWHERE)
+    west[30:90, 19] = True
+    assert wall_profile(like_truth(specked), TRUTH, IDENTITY, west).double_rate == 0.0
+
+
 def test_a_quarter_of_the_walls_doubled_is_a_rate_of_their_share():
     doubled = with_wall(TRUTH, slice(20, 100), 24)
     profile = wall_profile(doubled, TRUTH, IDENTITY, EVERYWHERE)
