@@ -66,8 +66,7 @@ def simulate(
         raise ValueError(f"{out}: is a file, expected a directory")
     announce_compilation()
     out.mkdir(parents=True, exist_ok=True)
-    # spawned, not forked: PyBullet and numba keep threads; a fresh process now and then bounds what PyBullet leaks
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), max_tasks_per_child=50)
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))  # not forked: PyBullet and numba keep threads
     with pool, _ended_with_us(missing):
         with _ctrl_c_blocked():  # workers inherit this for good: Ctrl-C is the parent's business
             futures = [
