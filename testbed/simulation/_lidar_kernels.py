@@ -21,7 +21,7 @@ class Optics(NamedTuple):
     full_turn: bool
     """The last beam is the first one's neighbour."""
     grazing: float
-    """Surfaces met at a smaller angle send nothing back [rad]."""
+    """Surfaces met with a smaller cosine of the angle of incidence send nothing back."""
     short_return_rate: float
     """Readings before the surface, per metre of beam [1/m]."""
     noise_floor: float
@@ -82,10 +82,10 @@ def _with_edge(distances, i, uniform, optics):
 
 
 @kernel
-def read_beams(distances, incidence, uniform, normal, optics, device):
+def read_beams(distances, cos_incidence, uniform, normal, optics, device):
     """Readings [m], (beams,): inf = no return, -inf = too near, NaN = lost (ROS REP 117).
 
-    distances [m], incidence [rad] (beams,): what the beams met;  uniform (2, n), normal (n,): random numbers, of which
+    distances [m], cos_incidence (beams,): what the beams met;  uniform (2, n), normal (n,): random numbers, of which
     the first `beams` are used;  device (2,): constant error [m] and factor of all ranges of this lidar
     One uniform number decides what becomes of a beam: the low end makes short returns, the high end loses beams.
     """
@@ -93,7 +93,7 @@ def read_beams(distances, incidence, uniform, normal, optics, device):
     readings = np.empty(n)
     for i in range(n):
         reading = _with_edge(distances, i, uniform[0, i], optics)
-        if incidence[i] < optics.grazing:
+        if cos_incidence[i] < optics.grazing:
             reading = np.inf
         path, fate = min(reading, optics.range_max), uniform[1, i]
         short = -np.expm1(-optics.short_return_rate * path)

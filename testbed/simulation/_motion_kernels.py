@@ -32,7 +32,7 @@ def clearance(grid, x, y, reach):
         for col in range(col_low, col_high + 1):
             k = row * cols + col
             for i in range(grid.first[k], grid.first[k + 1]):
-                x0, y0, x1, y1 = grid.segments[grid.items[i]]
+                x0, y0, x1, y1 = grid.segments[i]
                 ex, ey = x1 - x0, y1 - y0
                 share = ((x - x0) * ex + (y - y0) * ey) / max(ex * ex + ey * ey, 1e-300)
                 share = min(max(share, 0.0), 1.0)

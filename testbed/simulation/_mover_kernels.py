@@ -22,13 +22,13 @@ def _distance_to_circle(circle, x, y, cos, sin):
 
 @kernel
 def nearest_mover(circles, segments, positions, origins, directions):
-    """Distances [m] (rays,) to the nearest mover and angles of incidence [rad] (rays,); inf where there is none.
+    """Distances [m] (rays,) to the nearest mover and cosines of the angle of incidence (rays,); inf where none is.
 
     circles (n, c, 3): `(x, y, radius)` [m] at a constant rate;  segments (n, s, 4): `(x0, y0, x1, y1)` [m];
     positions (rays,): when each ray is cast, as a fractional index into the n instants
     """
     rays, last = directions.shape[0], circles.shape[0] - 1
-    distances, incidence = np.full(rays, np.inf), np.zeros(rays)
+    distances, cos_incidence = np.full(rays, np.inf), np.zeros(rays)
     for i in range(rays):
         cos, sin = np.cos(directions[i]), np.sin(directions[i])
         k = min(max(int(positions[i]), 0), last)
@@ -40,12 +40,12 @@ def nearest_mover(circles, segments, positions, origins, directions):
             if distance < distances[i]:
                 distances[i] = distance
                 across = (circle[0] - x) * sin - (circle[1] - y) * cos
-                incidence[i] = np.arccos(min(abs(across) / circle[2], 1.0))
+                cos_incidence[i] = np.sqrt(max(1.0 - (across / circle[2]) ** 2, 0.0))
         for s in range(segments.shape[1]):
             segment = segments[k, s] + weight * (segments[after, s] - segments[k, s])
             distance = distance_along(segment, x, y, cos, sin)
             if distance < distances[i]:
                 distances[i] = distance
                 ex, ey = segment[2] - segment[0], segment[3] - segment[1]
-                incidence[i] = np.arcsin(min(abs(cos * ey - sin * ex) / np.hypot(ex, ey), 1.0))
-    return distances, incidence
+                cos_incidence[i] = abs(cos * ey - sin * ex) / np.sqrt(ex * ex + ey * ey)
+    return distances, cos_incidence

@@ -11,20 +11,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slam._jit import kernel
+from slam._jit import inlined, kernel
 
 _SLACK = 1e-9  # cells and segments are this much larger [m]: no ray slips through where two of them meet
 
 
 class SegmentGrid(NamedTuple):
-    """Segments, and for each cell the list of those that touch it."""
+    """Segments in the order of the cells that they touch; a segment that touches several cells is there several times,
+    so that a ray reads memory in a row."""
 
     segments: NDArray[np.float64]
-    """`(x0, y0, x1, y1)` [m], (segments, 4)."""
+    """`(x0, y0, x1, y1)` [m], (touches, 4)."""
     first: NDArray[np.int64]
-    """Cell k = row * cols + col holds `items[first[k] : first[k + 1]]`, (cells + 1,)."""
-    items: NDArray[np.int64]
-    """Indices into `segments`."""
+    """Cell k = row * cols + col is touched by `segments[first[k] : first[k + 1]]`, (cells + 1,)."""
     shape: tuple[int, int]
     """Rows and columns."""
     origin: tuple[float, float]
@@ -47,7 +46,7 @@ def _touches(segment, x_low, y_low, side):
 
 @kernel
 def bin_segments(segments, shape, origin, cell):
-    """`first` and `items` of a `SegmentGrid`; all segments must lie on the grid."""
+    """`first` of a `SegmentGrid` and which segments touch each cell (touches,); all must lie on the grid."""
     rows, cols = shape
     count = np.zeros(rows * cols + 1, np.int64)
     for fill in range(2):
@@ -76,7 +75,7 @@ def bin_segments(segments, shape, origin, cell):
     return first, items
 
 
-@kernel
+@inlined
 def distance_along(segment, x, y, cos, sin):
     """Distance [m] from (x, y) along (cos, sin) to the segment (4,); inf if the ray misses it or runs along it."""
     ax, ay = segment[0] - x, segment[1] - y
@@ -92,10 +91,10 @@ def distance_along(segment, x, y, cos, sin):
     return along if along >= 0.0 else np.inf
 
 
-@kernel
+@inlined
 def _cast_one(grid, x, y, cos, sin, reach):
-    """Distance [m] to the first segment and its index; inf and -1 if there is none within `reach` or the origin lies
-    off the grid."""
+    """Distance [m] to the first segment and its place in `grid.segments`; inf and -1 if there is none within `reach`
+    or the origin lies off the grid."""
     rows, cols = grid.shape
     gx, gy = (x - grid.origin[0]) / grid.cell, (y - grid.origin[1]) / grid.cell
     col, row = int(np.floor(gx)), int(np.floor(gy))
@@ -110,9 +109,9 @@ def _cast_one(grid, x, y, cos, sin, reach):
     while 0 <= row < rows and 0 <= col < cols and entered <= min(best, reach):
         k = row * cols + col
         for i in range(grid.first[k], grid.first[k + 1]):
-            distance = distance_along(grid.segments[grid.items[i]], x, y, cos, sin)
+            distance = distance_along(grid.segments[i], x, y, cos, sin)
             if distance < best:
-                best, best_segment = distance, grid.items[i]
+                best, best_segment = distance, i
         if to_col < to_row:
             entered, to_col, col = to_col, to_col + col_pitch, col + col_step
         else:
@@ -124,16 +123,15 @@ def _cast_one(grid, x, y, cos, sin, reach):
 
 @kernel
 def cast_rays(grid, origins, directions, reach):
-    """Distances [m] (rays,) and angles of incidence [rad] (rays,) of rays from `origins` (rays, 2) [m] along
+    """Distances [m] (rays,) and cosines of the angle of incidence (rays,) of rays from `origins` (rays, 2) [m] along
     `directions` (rays,) [rad]; inf where nothing lies within `reach` [m]."""
     n = directions.shape[0]
-    distances, incidence = np.empty(n), np.empty(n)
+    distances, cos_incidence = np.empty(n), np.zeros(n)
     for i in range(n):
         cos, sin = np.cos(directions[i]), np.sin(directions[i])
         distances[i], s = _cast_one(grid, origins[i, 0], origins[i, 1], cos, sin, reach)
-        incidence[i] = 0.0
         if s >= 0:
             ex = grid.segments[s, 2] - grid.segments[s, 0]
             ey = grid.segments[s, 3] - grid.segments[s, 1]
-            incidence[i] = np.arcsin(min(abs(cos * ey - sin * ex) / np.hypot(ex, ey), 1.0))
-    return distances, incidence
+            cos_incidence[i] = abs(cos * ey - sin * ex) / np.sqrt(ex * ex + ey * ey)
+    return distances, cos_incidence

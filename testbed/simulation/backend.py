@@ -28,8 +28,9 @@ class Hits(NamedTuple):
 
     distances: NDArray[np.float64]
     """From the origin to the first surface [m], (rays,); inf where there is none within reach."""
-    incidence: NDArray[np.float64]
-    """Angle between ray and surface [rad] in [0, pi/2], (rays,); pi/2 = head on; undefined where nothing was hit."""
+    cos_incidence: NDArray[np.float64]
+    """Cosine of the angle between ray and the surface's normal, (rays,); 1 = head on, 0 = along the surface;
+    undefined where nothing was hit."""
 
 
 class Limits(NamedTuple):

@@ -53,5 +53,5 @@ def segment_grid(segments: NDArray[np.float64], cell: float = _CELL) -> SegmentG
     cols, rows = np.ceil((high - low) / cell).astype(int).tolist()
     origin = (float(low[0]), float(low[1]))
     segments = np.ascontiguousarray(segments, dtype=np.float64)
-    first, items = bin_segments(segments, (rows, cols), origin, cell)
-    return SegmentGrid(segments, first, items, (rows, cols), origin, cell)
+    first, touching = bin_segments(segments, (rows, cols), origin, cell)
+    return SegmentGrid(segments[touching], first, (rows, cols), origin, cell)

@@ -71,7 +71,7 @@ def optics_of(preset: LidarPreset, layers: LidarLayers) -> Optics:
         spot=math.radians(preset.spot_deg) * layers.mixed_pixels,
         field_of_view=math.radians(preset.field_of_view_deg),
         full_turn=preset.field_of_view_deg == 360.0,
-        grazing=math.radians(preset.grazing_deg) * layers.grazing,
+        grazing=math.sin(math.radians(preset.grazing_deg)) * layers.grazing,
         short_return_rate=preset.short_return_rate * layers.short_returns,
         noise_floor=preset.noise_floor * layers.range_noise,
         noise_share=preset.noise_share * layers.range_noise,
@@ -109,8 +109,8 @@ class Lidar:
 
     def sweep(self) -> Sweep:
         """Beams of the next scan."""
-        self._numbers.advance()
-        normal = self._numbers.current(0)[1]
+        self._uniform, self._normal = self._numbers.next_of(0)
+        normal = self._normal
         preset, layers, angles = self._preset, self._layers, self._angles
         if layers.beam_count and preset.beam_jitter > 0.0:
             count = round(preset.beams * (1.0 + preset.beam_jitter * normal[-1]))
@@ -126,12 +126,11 @@ class Lidar:
 
         As in ROS REP 117: inf = no return, -inf = nearer than `range_min`, NaN = lost.
         """
-        uniform, normal = self._numbers.current(0)
         readings: NDArray[np.float64] = read_beams(
             hits.distances,
-            hits.incidence,
-            uniform.reshape(2, -1),
-            normal[self._most_beams : -1],
+            hits.cos_incidence,
+            self._uniform.reshape(2, -1),
+            self._normal[self._most_beams : -1],
             self._optics,
             self._device[:2],
         )

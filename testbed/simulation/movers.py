@@ -192,11 +192,11 @@ class Movers:
         if not self:
             return hits
         positions = times / self._period - self._first_index
-        distances, incidence = nearest_mover(
+        distances, cos_incidence = nearest_mover(
             np.array(self._circles), np.array(self._segments), positions, origins, directions
         )
         nearer = distances < hits.distances
-        return Hits(np.where(nearer, distances, hits.distances), np.where(nearer, incidence, hits.incidence))
+        return Hits(np.where(nearer, distances, hits.distances), np.where(nearer, cos_incidence, hits.cos_incidence))
 
     def forget_before(self, time: float) -> None:
         """Drop what was before `time` [s]."""

@@ -14,7 +14,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
-
 from numpy.typing import NDArray
 
 from slam.se2 import Pose
@@ -122,7 +121,6 @@ class Odometry:
 
     def advance(self, left: float, right: float) -> Pose:
         """The pose after the wheels have turned to these angles since the beginning [rad]."""
-        self._numbers.advance()
-        uniform, normal = self._numbers.current(0)
+        uniform, normal = self._numbers.next_of(0)
         read_wheels(self._odometer, (left, right), uniform, normal, self._believed, self._encoders)
         return self.pose

@@ -29,21 +29,28 @@ class RandomRows:
         self._generators: list[Generator | None] = [None] * robots
 
     def seed(self, robot: int, rng: Generator) -> None:
-        """Start that robot's sequence anew; the next `advance` leads to its first row."""
+        """Start that robot's sequence anew; the next step leads to its first row."""
         self._generators[robot] = rng
         self.row[robot] = self._rows - 1
 
-    def advance(self, robots: NDArray[np.intp] | slice = slice(None)) -> None:
+    def advance(self, robots: NDArray[np.intp]) -> None:
         """Go on to the next row of these robots (indices), all of which were seeded."""
         self.row[robots] += 1
         for robot in np.flatnonzero(self.row == self._rows).tolist():
-            generator = self._generators[robot]
-            assert generator is not None
-            generator.random(out=self.uniform[robot])
-            generator.standard_normal(out=self.normal[robot])
-            self.row[robot] = 0
+            self._refill(robot)
 
-    def current(self, robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The current row of that robot: uniform (uniforms,) and normal (normals,) numbers; valid until `advance`."""
-        row = self.row[robot]
+    def next_of(self, robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The next row of one robot: uniform (uniforms,) and normal (normals,) numbers, valid until it is refilled."""
+        row = int(self.row[robot]) + 1
+        self.row[robot] = row
+        if row == self._rows:
+            self._refill(robot)
+            row = 0
         return self.uniform[robot, row], self.normal[robot, row]
+
+    def _refill(self, robot: int) -> None:
+        generator = self._generators[robot]
+        assert generator is not None
+        generator.random(out=self.uniform[robot])
+        generator.standard_normal(out=self.normal[robot])
+        self.row[robot] = 0

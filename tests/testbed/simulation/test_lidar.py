@@ -31,7 +31,7 @@ def ranges(layer, distances, incidence=math.pi / 2, scans=20, seed=0):
 def scan(lidar, distances, incidence=math.pi / 2):
     """Readings (beams,) of the lidar's next scan."""
     lidar.sweep()
-    return lidar.ranges(Hits(distances, np.full(len(distances), incidence)))
+    return lidar.ranges(Hits(distances, np.full(len(distances), math.sin(incidence))))
 
 
 def test_without_layers_readings_are_exact_and_limits_half_open():

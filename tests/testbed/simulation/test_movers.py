@@ -65,9 +65,9 @@ def test_the_lidar_sees_legs_and_doors_where_they_are():
     segments = np.array([[[-3.0, -1.0, -3.0, 1.0]], [[-3.0, -1.0, -3.0, 1.0]]])
     origins, positions = np.zeros((4, 2)), np.array([0.0, 1.0, 0.5, 0.0])
     directions = np.array([0.0, 0.0, np.pi, np.pi / 2])
-    distances, incidence = nearest_mover(circles, segments, positions, origins, directions)
+    distances, cos_incidence = nearest_mover(circles, segments, positions, origins, directions)
     np.testing.assert_allclose(distances, [1.9, 3.9, 3.0, np.inf])
-    np.testing.assert_allclose(incidence[:3], np.pi / 2, atol=1e-12)
+    np.testing.assert_allclose(cos_incidence[:3], 1.0, atol=1e-12)
     grazing = math.asin(0.1 / 2.0) * 0.99
     beam = nearest_mover(circles, segments, np.zeros(1), np.zeros((1, 2)), np.array([grazing]))
     assert beam[0][0] == pytest.approx(2.0, abs=0.02)
