@@ -4,15 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from eval.association import associate
 from eval.map_server import read_map
 from eval.relations import read_relations
-from eval.trajectory import Trajectory
 from eval.tum import read_tum
 from testbed.cli.console import console
 from testbed.cli.ending import carry_out
@@ -21,6 +16,7 @@ from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run import Job
+from testbed.truth import with_truth
 from testbed.views import Scene
 
 
@@ -54,7 +50,7 @@ def slam(
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
     truth_map = log / "truth_map.yaml"  # beside the recording in a dataset of ours
     known_relations = None if relations is None else read_relations(relations)
-    frames = recording.frames if truth is None else _with_truth(recording.frames, read_tum(truth))
+    frames = recording.frames if truth is None else with_truth(recording.frames, read_tum(truth))
     settings = {
         "log": log.resolve(),
         "relations": relations and relations.resolve(),
@@ -105,13 +101,3 @@ class _Counter(Iterator[Frame]):
             raise StopIteration
         self._taken += 1
         return self._frames[self._taken - 1]
-
-
-def _with_truth(frames: list[Frame], truth: Trajectory) -> list[Frame]:
-    """The frames with the truth of their stamps, where there is one; ValueError where there is none at all."""
-    at = Trajectory(np.array([frame.stamp for frame in frames]), np.array([frame.odometry for frame in frames]))
-    found = associate(at, truth)
-    complete = list(frames)
-    for row, pose in zip(found.rows.tolist(), found.reference.poses, strict=True):
-        complete[row] = replace(frames[row], truth=pose)
-    return complete
