@@ -73,6 +73,8 @@ class RelationError:
     """Pairs further apart; None where there are none."""
     unmatched: int
     """Relations with a stamp that the trajectory does not have."""
+    covered: float
+    """Share of the relations between stamps that lie within the trajectory's time, 0 to 1: below 1 it ends early."""
     tolerance: float
     """Stamps were equal within this [s]."""
     matched: NDArray[np.intp]
@@ -142,17 +144,19 @@ def relation_error(trajectory: Trajectory, relations: Relations, *, tolerance: f
     error = between(relations.poses[matched], motion)
     translation, rotation = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(error[:, 2]))
     short = np.abs(relations.second - relations.first)[matched] <= SHORT
-    notes = _repeated(trajectory, poses, stamps)
+    times = np.column_stack([relations.first, relations.second])
+    within = ((times >= stamps[0] - tolerance) & (times <= stamps[-1] + tolerance)).all(axis=1)
     return RelationError(
         all=_pair_errors(translation, rotation),
         short=_pair_errors(translation[short], rotation[short]) if short.any() else None,
         loops=_pair_errors(translation[~short], rotation[~short]) if not short.all() else None,
         unmatched=len(relations) - len(matched),
+        covered=float(within.mean()),
         tolerance=tolerance,
         matched=matched,
         translation_errors=translation,
         rotation_errors=rotation,
-        notes=notes,
+        notes=_repeated(trajectory, poses, stamps),
     )
 
 

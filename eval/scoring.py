@@ -214,6 +214,7 @@ def _relations_metrics(error: RelationError) -> Metrics:
     return {
         **_pairs(error.all),
         "unmatched": error.unmatched,
+        "covered_share": error.covered,
         "tolerance_s": error.tolerance,
         "short": _pairs(error.short) if error.short else None,
         "loops": _pairs(error.loops) if error.loops else None,

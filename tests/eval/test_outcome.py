@@ -4,14 +4,14 @@
 import numpy as np
 import pytest
 
-from eval.association import associate
+from eval.association import associate, covered_share
 from eval.outcome import (
     evidence_from_relations,
     evidence_from_truth,
     judge,
     loop_pairs,
 )
-from eval.relations import read_relations, relation_error
+from eval.relations import Relations, read_relations, relation_error
 from eval.trajectory import Trajectory
 from eval.tum import read_tum
 from slam.se2 import between, compose
@@ -24,8 +24,12 @@ MOTIONS = np.concatenate([POSES[:1], between(POSES[:-1], POSES[1:])])
 
 
 def label(motions=MOTIONS, ended=None) -> str:
-    estimate = Trajectory(TRUTH.stamps, chain(motions))
-    return judge(evidence_from_truth(associate(estimate, TRUTH)), ended).label
+    return label_of(Trajectory(TRUTH.stamps, chain(motions)), ended)
+
+
+def label_of(estimate: Trajectory, ended=None) -> str:
+    matched = associate(estimate, TRUTH)
+    return judge(evidence_from_truth(matched, covered_share(matched, TRUTH)), ended).label
 
 
 def changed(row: int, by) -> np.ndarray:
@@ -47,6 +51,33 @@ def test_a_jump_of_a_metre_or_a_sudden_quarter_turn_is_lost():
 
 def test_a_turn_too_small_to_be_lost_that_no_loop_mends_is_a_broken_loop():
     assert label(changed(400, [0.0, 0.0, np.radians(12.0)])) == "broken loop"
+
+
+def test_one_pose_that_is_wrong_by_chance_is_not_lost():
+    poses = POSES.copy()
+    poses[300, :2] += 0.9
+    assert label_of(Trajectory(TRUTH.stamps, poses)) == "ok"
+
+
+def test_an_estimate_that_stops_or_ends_on_the_way_is_lost():
+    row = 6 * len(POSES) // 10
+    stopped = POSES.copy()
+    stopped[row:] = stopped[row]
+    assert label_of(Trajectory(TRUTH.stamps, stopped)) == "lost"
+    assert label_of(TRUTH[:row]) == "lost"
+    assert label_of(TRUTH[len(POSES) - row :]) == "lost"
+    assert label_of(TRUTH[::7]) == "ok"  # fewer poses are no fault
+
+
+def test_an_estimate_that_ends_on_the_way_is_lost_by_relations_too():
+    first = np.arange(0, len(POSES) - 10, 5)
+    relations = Relations(TRUTH.stamps[first], TRUTH.stamps[first + 10], between(POSES[first], POSES[first + 10]))
+    for end, expected in ((len(POSES), "ok"), (6 * len(POSES) // 10, "lost")):
+        error = relation_error(TRUTH[:end], relations)
+        assert error.covered == pytest.approx(end / len(POSES), abs=0.02)
+        assert judge(evidence_from_relations(error, relations)).label == expected
+    holes = relation_error(TRUTH[np.arange(len(POSES)) % 5 == 0], relations)  # stamps that are missing in between
+    assert holes.covered > 0.99
 
 
 def test_a_path_that_is_stretched_by_a_few_percent_drifts():
