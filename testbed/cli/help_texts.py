@@ -53,6 +53,26 @@ testbed report runs/office-20250101-120000
 testbed report runs/a runs/b runs/c --out comparison.html
 ```
 """,
+    "sweep": """How many particles? Accuracy over worlds, seeds, variants and particle counts, with intervals.
+
+Every count and variant of a world and seed gets the same data, so differences are paired. The results go into a
+directory: sweep.html, figures, tables. A sweep that was killed goes on where it was by the same command.
+
+```
+testbed sweep --worlds office,loop --particles 1,2,5,10,20,50,100 --seeds 10 --out sweep
+testbed sweep --worlds office --particles 5,30 --axis odometry.grade=good,poor --out grades
+testbed sweep --preset particles --out study
+testbed sweep study.toml --out study --shard 0/8
+```
+""",
+    "gather": """Tables and report of a sweep from its cells.
+
+Names the cells that are missing or have failed, and exits with 1 if there are any.
+
+```
+testbed gather sweep
+```
+""",
     "view": """Open the recording of a run in the Rerun viewer.
 
 ```

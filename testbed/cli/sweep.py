@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: MIT
+"""`testbed sweep`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from testbed.cli.console import announce_compilation, console, results
+from testbed.cli.gather import gather_and_report
+from testbed.cli.options import FLAG
+from testbed.cli.status import GATE_FAILED, INTERRUPTED
+from testbed.cli.sweep_progress import sweep_progress
+from testbed.rundir import default_directory
+from testbed.sweep.cluster import run_on_cluster
+from testbed.sweep.errors import SweepError
+from testbed.sweep.execute import Executor, execute, pending, prepare
+from testbed.sweep.plan import Shard
+from testbed.sweep.pool import run_locally
+from testbed.sweep.spec import SweepSpec, parse_spec, parsed_axes, read_document, read_preset
+from testbed.sweep.store import SweepDirectory
+from testbed.sweep.worker_process import Limits
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What is to be computed: a preset or flags; flags win over a file and over a preset."""
+
+    preset: str | None = None
+    """Specification that comes with the package: particles, gate."""
+    worlds: str | None = None
+    """Worlds, separated by commas."""
+    particles: str | None = None
+    """Particle counts, separated by commas."""
+    seeds: int | None = None
+    """Number of seeds, from 0 on."""
+    axis: tuple[str, ...] = ()
+    """NAME=VALUE,VALUE: a setting with several values, one line of the plots each; may be repeated."""
+    set: tuple[str, ...] = ()
+    """NAME=VALUE: a setting of all cells; may be repeated."""
+
+    def document(self) -> dict[str, Any]:
+        """The flags that were given, as a specification's document."""
+        flags: dict[str, Any] = {}
+        if self.worlds is not None:
+            flags["worlds"] = _words(self.worlds)
+        if self.particles is not None:
+            flags["particles"] = _counts(self.particles)
+        if self.seeds is not None:
+            flags["seeds"] = self.seeds
+        if self.axis:
+            flags["axes"] = parsed_axes(self.axis)
+        return flags
+
+    def specification(self, file: Path | None, out: Path | None) -> SweepSpec:
+        """The specification of a file, a preset or flags alone, else of the sweep that `out` holds."""
+        if file is not None and self.preset is not None:
+            raise SweepError(f"{file} and --preset {self.preset}: expected one of the two")
+        if file is not None:
+            return self._with_flags(read_document(file), str(file), file.parent)
+        if self.preset is not None:
+            return self._with_flags(read_preset(self.preset), f"preset {self.preset}", Path())
+        if self == Asked() and out is not None:
+            return SweepDirectory.open(out).manifest.spec
+        return self._with_flags({}, "command line", Path())
+
+    def _with_flags(self, document: dict[str, Any], source: str, folder: Path) -> SweepSpec:
+        spec = parse_spec(document | self.document(), source, folder)
+        if not self.set:
+            return spec
+        settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
+        return parse_spec(spec.document() | {"settings": spec.settings | settings}, source, folder)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Execution:
+    """Who computes the cells; the results do not depend on it."""
+
+    workers: int | None = None
+    """Worker processes; default: one for each core."""
+    shard: str | None = None
+    """i/n: compute only part i of n, counted from 0; `testbed gather` puts the parts together."""
+    scheduler: str | None = None
+    """Address of a dask.distributed scheduler, such as tcp://host:8786, to compute the cells on its workers."""
+    time_limit: float = 3600.0
+    """Longest time that a cell may take [s]; then it counts as failed."""
+    memory_limit: float | None = None
+    """Most memory that a worker may take [MB]; default: its share of nine tenths of this machine's."""
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise SweepError(f"workers must be at least 1, got {self.workers}")
+        _ = self.limits, self.part
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of a cell."""
+        return Limits(seconds=self.time_limit, megabytes=self.memory_limit)
+
+    @property
+    def part(self) -> Shard | None:
+        """The shard that was asked for."""
+        return None if self.shard is None else Shard.parse(self.shard)
+
+    @property
+    def executor(self) -> Executor:
+        """Who was asked to compute the cells."""
+        if self.scheduler is not None:
+            return partial(run_on_cluster, address=self.scheduler, limits=self.limits)
+        return partial(run_locally, workers=self.workers or os.cpu_count() or 1, limits=self.limits)
+
+
+ASKED = Asked()
+EXECUTION = Execution()
+
+
+def sweep(
+    spec: Path | None = None,
+    /,
+    *,
+    asked: Asked = ASKED,
+    out: Path | None = None,
+    execution: Execution = EXECUTION,
+    plan: Annotated[bool, FLAG] = False,
+) -> int:
+    """Accuracy against particle count, over worlds or logs, seeds and variants, with intervals.
+
+    Parameters
+    ----------
+    spec
+        TOML file that says what is to be computed (docs/sweep.md).
+    out
+        Directory of the sweep; the same command goes on where a killed one was. Default: a new one below runs/.
+    plan
+        Say what would be computed, and compute nothing.
+    """
+    specification = asked.specification(spec, out)
+    if plan:
+        results.print(f"{specification.size} cells: {_extent(specification)}")
+        return 0
+    directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
+    part = execution.part
+    with directory.locked(part):
+        cells = pending(directory, costs, part)
+        if execution.scheduler is None:
+            announce_compilation()
+        try:
+            with sweep_progress(cells, costs) as progress:
+                execute(directory, cells, execution.executor, progress)
+        except KeyboardInterrupt:
+            left = len(pending(directory, costs, part))
+            console.print(f"interrupted: {left} cells are left; testbed sweep --out {directory.path} goes on with them")
+            return INTERRUPTED
+    if part is not None:
+        failed = sum(directory.reason(cell.key) is not None for cell in cells)
+        results.print(f"{directory.path}: shard {part} is done, {failed} cells failed; after the last: testbed gather")
+        return GATE_FAILED if failed else 0
+    return gather_and_report(directory)
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _counts(text: str) -> list[int]:
+    words = _words(text)
+    if not all(word.isdecimal() for word in words):
+        raise SweepError(f"--particles {text}: expected whole numbers such as 1,5,30")
+    return list(map(int, words))
+
+
+def _extent(spec: SweepSpec) -> str:
+    places = [*spec.worlds, *(log.name for log in spec.logs)]
+    lines = ", ".join(line.name for line in spec.lines())
+    counts = ", ".join(map(str, spec.particles))
+    return f"{', '.join(places)}; {len(spec.seeds)} seeds; {lines}; {counts} particles"

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: MIT
+"""From a specification to cells: which there are, which is the most work, which belong to a shard."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbed.formats import open_log
+from testbed.sweep.cell import Cell
+from testbed.sweep.errors import SweepError
+from testbed.sweep.settings import RunSettings
+from testbed.sweep.spec import LogSource, SweepSpec
+
+_WITHOUT_PARTICLES = 5.0
+"""Simulating, scoring and starting cost as much as this many particles (measured, docs/sweep.md)."""
+_PROPOSAL_COSTS = {"improved": 1.0, "scan-match": 0.7, "motion": 0.7}
+"""Time per particle by `filter.proposal.kind`, relative (measured)."""
+
+
+def file_digest(path: str | Path) -> str:
+    """SHA-256 of a file, or of the names and contents of all files of a directory."""
+    path = Path(path)
+    if not path.is_dir():
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for part in sorted(p for p in path.rglob("*") if p.is_file()):
+        digest.update(f"{part.relative_to(path).as_posix()}\0{file_digest(part)}\n".encode())
+    return digest.hexdigest()
+
+
+def input_digests(spec: SweepSpec) -> dict[str, str]:
+    """Digests of all files that a sweep reads, by path; files of the packages count as code.
+
+    Raises OSError where one cannot be read.
+    """
+    paths: set[str] = set()
+    for log in spec.logs:
+        paths |= {path for path in (log.log, log.relations, log.truth) if path is not None}
+    for world in spec.worlds:
+        for line in spec.lines():
+            paths |= {str(path) for path in RunSettings.of(line.settings).simulator.files(world)}
+    maps = {str(image) for path in paths if path.endswith((".yaml", ".yml")) for image in _map_images(Path(path))}
+    return {path: file_digest(path) for path in sorted(paths | maps)}
+
+
+def _map_images(yaml_file: Path) -> list[Path]:
+    """Pictures beside a ROS map's `.yaml`: which of them it names is the reader's business."""
+    return [path for path in sorted(yaml_file.parent.iterdir()) if path.suffix in {".pgm", ".png"}]
+
+
+def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
+    """All cells in the order of the tables: places, lines, particle counts, seeds."""
+    sources: list[tuple[str, dict[str, Any]]] = [(Path(world).stem, {"world": world}) for world in spec.worlds]
+    sources += [(log.name, log.model_dump(exclude_none=True)) for log in spec.logs]
+    names = [name for name, _ in sources]
+    if len(set(names)) < len(names):
+        raise SweepError(f"two places of one name: {', '.join(names)}; expected different names of files")
+    return [
+        Cell(
+            place=name,
+            source=source,
+            line=line.name,
+            settings=line.settings,
+            particles=particles,
+            seed=seed,
+            inputs={path: inputs[path] for path in _read_by(source, line.settings.values(), inputs)},
+            code=code,
+        )
+        for name, source in sources
+        for line in spec.lines()
+        for particles in spec.particles
+        for seed in spec.seeds
+    ]
+
+
+def _read_by(source: Mapping[str, Any], settings: Iterable[Any], inputs: Mapping[str, str]) -> list[str]:
+    """Files that one cell reads: those it names, and the pictures beside a map."""
+    words = {word for value in (*source.values(), *settings) if isinstance(value, str) for word in value.split(",")}
+    named = [path for path in inputs if path in words]
+    folders = {Path(path).parent for path in named if path.endswith((".yaml", ".yml"))}
+    pictures = [path for path in inputs if path.endswith((".pgm", ".png")) and Path(path).parent in folders]
+    return sorted({*named, *pictures})
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Predicted work of cells, in units that only compare: the longest are started first."""
+
+    lengths: Mapping[str, float]
+    """Of each place: path of the tour [m], or number of scans of the log."""
+
+    @classmethod
+    def of(cls, spec: SweepSpec) -> Costs:
+        """Load each place once; raises WorldError, PresetError or LogError for what cannot be loaded.
+
+        Every combination of robot, lidar and backend is looked at too, so that a misspelt name is told at once.
+        """
+        lengths = {log.name: _log_length(log) for log in spec.logs}
+        for world in spec.worlds:
+            for line in spec.lines():
+                simulator = RunSettings.of(line.settings).simulator
+                simulator.simulation(seed=0)
+                if (name := Path(world).stem) not in lengths:
+                    way = simulator.place(world).path()
+                    lengths[name] = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+        return cls(lengths)
+
+    def __call__(self, cell: Cell) -> float:
+        """Predicted work of one cell."""
+        factor = _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
+        return self.lengths[cell.place] * (_WITHOUT_PARTICLES + factor * cell.particles)
+
+
+def _log_length(log: LogSource) -> float:
+    return float(open_log(log.log, laser_offset=log.laser_offset, range_max=log.range_max).scan_count)
+
+
+def by_work(cells: Sequence[Cell], costs: Costs) -> list[Cell]:
+    """The cells with the most work first; equal ones keep their order."""
+    return sorted(cells, key=lambda cell: -costs(cell))
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part `index` of `count` of a sweep, counted from 0."""
+
+    index: int
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.count < 1 or not 0 <= self.index < self.count:
+            raise SweepError(f"shard {self}: expected 0/{self.count} to {self.count - 1}/{self.count}")
+
+    def __str__(self) -> str:
+        return f"{self.index}/{self.count}"
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """From `i/n`; raises SweepError."""
+        index, slash, count = text.partition("/")
+        if not (slash and index.isdecimal() and count.isdecimal() and int(count) > 0):
+            raise SweepError(f"shard {text!r}: expected i/n such as 0/8")
+        return cls(int(index), int(count))
+
+    def of(self, cells: Sequence[Cell]) -> list[Cell]:
+        """This shard's cells: dealt out one by one, so that a sequence sorted by work gives equal shares."""
+        return list(cells[self.index :: self.count])

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: MIT
+"""The directory of a sweep: what was asked for, a directory for each cell that is done, a file for each that failed.
+
+    sweep.toml                  specification, code version, digests of the input files, versions
+    cells/KEY/cell.json         the cell; metrics.json, curves.json: its result; timing.json: what it took
+    failed/KEY.json             the cell and the reason why it has no result
+
+Everything appears whole: written aside, then renamed. A directory with another name than a key was left by a process
+that was killed, and does not count.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import socket
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import TextIOWrapper
+from pathlib import Path
+from typing import Any
+
+from eval.files import write_aside
+from testbed.provenance import dump_toml, versions
+from testbed.sweep.cell import Cell
+from testbed.sweep.compute import CellResult
+from testbed.sweep.errors import SweepError
+from testbed.sweep.plan import Shard, plan
+from testbed.sweep.spec import SweepSpec, parse_spec
+
+MANIFEST = "sweep.toml"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """Content of `sweep.toml`: all that the cells follow from."""
+
+    spec: SweepSpec
+    code: str
+    inputs: Mapping[str, str]
+
+    def cells(self) -> list[Cell]:
+        """All cells, in the order of the tables."""
+        return plan(self.spec, self.code, self.inputs)
+
+    def document(self) -> dict[str, Any]:
+        """As TOML holds it."""
+        return {"code": self.code, "spec": self.spec.document(), "inputs": dict(self.inputs), "versions": versions()}
+
+
+@dataclass(frozen=True)
+class SweepDirectory:
+    """A directory that holds a sweep; made by `prepare`, or found by `open`."""
+
+    path: Path
+    manifest: Manifest
+
+    @classmethod
+    def prepare(cls, path: Path, manifest: Manifest) -> SweepDirectory:
+        """Make the directory, or go on in one that holds this very sweep.
+
+        Raises SweepError where it holds something else; the message tells the difference. Nothing is changed then.
+        """
+        if path.exists() and not path.is_dir():
+            raise SweepError(f"{path}: is a file, expected a directory")
+        if (path / MANIFEST).is_file():
+            _compare(path, cls.open(path).manifest, manifest)
+        elif path.is_dir() and any(path.iterdir()):
+            raise SweepError(f"{path}: is not empty and holds no sweep; choose another --out")
+        for folder in ("cells", "failed"):
+            (path / folder).mkdir(parents=True, exist_ok=True)
+        if not (path / MANIFEST).is_file():
+            with write_aside(path / MANIFEST) as aside:
+                aside.write_text(dump_toml(manifest.document()), encoding="utf-8")
+        return cls(path, manifest)
+
+    @classmethod
+    def open(cls, path: Path) -> SweepDirectory:
+        """The sweep that a directory holds; raises SweepError where there is none."""
+        file = path / MANIFEST
+        try:
+            document = tomllib.loads(file.read_text(encoding="utf-8"))
+            code, inputs = str(document["code"]), dict(document.get("inputs", {}))
+            spec = parse_spec(document["spec"], str(file), path)
+        except FileNotFoundError:
+            raise SweepError(f"{path}: expected the directory of a sweep, with {MANIFEST} in it") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+            raise SweepError(f"{file}: {error}: expected what `testbed sweep` writes") from None
+        return cls(path, Manifest(spec, code, inputs))
+
+    @contextmanager
+    def locked(self, shard: Shard | None) -> Iterator[None]:
+        """Keep other processes from the same cells while the block runs; raises SweepError where one has them.
+
+        A whole sweep excludes everybody else, a shard the same shard and whole sweeps. The kernel lets go of a lock
+        when its process ends, however it ends, so that none is ever left behind.
+        """
+        with (self.path / ".lock").open("a+") as everybody:
+            _lock(everybody, fcntl.LOCK_EX if shard is None else fcntl.LOCK_SH, self.path)
+            if shard is None:
+                _sign(everybody)
+                yield
+                return
+            everybody.truncate(0)  # whoever signed it has gone
+            with (self.path / f".lock-{shard.index}-of-{shard.count}").open("a+") as own:
+                _lock(own, fcntl.LOCK_EX, self.path)
+                _sign(own)
+                yield
+
+    def is_done(self, key: str) -> bool:
+        """Whether the result of a cell is there."""
+        return (self.path / "cells" / key).is_dir()
+
+    def keep(self, cell: Cell, result: CellResult) -> None:
+        """Write the result of a cell; if another process was faster, its equal result stays."""
+        target = self.path / "cells" / cell.key
+        aside = target.with_name(f".{cell.key}.{os.getpid()}.tmp")
+        shutil.rmtree(aside, ignore_errors=True)
+        aside.mkdir()
+        try:
+            for name, content in (("cell", cell.document()), *vars(result).items()):
+                (aside / f"{name}.json").write_text(dump_json(content), encoding="utf-8")
+            aside.rename(target)
+        except OSError:
+            shutil.rmtree(aside, ignore_errors=True)
+            if not target.is_dir():
+                raise
+        self._failure(cell.key).unlink(missing_ok=True)
+
+    def keep_failure(self, cell: Cell, reason: str) -> None:
+        """Write why a cell has no result."""
+        with write_aside(self._failure(cell.key)) as aside:
+            aside.write_text(dump_json({"cell": cell.document(), "reason": reason}), encoding="utf-8")
+
+    def result(self, key: str) -> CellResult | None:
+        """The result of a cell; None where there is none. Raises SweepError for damaged files."""
+        folder = self.path / "cells" / key
+        if not folder.is_dir():
+            return None
+        try:
+            parts = {name: json.loads((folder / f"{name}.json").read_bytes()) for name in CellResult.__annotations__}
+        except (OSError, ValueError) as error:
+            raise SweepError(f"{folder}: {error}; remove it, and the next sweep computes it again") from None
+        return CellResult(**parts)
+
+    def reason(self, key: str) -> str | None:
+        """Why a cell failed; None where it did not."""
+        try:
+            return str(json.loads(self._failure(key).read_bytes())["reason"])
+        except FileNotFoundError:
+            return None
+        except (ValueError, KeyError) as error:
+            raise SweepError(f"{self._failure(key)}: {error}; remove it") from None
+
+    def _failure(self, key: str) -> Path:
+        return self.path / "failed" / f"{key}.json"
+
+
+def dump_json(content: Any) -> str:
+    """JSON of which equal content gives equal bytes."""
+    return json.dumps(content, sort_keys=True, allow_nan=False, separators=(",", ":")) + "\n"
+
+
+def _lock(file: TextIOWrapper, kind: int, path: Path) -> None:
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.seek(0)
+        raise SweepError(
+            f"{path}: {file.read().strip() or 'a shard'} is at work on it; wait or choose another --out"
+        ) from None
+
+
+def _sign(file: TextIOWrapper) -> None:
+    """Leave word of who has the lock."""
+    file.truncate(0)
+    file.write(f"process {os.getpid()} on {socket.gethostname()}")
+    file.flush()
+
+
+def _compare(path: Path, there: Manifest, asked: Manifest) -> None:
+    """Raise SweepError with the difference where a directory holds another sweep than the one asked for."""
+    old, new = there.spec.document(), asked.spec.document()
+    differing = [key for key in {**old, **new} if key != "title" and old.get(key) != new.get(key)]
+    if differing:
+        words = "; ".join(f"{key}: {old.get(key, 'none')} there, {new.get(key, 'none')} asked" for key in differing)
+        raise SweepError(f"{path}: holds another sweep ({words}); choose another --out")
+    for file in sorted(there.inputs.keys() | asked.inputs.keys()):
+        if there.inputs.get(file) != asked.inputs.get(file):
+            raise SweepError(f"{file}: has changed since the sweep in {path} was begun; choose another --out")
+    if there.code != asked.code:
+        raise SweepError(
+            f"{path}: was begun with code version {there.code}, this is {asked.code}: results of both would be mixed; "
+            "choose another --out, or gather what is there"
+        )
