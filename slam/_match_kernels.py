@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam._cell_kernels import DIRECTION, mean_x, mean_y
 from slam._field_kernels import FAR
 from slam._jit import inlined, kernel
-from slam._map_kernels import in_tile, mean_x, mean_y
-from slam._tile_kernels import SHIFT
+from slam._tile_kernels import SHIFT, in_tile, tile_at
 
 LINES = np.array(
     [(0.0, 0.0)] + [(np.cos((k + 0.5) / 255.0 * np.pi), np.sin((k + 0.5) / 255.0 * np.pi)) for k in range(255)]
@@ -62,24 +62,24 @@ def wall_distances(grids, particle, x, y, theta, hits, far, out):
     end of the piece [m], the normal's two components. Where walls form no line the normal points at the end point;
     where there is no wall at all it is zero, so that such a beam pulls nowhere.
     """
-    table, field_table = grids.table[particle], grids.field_table[particle]
+    surface_table, field_table = grids.surface_table[particle], grids.field_table[particle]
     surfaces, nearest, cell = grids.surface, grids.nearest, grids.cell
-    rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
+    width, height = float(field_table.shape[1] << SHIFT), float(field_table.shape[0] << SHIFT)
     cos, sin = np.cos(theta) * grids.per_cell, np.sin(theta) * grids.per_cell
     x0, y0 = x * grids.per_cell - grids.corner[0], y * grids.per_cell - grids.corner[1]
     for k in range(hits.shape[0]):
         u = x0 + cos * hits[k, 0] - sin * hits[k, 1]
         v = y0 + sin * hits[k, 0] + cos * hits[k, 1]
         across, along, nx, ny = far, 0.0, 0.0, 0.0
-        if 0.0 <= u < columns and 0.0 <= v < rows:
+        if 0.0 <= u < width and 0.0 <= v < height:
             cx, cy = int(u), int(v)
-            code = np.int64(nearest[field_table[cy >> SHIFT, cx >> SHIFT], in_tile(cx, cy)])
-            if code != FAR:
-                cx += (code & 127) - 64
-                cy += (code >> 7) - 64
-                surface = surfaces[table[cy >> SHIFT, cx >> SHIFT], in_tile(cx, cy)]
+            word = np.int64(nearest[tile_at(field_table, cx, cy), in_tile(cx, cy)])
+            if word != FAR:
+                cx += (word & 127) - 64
+                cy += (word >> 7) - 64
+                surface = surfaces[tile_at(surface_table, cx, cy), in_tile(cx, cy)]
                 ex, ey = u - cx - mean_x(surface), v - cy - mean_y(surface)
-                direction = surface & np.uint32(0xFF)
+                direction = np.uint64(surface & DIRECTION)
                 if direction == 0:
                     length = max(np.sqrt(ex * ex + ey * ey), 1e-9)
                     across, nx, ny = length * cell, ex / length, ey / length

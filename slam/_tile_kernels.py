@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slam._jit import kernel
+from slam._jit import inlined, kernel
 
 SHIFT = 4
 SIDE = 1 << SHIFT
@@ -24,11 +24,40 @@ class Demand(NamedTuple):
     """The tiles that each particle is about to write."""
 
     tiles: NDArray[np.int32]
-    """Flat places in the table, (particles, table rows * columns); the first `count` of each row are valid."""
+    """Flat places in the table, (particles, table rows * columns + 1); the first `count` of each row are valid."""
     count: NDArray[np.int64]
     """Number of places, (particles,)."""
     seen: NDArray[np.uint8]
     """1 where the place is in the list, (particles, table rows * columns)."""
+
+
+@inlined
+def tile_at(table, cx, cy):
+    """Number of the tile that holds a cell, from one particle's table (rows, columns).
+
+    Unsigned, as all indices in inner loops: for signed ones numba compiles a test for negative values, which made
+    matching slower by a sixth (benchmark: tests/benchmarks).
+    """
+    return np.uint64(table[np.uint64(cy >> SHIFT), np.uint64(cx >> SHIFT)])
+
+
+@inlined
+def in_tile(cx, cy):
+    """Index of a cell in its tile."""
+    return np.uint64(((cy & MASK) << SHIFT) | (cx & MASK))
+
+
+@inlined
+def ask_for(place, tiles, count, seen):
+    """Put a place into one particle's list, if it is not in it; returns the new count.
+
+    Without a branch: numba drops the counting of references to arrays that are passed to an inlined function only
+    where that has a single path, and with it this would be eight times slower.
+    """
+    tiles[np.uint64(count)] = place
+    new = 1 - np.int64(seen[np.uint64(place)])
+    seen[np.uint64(place)] = 1
+    return count + new
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
-from slam._map_kernels import Rays
+from slam._ray_kernels import Rays
 from slam.scan import Scan
 
 

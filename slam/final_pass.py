@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._chain_kernels import add_odometry_steps, scan_equations, solve_chain
-from slam._map_kernels import Rays
 from slam._match_kernels import BeamModel
+from slam._ray_kernels import Rays
 from slam.beams import rays_of
 from slam.config import FilterConfig, MapConfig
 from slam.motion import motion_prior

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
-from slam._map_kernels import Rays
 from slam._match_kernels import BeamModel
 from slam._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Draws, Proposed, Search, propose
+from slam._ray_kernels import Rays
 from slam.ancestry import Ancestry
 from slam.beams import rays_of
 from slam.config import FilterConfig, GateConfig, MapConfig, MatchConfig
@@ -61,7 +61,7 @@ class StepReport:
     loop_closed: bool = False
     """Whether the best particle has just come back to a place that it left long ago."""
     seconds: dict[str, float] = field(default_factory=dict)
-    """Wall time of the stages: match (proposal and weights), map, resample."""
+    """Wall time of the stages: match (proposal), map, resample (with weights)."""
     proposed: Proposed | None = None
     """Samples, Gaussians and new poses of all particles before resampling; None for the first scan and for those
     that are not taken in."""
@@ -172,15 +172,15 @@ class GMapping:
         """One pass of Algorithm 1."""
         clock = [time.perf_counter()]
         proposed = self._propose(motion, rays)
-        self.maps.make_room(proposed.pose, rays)  # may refuse: before anything has changed
-        self._poses = proposed.pose.copy()
-        self._weights, evidence = self._weights.times(self.config.match.weight_share * proposed.log_gain)
         clock.append(time.perf_counter())
 
-        self.maps.register(self._poses, rays)
+        self.maps.register(proposed.pose, rays)  # may refuse: before anything has changed
+        clock.append(time.perf_counter())
+
+        self._poses = proposed.pose.copy()
+        self._weights, evidence = self._weights.times(self.config.match.weight_share * proposed.log_gain)
         self.ancestry.add(self._poses)
         self._spread = proposed.covariance
-        clock.append(time.perf_counter())
 
         ess, best, weights = self._weights.ess, self.best, self._weights.values
         pose, covariance = self._poses[best].copy(), self.covariance
@@ -270,7 +270,8 @@ class GMapping:
         heading = np.arctan2(weights @ np.sin(self._poses[:, 2]), weights @ np.cos(self._poses[:, 2]))
         away = np.column_stack([self._poses[:, :2], se2.wrap_angle(self._poses[:, 2] - heading)])
         away -= weights @ away
-        covariance: NDArray[np.float64] = (weights[:, None] * away).T @ away + np.tensordot(weights, self._spread, 1)
+        proposals = (weights @ self._spread.reshape(len(weights), 9)).reshape(3, 3)
+        covariance: NDArray[np.float64] = (weights[:, None] * away).T @ away + proposals
         return covariance
 
     @property

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,16 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam._field_kernels import LARGEST_OFFSET, demand_of_changes, update_fields
-from slam._map_kernels import (
-    HIT_SHIFT,
-    HITS,
-    VISITS,
-    Grids,
-    Rays,
-    demand_of_rays,
-    register_scans,
-)
+from slam._cell_kernels import VISITS, hits_of
+from slam._field_kernels import LARGEST_OFFSET, Disc, demand_of_changes, update_fields
+from slam._map_kernels import Changes, Grids, demand_of_scan, register_scans
+from slam._ray_kernels import Rays
 from slam._tile_kernels import SHIFT, SIDE
 from slam.config import MapConfig
 from slam.occupancy import OccupancyGrid
@@ -41,28 +36,34 @@ class ParticleMaps:
         """
         self.config = config
         self.threads = threads
-        self._walls = TilePool(particles, (np.uint16, np.uint32))
-        self._field = TilePool(particles, (np.int16,))
+        cells = SIDE * SIDE
+        self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
+        self._surface = TilePool(particles, [(np.uint32, cells)])
+        self._field = TilePool(particles, [(np.uint16, cells)])
         self._corner = np.zeros(2, np.int64)
-        self._radius = round(config.field_radius / config.cell)
-        if not 1 <= self._radius <= LARGEST_OFFSET:
+        radius = round(config.field_radius / config.cell)
+        if not 1 <= radius <= LARGEST_OFFSET:
             raise ValueError(
                 f"MapConfig.field_radius must be 1 to {LARGEST_OFFSET} cells of {config.cell} m, "
                 f"got {config.field_radius} m"
             )
-        offsets = np.arange(-self._radius, self._radius + 1)
-        dx, dy = np.meshgrid(offsets, offsets)
-        inside = dx**2 + dy**2 <= self._radius**2
-        self._disc: NDArray[np.int64] = np.ascontiguousarray(np.stack([dx[inside], dy[inside]], axis=-1))
+        rows = np.arange(-radius, radius + 1)
+        self._disc = Disc(radius, np.sqrt(radius**2 - rows**2).astype(np.int64))
+
+    @property
+    def _pools(self) -> tuple[TilePool, TilePool, TilePool]:
+        return self._counts, self._surface, self._field
 
     @property
     def grids(self) -> Grids:
         """The arrays that the kernels read; valid until the next change of the maps."""
-        counts, surface = self._walls.data
+        counts, walls = self._counts.data
         return Grids(
-            self._walls.table,
+            self._counts.table,
             counts,
-            surface,
+            walls,
+            self._surface.table,
+            self._surface.data[0],
             self._field.table,
             self._field.data[0],
             self._corner,
@@ -73,37 +74,35 @@ class ParticleMaps:
     @property
     def bytes_in_use(self) -> int:
         """Memory of all maps together [bytes]."""
-        return self._walls.bytes_in_use + self._field.bytes_in_use
+        return sum(pool.bytes_in_use for pool in self._pools)
 
     def register(self, poses: se2.Pose, rays: Rays) -> None:
         """Count one scan into every map; poses (particles, 3) of the robot in the map's frame.
 
         Raises:
-            ValueError: the map would become larger than `LARGEST_TABLE` tiles.
-        """
-        particles = len(poses)
-        self.make_room(poses, rays)
-        self.threads.run(demand_of_rays, particles, self.grids, poses, rays, self._walls.demand)
-        self._walls.make_private(self.threads)
-        changes = np.empty((particles, 512 + 2 * len(rays.hit)), np.int64)
-        count = np.zeros(particles, np.int64)
-        self.threads.run(register_scans, particles, self.grids, poses, rays, self.config.occupied_share, changes, count)
-        self.threads.run(demand_of_changes, particles, self.grids, changes, count, self._radius, self._field.demand)
-        self._field.make_private(self.threads)
-        self.threads.run(update_fields, particles, self.grids, changes, count, self._disc, self._radius)
-
-    def make_room(self, poses: se2.Pose, rays: Rays) -> None:
-        """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them.
-
-        Raises:
             ValueError: the map would become larger than `LARGEST_TABLE` tiles; it is then as it was before.
         """
-        reach = np.concatenate([rays.ends, rays.origins, np.zeros((1, 2))])
-        far = np.hypot(reach[:, 0], reach[:, 1]).max() + self._radius * self.config.cell
+        particles = len(poses)
+        self._make_room(poses, rays)
+        crossed, ended = self._counts.demand, self._surface.demand
+        self.threads.run(demand_of_scan, particles, self.grids, poses, rays, crossed, ended)
+        self._counts.make_private(self.threads)
+        self._surface.make_private(self.threads)
+        room = 512 + 2 * len(rays.hit)
+        changes = Changes(np.empty((particles, room), np.int64), np.zeros(particles, np.int64))
+        self.threads.run(register_scans, particles, self.grids, poses, rays, self.config.occupied_share, changes)
+        demand_of_changes(0, particles, self.grids, changes, self._disc.radius, self._field.demand)
+        self._field.make_private(self.threads)
+        self.threads.run(update_fields, particles, self.grids, changes, self._disc)
+
+    def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
+        """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
+        reach = np.concatenate([rays.ends, rays.origins])
+        far = math.sqrt(2.0) * float(np.abs(reach).max()) + self._disc.radius * self.config.cell
         tile = SIDE * self.config.cell
         low = np.floor((poses[:, :2].min(axis=0) - far) / tile)
         high = np.floor((poses[:, :2].max(axis=0) + far) / tile)
-        size = np.array(self._walls.table.shape[:0:-1])  # columns, rows
+        size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
         first = self._corner >> SHIFT if size.all() else low
         new_first, last = np.minimum(first, low), np.maximum(first + size - 1, high)
         if not np.prod(last - new_first + 1) <= LARGEST_TABLE:  # also where a reading or pose is not finite
@@ -115,23 +114,29 @@ class ParticleMaps:
         left, below = (int(n) for n in first - new_first)
         right, above = (int(n) for n in last - (first + size - 1))
         if left or below or right or above:
-            for pool in (self._walls, self._field):
+            for pool in self._pools:
                 pool.extend(below, above, left, right)
         self._corner = new_first.astype(np.int64) << SHIFT
 
     def descend(self, ancestors: NDArray[np.int64]) -> None:
         """Let particle i go on with the map of particle `ancestors[i]`."""
-        self._walls.descend(ancestors)
-        self._field.descend(ancestors)
+        for pool in self._pools:
+            pool.descend(ancestors)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All maps, as arrays."""
-        return {"map_corner": self._corner, **self._walls.state("walls"), **self._field.state("field")}
+        return {
+            "map_corner": self._corner,
+            **self._counts.state("counts"),
+            **self._surface.state("surface"),
+            **self._field.state("field"),
+        }
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `state` gave."""
         self._corner = state["map_corner"]
-        self._walls.restore("walls", state)
+        self._counts.restore("counts", state)
+        self._surface.restore("surface", state)
         self._field.restore("field", state)
 
     def occupancy(self, particle: int) -> OccupancyGrid:
@@ -146,7 +151,7 @@ class ParticleMaps:
         if len(rows) == 0:
             raise ValueError("the map is empty: no scan was taken in")
         counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        hits = ((counts >> HIT_SHIFT) & HITS).astype(np.float32)
+        hits = hits_of(counts).astype(np.float32)
         visits = (counts & VISITS).astype(np.float32)
         share = self.config.occupied_share
         log_odds = HIT_LOG_ODDS * (hits - (visits - hits) * share / (1.0 - share))
@@ -165,8 +170,8 @@ class ParticleMaps:
 
     def _dense(self, particle: int) -> NDArray[np.uint16]:
         """Counts words of one particle's whole table, (rows, columns) of cells."""
-        table = self._walls.table[particle]
-        tiles = self._walls.data[0][table].reshape(*table.shape, SIDE, SIDE)
+        table = self._counts.table[particle]
+        tiles = self._counts.data[0][table].reshape(*table.shape, SIDE, SIDE)
         dense: NDArray[np.uint16] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
         return dense
 

@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from slam._tile_kernels import SIDE, Demand, clear_demand, copy_tiles, make_private
+from slam._tile_kernels import Demand, clear_demand, copy_tiles, make_private
 from slam.parallel import Threads
+
+WORTH_SHARING = 4096
+"""Tiles to copy from which on it pays to wake another thread."""
 
 
 class TilePool:
@@ -20,11 +23,11 @@ class TilePool:
     for counts and surfaces, that are always written together.
     """
 
-    def __init__(self, particles: int, dtypes: tuple[DTypeLike, ...]) -> None:
-        """An empty table (particles, 0, 0) and one array (tiles, SIDE * SIDE) per dtype."""
+    def __init__(self, particles: int, layout: Sequence[tuple[DTypeLike, int]]) -> None:
+        """An empty table (particles, 0, 0) and one array (tiles, words) per (dtype, words) of the layout."""
         self.table: NDArray[np.int32] = np.zeros((particles, 0, 0), np.int32)
         self.references: NDArray[np.int32] = np.ones(1, np.int32)
-        self.data = [np.zeros((1, SIDE * SIDE), dtype) for dtype in dtypes]
+        self.data = [np.zeros((1, words), dtype) for dtype, words in layout]
         self._free: NDArray[np.int32] = np.zeros(1, np.int32)
         self._free_count = 0
         self.demand = self._no_demand()
@@ -32,7 +35,7 @@ class TilePool:
     def _no_demand(self) -> Demand:
         particles, rows, columns = self.table.shape
         return Demand(
-            tiles=np.zeros((particles, rows * columns), np.int32),
+            tiles=np.zeros((particles, rows * columns + 1), np.int32),
             count=np.zeros(particles, np.int64),
             seen=np.zeros((particles, rows * columns), np.uint8),
         )
@@ -45,7 +48,7 @@ class TilePool:
     @property
     def bytes_in_use(self) -> int:
         """Memory of the tiles in use and of the tables [bytes]."""
-        per_tile = sum(array.dtype.itemsize for array in self.data) * SIDE * SIDE
+        per_tile = sum(array.dtype.itemsize * array.shape[1] for array in self.data)
         return self.tiles_in_use * per_tile + self.table.nbytes
 
     def extend(self, below: int, above: int, left: int, right: int) -> None:
@@ -62,15 +65,21 @@ class TilePool:
         per_particle, self._free_count = make_private(
             self.table, self.references, self._free, self._free_count, self.demand, copies
         )
+        count = int(per_particle.sum())
         for array in self.data:
-            threads.run(copy_tiles, int(per_particle.sum()), array, copies)
+            if count < WORTH_SHARING:
+                copy_tiles(0, count, array, copies)
+            else:
+                threads.run(copy_tiles, count, array, copies)
         clear_demand(self.demand)
 
     def _grow(self, missing: int) -> None:
+        """Enlarge the pool by an eighth, in place: the system moves large blocks without a second copy of them."""
         old = len(self.references)
-        new = old + max(missing, old // 2, 64)
+        new = old + max(missing, old // 8, 64)
         self.references = np.concatenate([self.references, np.zeros(new - old, np.int32)])
-        self.data = [np.concatenate([array, np.zeros((new - old, array.shape[1]), array.dtype)]) for array in self.data]
+        for array in self.data:
+            array.resize((new, array.shape[1]), refcheck=False)  # nobody keeps a view beyond a call
         free = np.empty(new, np.int32)
         free[: self._free_count] = self._free[: self._free_count]
         free[self._free_count : self._free_count + new - old] = np.arange(new - 1, old - 1, -1)
@@ -97,7 +106,7 @@ class TilePool:
     def restore(self, name: str, state: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `state` gave."""
         self.table, self.references = state[f"{name}_table"], state[f"{name}_references"]
-        self.data = [state[f"{name}_data{k}"] for k in range(len(self.data))]
+        self.data = [np.array(state[f"{name}_data{k}"]) for k in range(len(self.data))]
         free = state[f"{name}_free"]
         self._free_count = len(free)
         self._free = np.zeros(len(self.references), np.int32)

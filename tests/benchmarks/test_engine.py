@@ -97,11 +97,12 @@ def test_map_update_after_resampling(benchmark, particles):
     stage = Stage(particles, 180)
 
     def share():
-        maps = copy.deepcopy(stage.mapper.maps._walls), copy.deepcopy(stage.mapper.maps._field)
-        stage.mapper.maps._walls, stage.mapper.maps._field = maps
+        stage.mapper.maps = copy.copy(stage.mapper.maps)
+        for pool in ("_counts", "_surface", "_field"):
+            setattr(stage.mapper.maps, pool, copy.deepcopy(getattr(stage.mapper.maps, pool)))
         stage.mapper.maps.descend(np.zeros(particles, np.int64))
 
-    benchmark.pedantic(stage.mapper.maps.register, (stage.guesses, stage.rays), setup=share, rounds=20)
+    benchmark.pedantic(lambda: stage.mapper.maps.register(stage.guesses, stage.rays), setup=share, rounds=20)
     per_particle(benchmark, particles)
 
 

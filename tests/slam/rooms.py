@@ -4,7 +4,8 @@
 import numpy as np
 
 from slam import Scan, se2
-from slam._map_kernels import HIT_SHIFT, HITS, VISITS, WALL, Rays
+from slam._cell_kernels import VISITS, hits_of
+from slam._ray_kernels import Rays
 from slam._tile_kernels import SIDE
 from slam.config import MapConfig
 from slam.parallel import Threads
@@ -62,12 +63,14 @@ def dense(table, data):
 
 def counts_of(maps, particle=0):
     """Hits, visits and wall flags of one particle's cells, (rows, columns) each."""
-    words = dense(maps.grids.table[particle], maps.grids.counts)
-    return (words >> HIT_SHIFT) & HITS, words & VISITS, words & WALL != 0
+    table = maps.grids.table[particle]
+    words = dense(table, maps.grids.counts)
+    walls = np.unpackbits(maps.grids.walls.view(np.uint8), axis=1, bitorder="little")
+    return hits_of(words), words & VISITS, dense(table, walls) == 1
 
 
 def word_at(maps, name, point, particle=0):
     """The word of the grid `name` at a point (2,) [m] of the map's frame."""
-    table = maps.grids.field_table if name == "nearest" else maps.grids.table
+    table = {"counts": maps.grids.table, "surface": maps.grids.surface_table, "nearest": maps.grids.field_table}[name]
     cx, cy = np.floor(np.asarray(point) / maps.grids.cell).astype(int) - maps.grids.corner
     return dense(table[particle], getattr(maps.grids, name))[cy, cx]

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam import se2
-from slam._map_kernels import Rays
+from slam._ray_kernels import Rays
 from slam.beams import rays_of
 from tests.slam.rooms import counts_of, dense, drive, empty_maps, rays, scan_at
 

@@ -135,8 +135,8 @@ def proposed(grids, hits, guesses, kind, *, prior, seed=0, failure_share=0.0, mo
 def repeated(maps_room, n):
     """Grids in which all n particles share one map."""
     grids, truth, hits = maps_room
-    table, field = (np.repeat(t[:1], n, axis=0) for t in (grids.table, grids.field_table))
-    return grids._replace(table=table, field_table=field), truth, hits
+    tables = ("table", "surface_table", "field_table")
+    return grids._replace(**{name: np.repeat(getattr(grids, name)[:1], n, axis=0) for name in tables}), truth, hits
 
 
 def test_motion_proposal_has_the_moments_of_the_motion_model(room):

@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 from hypothesis import assume, given, settings
 
-from slam._map_kernels import count_misses, tiles_on_rays
+from slam._ray_kernels import count_misses, tiles_on_rays
 from slam._tile_kernels import SHIFT, SIDE
 from tests.slam.reference import cells_on_segment, crossings
 from tests.slam.rooms import dense
@@ -31,7 +31,7 @@ def crossed(visits):
 
 def demanded(segments):
     """Tiles (x, y) that are demanded for the segments."""
-    tiles, seen = np.empty(TILES * TILES, np.int32), np.zeros(TILES * TILES, np.uint8)
+    tiles, seen = np.empty(TILES * TILES + 1, np.int32), np.zeros(TILES * TILES, np.uint8)
     count = tiles_on_rays(np.atleast_2d(segments), TILES, tiles, 0, seen)
     assert sorted(tiles[:count]) == np.flatnonzero(seen).tolist()
     return {(place % TILES, place // TILES) for place in tiles[:count].tolist()}

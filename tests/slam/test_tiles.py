@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from slam._map_kernels import Rays
+from slam._ray_kernels import Rays
 from slam._tile_kernels import SIDE
 from slam.parallel import Threads
 from slam.tiles import TilePool
@@ -35,7 +35,7 @@ class NaiveCopies(RuleBasedStateMachine):
     @initialize(rows=st.integers(1, 3), columns=st.integers(1, 3))
     def begin(self, rows, columns):
         self.threads = Threads(1)
-        self.pool = TilePool(self.PARTICLES, (np.int32, np.int16))
+        self.pool = TilePool(self.PARTICLES, [(np.int32, SIDE * SIDE), (np.int16, SIDE * SIDE)])
         self.pool.extend(rows, 0, columns, 0)
         self.copies = np.zeros((self.PARTICLES, rows, columns, SIDE * SIDE), np.int32)
         self.value = 0
@@ -105,7 +105,7 @@ def test_maps_of_particles_equal_maps_kept_apart(seed):
             ancestors = np.sort(rng.integers(0, particles, particles))
             maps.descend(ancestors)
             histories = [histories[a] for a in ancestors]
-        for pool in (maps._walls, maps._field):
+        for pool in maps._pools:
             assert_accounts_balance(pool)
     for particle, history in enumerate(histories):
         alone = empty_maps(1, cell=0.1)
@@ -124,15 +124,15 @@ def test_resampling_copies_no_tile_and_frees_those_of_the_dead():
     maps.register(np.zeros((4, 3)), rays)
     one = empty_maps(1, cell=0.1)
     one.register(np.zeros((1, 3)), rays)
-    assert maps._walls.tiles_in_use == 4 * one._walls.tiles_in_use
+    assert maps._counts.tiles_in_use == 4 * one._counts.tiles_in_use
     maps.descend(np.array([2, 2, 2, 2]))
-    assert maps._walls.tiles_in_use == one._walls.tiles_in_use
+    assert maps._counts.tiles_in_use == one._counts.tiles_in_use
     assert maps._field.tiles_in_use == one._field.tiles_in_use
     sizes = []
     for _ in range(20):  # freed tiles are used again; the pool has room for one scan of all particles to spare
         maps.register(np.zeros((4, 3)), rays)
         maps.descend(np.array([0, 0, 0, 0]))
-        sizes.append(len(maps._walls.references))
+        sizes.append(len(maps._counts.references))
     assert sizes[-1] == sizes[1]
 
 
@@ -141,7 +141,7 @@ def test_memory_is_that_of_the_tiles_in_use_and_the_tables():
     assert maps.bytes_in_use == 0
     maps.register(np.zeros((3, 3)), Rays(np.zeros((1, 2)), np.array([[0.55, 0.05]]), np.ones(1, bool)))
     rows, columns = maps.grids.table.shape[1:]
-    tables = 2 * 3 * rows * columns * 4
-    walls, field = maps._walls.tiles_in_use, maps._field.tiles_in_use
-    assert walls == 3
-    assert maps.bytes_in_use == tables + SIDE * SIDE * (walls * (2 + 4) + field * 2)
+    tables = 3 * 3 * rows * columns * 4
+    counts, surface, field = (pool.tiles_in_use for pool in maps._pools)
+    assert counts == surface == 3
+    assert maps.bytes_in_use == tables + SIDE * SIDE * (counts * 2 + surface * 4 + field * 2) + SIDE * counts * 2
