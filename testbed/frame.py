@@ -24,5 +24,7 @@ class Frame:
     twist: Pose | None = None
     """Velocity of the robot in its own frame while the scan was taken, as the odometry saw it
     `(vx, vy, omega)` [m/s, m/s, rad/s], (3,); None = unknown."""
+    command: tuple[float, float] | None = None
+    """Speed and turn rate that the robot was told to keep from `stamp` on [m/s, rad/s]; None = unknown."""
     truth: Pose | None = None
     """`T_world_robot` at `stamp`, if known, (3,). Never shown to the estimator."""

@@ -6,7 +6,7 @@ from worlds.difficulty import measure_difficulty
 from worlds.elements import Block, Box, Disc, Opening, Wall
 from worlds.errors import WorldError
 from worlds.files import catalogue, dumps, load
-from worlds.floor_plan import import_map, world_from_grid
+from worlds.floor_plan import import_map, is_map, map_image, world_from_grid
 from worlds.generators import KINDS, generate
 from worlds.movers import PERSON_RADIUS, Door, Person
 from worlds.raster import TrueMap, true_map
@@ -34,7 +34,9 @@ __all__ = [
     "dumps",
     "generate",
     "import_map",
+    "is_map",
     "load",
+    "map_image",
     "measure_difficulty",
     "plan_tour",
     "true_map",

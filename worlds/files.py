@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
 from worlds.errors import WorldError
-from worlds.floor_plan import import_map
+from worlds.floor_plan import import_map, is_map
 from worlds.movers import Door, Person
 from worlds.world import Difficulty, Start, Tour, World
 
@@ -50,7 +50,7 @@ def load(name_or_path: str | Path, *, footprint_radius: float = 0.0) -> World:
     Raises `WorldError`: unknown name (with the nearest names), unreadable file, misspelt key (with the nearest key),
     wrong type or unit, start inside a wall, open outline, tour too narrow.
     """
-    if Path(name_or_path).suffix in {".yaml", ".yml"}:
+    if is_map(name_or_path):
         world, place = import_map(name_or_path), str(name_or_path)
     else:
         text, place = _read(name_or_path)

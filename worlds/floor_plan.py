@@ -134,15 +134,29 @@ def import_map(path: str | Path, *, start: tuple[float, float, float] | None = N
     """
     path = Path(path)
     description = _read_yaml(path)
-    image = (path.parent / description.image).resolve()
-    if not image.is_relative_to(path.parent.resolve()):
-        raise WorldError(f"{path}: image {description.image!r} lies outside of the map's folder, expected a file in it")
-    grey = read_pgm(image)
+    grey = read_pgm(_image_beside(path, description))
     share = grey if description.negate else 1.0 - grey
     occupied = np.flipud(share > description.occupied_thresh)  # images begin at the top
     return world_from_grid(
         occupied, description.resolution, origin=description.origin, start=start, name=path.stem or "floor plan"
     )
+
+
+def is_map(path: str | Path) -> bool:
+    """Whether a file is meant to be a map_server map, by its name."""
+    return Path(path).suffix in {".yaml", ".yml"}
+
+
+def map_image(path: str | Path) -> Path:
+    """The image that a map_server map names. Raises `WorldError` as `import_map` does."""
+    return _image_beside(Path(path), _read_yaml(Path(path)))
+
+
+def _image_beside(path: Path, description: _MapFile) -> Path:
+    image = (path.parent / description.image).resolve()
+    if not image.is_relative_to(path.parent.resolve()):
+        raise WorldError(f"{path}: image {description.image!r} lies outside of the map's folder, expected a file in it")
+    return image
 
 
 def _read_yaml(path: Path) -> _MapFile:

@@ -17,7 +17,7 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
 
     Raises ValueError for a file that cannot be read; unknown keys are reported by cyclopts with the nearest names.
     """
-    _refuse_values_for_groups(arguments)
+    _settle_values_of_groups(arguments)
     option = next((argument for argument in arguments if argument.name == "--config"), None)
     if option is None or not option.tokens:
         return
@@ -29,10 +29,16 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
     Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
 
 
-def _refuse_values_for_groups(arguments: ArgumentCollection) -> None:
-    """`--driver 0.3` would set the first of the driver's settings: only `--driver.speed 0.3` says what is meant."""
+def _settle_values_of_groups(arguments: ArgumentCollection) -> None:
+    """`--driver recorded` means `--driver.kind recorded`, since a kind is what that group is. Of other groups a value
+    would set the first of their settings: only `--odometry.grade good` says what is meant."""
     for argument in arguments:
         own = [token for token in argument.tokens if token.keyword == argument.name and not token.keys]
-        if own and argument.children:
+        kind = next((child for child in argument.children if child.name == f"{argument.name}.kind"), None)
+        if own and kind is not None:
+            for token in own:
+                argument.tokens.remove(token)
+                kind.append(token.evolve(keyword=kind.name))
+        elif own and argument.children:
             names = ", ".join(child.name for child in argument.children)
             raise ValueError(f"{argument.name} {own[0].value}: takes no value of its own, expected one of {names}")

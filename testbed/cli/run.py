@@ -48,7 +48,7 @@ def run(
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
     )
-    with simulate(place, config) as simulation:
+    with simulator.steering(config) as driver, simulate(place, config, driver) as simulation:
         job = Job(
             frames=simulation,
             document=document,
@@ -68,4 +68,4 @@ def run(
 def _share_done(simulation: Simulation, duration: float | None) -> float:
     """Share of the drive that is behind the robot: of the tour, or of the time where that ends first."""
     of_time = 0.0 if duration is None else simulation.time / duration
-    return min(max(simulation.driver.share, of_time), 1.0)
+    return min(max(simulation.driver.share or 0.0, of_time), 1.0)

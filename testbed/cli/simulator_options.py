@@ -3,17 +3,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
 
+from testbed.cli.console import console
+from testbed.formats.commands import Command, read_commands
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
+from testbed.simulation.driver import Driver
 from testbed.simulation.pybullet_backend import import_pybullet
-from testbed.simulation.simulator import TOUR_CLEARANCE
-from worlds import World, load, plan_tour
+from testbed.simulation.recorded_driver import RecordedDriver
+from testbed.simulation.simulator import CONTROL_PERIOD, TOUR_CLEARANCE
+from worlds import World, is_map, load, map_image, plan_tour
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
@@ -33,11 +39,17 @@ class SimulatorOptions:
     duration: float | None = None
     """Longest simulated time [s]; default: until the tour is finished."""
     driver: Annotated[DriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=DriverConfig)
-    """How the tour is driven."""
+    """Who drives, and how."""
+    commands: Path | None = None
+    """Commands for --driver recorded: a dataset, a log with /cmd_vel, or a CSV table `stamp,speed,turn_rate`."""
     odometry: Annotated[OdometryConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=OdometryConfig)
     """Errors of the wheel odometry."""
     layers: Annotated[LidarLayers, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=LidarLayers)
     """Imperfections of the lidar."""
+
+    def __post_init__(self) -> None:
+        if (self.driver.kind == "recorded") != (self.commands is not None):
+            raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
 
     def simulation(self, seed: int) -> SimulationConfig:
         """Settings of the simulator; ValueError where the backend is not installed."""
@@ -62,15 +74,37 @@ class SimulatorOptions:
         return [name.strip() for name in self.lidar.split(",")]
 
     def place(self, world: str) -> World:
-        """The world of that name or file; one without a tour gets a tour of all the floor that the robot can reach."""
+        """The world of that name or file; where a tour is to be driven and it has none, it gets one of all the floor
+        that the robot can reach."""
         place = load(world)
-        if place.tour is not None:
+        if place.tour is not None or self.driver.kind != "tour":
             return place
         return plan_tour(place, footprint_radius=load_robot(self.robot).footprint_radius + TOUR_CLEARANCE)
 
+    @contextmanager
+    def steering(self, config: SimulationConfig) -> Iterator[Driver | None]:
+        """Who steers the robot while the block runs; None = whoever follows the tour."""
+        if self.driver.kind == "explore":
+            raise ValueError("--driver explore is not there yet, expected tour, recorded or teleop")
+        if self.driver.kind == "teleop":
+            from testbed.simulation.teleop_driver import HELP, TeleopDriver
+
+            with TeleopDriver(config.robot, config.driver) as driver:
+                console.print(HELP)
+                yield driver
+        else:
+            commands = self.recorded_commands()
+            yield None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
+
+    def recorded_commands(self) -> list[Command] | None:
+        """The commands to repeat, where that is asked for."""
+        return None if self.commands is None else read_commands(self.commands)
+
     def files(self, world: str) -> list[Path]:
-        """Which of world, robot and lidars are files of the user's own."""
-        return [path for path in map(Path, (world, self.robot, *self.lidars)) if path.is_file()]
+        """Which of world, robot, lidars and commands are files of the user's own; with the image of a ROS map."""
+        named = [Path(name) for name in (world, self.robot, *self.lidars, self.commands) if name is not None]
+        files = [path for path in named if path.is_file()]
+        return files + [map_image(path) for path in files[:1] if path == Path(world) and is_map(path)]
 
 
 SIMULATOR = SimulatorOptions()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""A driver that follows the world's tour by pure pursuit.
+"""Who steers the robot: what the simulator asks of a driver, and the one that follows the world's tour.
 
-It steers by the true pose, as a person with a joystick would: what is driven then does not depend on the estimator.
-Source: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
+The tour's driver steers by the true pose, as a person with a joystick would: what is driven then does not depend on
+the estimator. Source: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,11 @@ from testbed.presets import RobotPreset
 
 @dataclass(frozen=True, kw_only=True)
 class DriverConfig:
-    """How the tour is driven; the robot's own limits apply besides."""
+    """Who drives, and how; the robot's own limits apply besides."""
 
+    kind: Literal["tour", "explore", "recorded", "teleop"] = "tour"
+    """tour: along the tour of the world; explore: to the borders of what is mapped; recorded: the commands of
+    --commands; teleop: by keyboard, in real time."""
     speed: float = 0.45
     """Cruising speed [m/s]."""
     turn_rate: float = 1.0
@@ -43,6 +47,38 @@ class DriverConfig:
         for name in ("speed", "turn_rate", "acceleration", "turn_acceleration", "lookahead", "patience"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+
+class Driver(Protocol):
+    """Asked for a command once in every control period."""
+
+    @property
+    def finished(self) -> bool:
+        """The drive has come to its end as planned."""
+        ...
+
+    @property
+    def stuck(self) -> bool:
+        """The drive is given up."""
+        ...
+
+    @property
+    def share(self) -> float | None:
+        """Share of the drive that is behind the robot, 0 to 1; None where nobody knows its end."""
+        ...
+
+    @property
+    def recoveries(self) -> int:
+        """How often the robot had to free itself."""
+        ...
+
+    def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
+        """Speed [m/s] and turn rate [rad/s] for the robot that truly is at this pose at this time [s]."""
+        ...
+
+    def wait(self, stamp: float) -> tuple[float, float]:
+        """The command where someone stands in the robot's way: 0, 0. Time spent so does not count as being stuck."""
+        ...
 
 
 _PROGRESS = 0.05
@@ -72,8 +108,7 @@ class TourDriver:
         self._along = 0.0
         self._last_progress = (0.0, 0.0, 0.0)  # time, along, heading
         self._backing_until = -math.inf
-        self.recoveries = 0
-        """How often the robot had to back off."""
+        self._recoveries = 0
 
     @property
     def length(self) -> float:
@@ -93,7 +128,12 @@ class TourDriver:
     @property
     def stuck(self) -> bool:
         """Backing off did not help."""
-        return self.recoveries > self._config.max_recoveries
+        return self._recoveries > self._config.max_recoveries
+
+    @property
+    def recoveries(self) -> int:
+        """How often the robot had to back off."""
+        return self._recoveries
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
         """Speed [m/s] and turn rate [rad/s] for the robot at this pose and time [s]."""
@@ -103,7 +143,7 @@ class TourDriver:
         if stamp < self._backing_until:
             return _BACK_OFF[0], 0.0
         if self._no_progress(stamp, theta):
-            self.recoveries += 1
+            self._recoveries += 1
             self._backing_until = stamp + _BACK_OFF[1]
             self._last_progress = (self._backing_until, self._along, theta)
             return _BACK_OFF[0], 0.0

@@ -16,7 +16,7 @@ from testbed.frame import Frame
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
 from testbed.simulation._lidar_kernels import place_beams
 from testbed.simulation.backend import STEP_RATE, Backend, Limits
-from testbed.simulation.driver import DriverConfig, TourDriver
+from testbed.simulation.driver import Driver, DriverConfig, TourDriver
 from testbed.simulation.history import History
 from testbed.simulation.lidar import Lidar, LidarLayers
 from testbed.simulation.movers import Movers
@@ -28,6 +28,8 @@ CONTROL_STEPS = 12
 """Steps of motion between two commands and two odometry readings (20 Hz)."""
 CONTROL_PERIOD = CONTROL_STEPS / STEP_RATE
 """Time between two commands and two odometry readings [s]."""
+_INSTANT = 1e-6
+"""What a scan takes whose beams all go at once [s]."""
 TOUR_CLEARANCE = 0.05
 """Room that a tour must leave beside the robot's footprint, since pure pursuit cuts corners [m]."""
 
@@ -74,15 +76,15 @@ class Simulation(Iterator[Frame]):
     `close`, where it is not read to its end.
     """
 
-    def __init__(self, world: World, config: SimulationConfig) -> None:
-        """Raises `WorldError` if the world has no tour, or if the robot does not fit through it."""
+    def __init__(self, world: World, config: SimulationConfig, driver: Driver | None = None) -> None:
+        """Raises `WorldError` if the robot does not fit through the world's tour, or if there is none to follow."""
         check_world(world, footprint_radius=config.robot.footprint_radius + TOUR_CLEARANCE)
-        if world.tour is None:
+        if driver is None and world.tour is None:
             raise WorldError(f"world {world.name!r} has no tour, expected [tour] with way points")
         self.world = world
         self.config = config
-        self.driver = TourDriver(world.path(), config.robot, config.driver)
-        """Tells how far the tour is: `finished`, `stuck`, `recoveries`, `length`."""
+        self.driver = driver if driver is not None else TourDriver(world.path(), config.robot, config.driver)
+        """Tells how the drive goes: `finished`, `stuck`, `recoveries`, `share`."""
         self.collided = False
         """The robot has touched something."""
         self._periods = 0
@@ -98,7 +100,7 @@ class Simulation(Iterator[Frame]):
 
     @property
     def finished(self) -> bool:
-        """The tour was driven to its end."""
+        """The drive has come to its end as planned."""
         return self.driver.finished
 
     @property
@@ -125,32 +127,41 @@ class Simulation(Iterator[Frame]):
         try:
             sensors = _Sensors(backend, self.movers, config)
             while self.time < config.duration and not self.finished and not self.stuck:
-                x, y, theta = sensors.truth.latest.tolist()
-                motion = backend.drive(*self._command(x, y, theta), CONTROL_STEPS)
+                command = self._command(*sensors.truth.latest.tolist())
+                motion = backend.drive(*command, CONTROL_STEPS)
                 self.collided = self.collided or motion.contact
                 self._periods += 1
+                sensors.commands.append(command)
                 sensors.truth.extend(motion.poses)
                 sensors.read_wheels(*motion.wheels.tolist())
                 self.movers.advance(*motion.poses[-1, :2].tolist())
                 yield from sensors.frames_until(self.time)
+            yield from sensors.odometry_frames(before=self.time)
         finally:
             backend.close()
 
     def _command(self, x: float, y: float, theta: float) -> tuple[float, float]:
-        driver = self.config.driver
+        """What the driver wants, within the limits of the robot."""
+        driver, robot = self.config.driver, self.config.robot
         stopping_distance = 0.5 * driver.speed**2 / driver.acceleration
         if self.movers and self.movers.in_the_way(x, y, theta, stopping_distance):
-            return self.driver.wait(self.time)
-        return self.driver.command(self.time, x, y, theta)
+            speed, turn_rate = self.driver.wait(self.time)
+        else:
+            speed, turn_rate = self.driver.command(self.time, x, y, theta)
+        return _within(robot.max_speed, speed), _within(robot.max_turn_rate, turn_rate)
 
 
-def simulate(world: World, config: SimulationConfig | None = None) -> Simulation:
-    """Drive the tour of `world` and yield frames; by default TurtleBot 4's base with an RPLidar A2 in PyBullet.
+def simulate(world: World, config: SimulationConfig | None = None, driver: Driver | None = None) -> Simulation:
+    """Drive through `world` and yield frames; by default TurtleBot 4's base with an RPLidar A2 in PyBullet.
 
-    Raises `WorldError` if the world has no tour or the robot does not fit through it, `PyBulletMissingError` where
-    PyBullet is asked for but not installed.
+    driver: who steers; None = along the tour of the world. Raises `WorldError` if the robot does not fit through the
+    world's tour or there is none to follow, `PyBulletMissingError` where PyBullet is asked for but not installed.
     """
-    return Simulation(world, config if config is not None else SimulationConfig())
+    return Simulation(world, config if config is not None else SimulationConfig(), driver)
+
+
+def _within(limit: float, value: float) -> float:
+    return min(max(value, -limit), limit)
 
 
 def _backend(world: World, config: SimulationConfig) -> Backend:
@@ -176,6 +187,7 @@ class _Device:
         self.name, self.height = mount.name, mount.height
         self.lidar = Lidar(self.preset, mount, config.lidar_layers, np.random.default_rng(seed))
         self.sweep_time = self.preset.sweep_time if config.lidar_layers.motion else 0.0
+        self._settled = max(self.sweep_time, _INSTANT)
         self._phase = number / (1 + len(config.further_lidars))
         self._scans = 0
 
@@ -183,6 +195,11 @@ class _Device:
     def stamp(self) -> float:
         """Of the next scan's first beam [s]."""
         return (self._scans + self._phase) / self.preset.scan_rate
+
+    @property
+    def complete(self) -> float:
+        """When the next scan's last beam has been fired, and the command after its first one is known [s]."""
+        return self.stamp + self._settled
 
     def advance(self) -> None:
         """The next scan has been taken."""
@@ -206,6 +223,8 @@ class _Sensors:
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
         self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
         self._odometry = History(self._odometer.advance(*start.wheels.tolist()), CONTROL_PERIOD)
+        self.commands: list[tuple[float, float]] = []
+        """Speed [m/s] and turn rate [rad/s] commanded in each control period so far."""
         self._next_odometry = 0
         presets = [device.preset for device in self._devices]
         self._keep = max(p.sweep_time + 2.0 / p.scan_rate for p in presets) + 2.0 * CONTROL_PERIOD
@@ -216,9 +235,9 @@ class _Sensors:
 
     def frames_until(self, time: float) -> Iterator[Frame]:
         """Frames that are complete at `time` [s]: scans whose last beam was fired, and odometry up to then."""
-        while (device := min(self._devices, key=lambda d: d.stamp)).stamp + device.sweep_time <= time + 1e-9:
+        while (device := min(self._devices, key=lambda d: d.stamp)).complete <= time + 1e-9:
             stamp = device.stamp
-            yield from self._odometry_frames(before=stamp)
+            yield from self.odometry_frames(before=stamp)
             yield self._scan_frame(device)
             device.advance()
             if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has told it
@@ -227,7 +246,8 @@ class _Sensors:
         self._odometry.forget_before(time - self._keep)
         self._movers.forget_before(time - self._keep)
 
-    def _odometry_frames(self, before: float) -> Iterator[Frame]:
+    def odometry_frames(self, before: float) -> Iterator[Frame]:
+        """Frames without a scan that were not given yet, up to a time [s]."""
         while (stamp := self._next_odometry * CONTROL_PERIOD) < before - 1e-9:
             yield self._frame(stamp, CONTROL_PERIOD, None)
             self._next_odometry += 1
@@ -259,6 +279,7 @@ class _Sensors:
             scan=scan,
             lidar=lidar,
             twist=self._twist(stamp, odometry, seconds),
+            command=self.commands[int((stamp + 1e-9) / CONTROL_PERIOD)],
             truth=_wrapped(self.truth.at(stamp)),
         )
 

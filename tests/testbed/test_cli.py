@@ -16,6 +16,7 @@ import pytest
 
 from slam.scan import Scan
 from testbed.cli import main
+from testbed.cli.simulator_options import SimulatorOptions
 from testbed.formats import open_log
 from testbed.formats.carmen_writer import write_carmen
 from testbed.frame import Frame
@@ -71,8 +72,13 @@ def assert_refused(capsys, complaint: str, *arguments: str) -> None:
         (["run", "office", "--particles", "0"], "particles must be at least 1"),
         (["run", "office", "--particles", "-3"], "particles must be at least 1"),
         (["run", "office", "--particles", "many"], "many"),
-        (["run", "office", "--driver", "explore"], "--driver explore: takes no value of its own"),
-        (["run", "office", "--driver", "0.3"], "--driver.speed"),
+        (["run", "office", "--odometry", "good"], "--odometry.grade"),
+        (["run", "office", "--driver", "explor"], 'Did you mean "explore"'),
+        (["run", "office", "--driver", "recorded"], "--commands FILE belong together"),
+        (["run", "office", "--commands", "c.csv"], "--commands FILE belong together"),
+        (["run", "office", "--driver", "recorded", "--commands", "nowhere.csv"], "nowhere.csv: no such file"),
+        (["run", "office", "--driver", "teleop"], "needs a terminal"),
+        (["run", "office", "--lidar", "lds01,lds02"], "has room for 1 lidars, not for 2"),
         (["run", "office", "--filter.match", "3"], "--filter.match.hit-sigma"),
         (["run", "nowhere.yaml"], "nowhere.yaml: No such file"),
         (["simulate", "loop", "--seed", "-4", "--out", "datasets"], "seed must not be negative"),
@@ -306,3 +312,12 @@ def test_a_signal_ends_a_run_soon_and_keeps_what_was_there(here, number):
     assert json.loads((here / "run" / "metrics.json").read_text())["outcome"] == "interrupted"
     for name in ("config.toml", "estimate.tum", "map.pgm", "steps.parquet"):
         assert (here / "run" / name).stat().st_size > 0
+
+
+def test_an_imported_maps_image_is_hashed_too(tmp_path):
+    rows = ["P2", "4 3", "255", *(" ".join(["254"] * 4) for _ in range(3))]
+    (tmp_path / "floor.pgm").write_text("\n".join(rows))
+    (tmp_path / "floor.yaml").write_text("image: floor.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    named = SimulatorOptions().files(str(tmp_path / "floor.yaml"))
+    assert [path.name for path in named] == ["floor.yaml", "floor.pgm"]
+    assert SimulatorOptions().files("office") == []

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: MIT
+"""Commands that were given to a robot, out of a recorded log or a table `stamp,speed,turn_rate`."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from testbed.formats import LogError, open_log
+
+COLUMNS = ("stamp", "speed", "turn_rate")
+"""First line of a table of commands."""
+LARGEST_TABLE = 500_000_000
+"""Bytes."""
+
+
+class Command(NamedTuple):
+    """What a robot was told to keep to from a time on."""
+
+    stamp: float
+    """[s]"""
+    speed: float
+    """Forward [m/s]."""
+    turn_rate: float
+    """Counter-clockwise [rad/s]."""
+
+
+def read_commands(path: str | Path) -> list[Command]:
+    """All commands of a table (CSV) or of any log that `open_log` reads, in the order of time; at least one.
+
+    Raises LogError, naming the file and the line, where there is none, where a number is none or not finite, or where
+    the stamps step backwards.
+    """
+    path = Path(path)
+    if _is_table(path):
+        numbered = list(_rows(path))
+    else:
+        frames = open_log(path).frames
+        numbered = [(k, Command(f.stamp, *f.command)) for k, f in enumerate(frames) if f.command is not None]
+    if not numbered:
+        raise LogError(f"{path}: no commands: expected a log with /cmd_vel, or a table {','.join(COLUMNS)}")
+    for (_, before), (number, after) in pairwise(numbered):
+        if after.stamp < before.stamp:
+            raise LogError(f"{path}:{number}: stamp {after.stamp:g} after {before.stamp:g}, expected increasing stamps")
+    return [command for _, command in numbered]
+
+
+def _is_table(path: Path) -> bool:
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            start = file.read(100)
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from None
+    return start.lstrip(b"\xef\xbb\xbf").startswith(COLUMNS[0].encode() + b",")
+
+
+def _rows(path: Path) -> Iterator[tuple[int, Command]]:
+    """Rows of a table with the numbers of their lines."""
+    if path.stat().st_size > LARGEST_TABLE:
+        raise LogError(f"{path}: larger than {LARGEST_TABLE} bytes, expected a table of commands")
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        lines = csv.reader(file)
+        header = tuple(cell.strip() for cell in next(lines, []))
+        if header != COLUMNS:
+            raise LogError(f"{path}:1: expected the columns {','.join(COLUMNS)}, got {','.join(header)[:80]}")
+        try:
+            for cells in lines:
+                if cells:
+                    yield lines.line_num, _command(cells)
+        except (ValueError, csv.Error) as error:
+            raise LogError(f"{path}:{lines.line_num}: {error}") from None
+
+
+def _command(cells: list[str]) -> Command:
+    if len(cells) != len(COLUMNS):
+        raise ValueError(f"expected {len(COLUMNS)} values, got {len(cells)}")
+    try:
+        command = Command(*map(float, cells))
+    except ValueError:
+        raise ValueError(f"expected numbers, got {','.join(cells)[:80]}") from None
+    if not all(map(math.isfinite, command)):
+        raise ValueError(f"expected finite numbers, got {','.join(cells)[:80]}")
+    return command
