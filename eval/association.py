@@ -23,7 +23,9 @@ class AssociationError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Association:
-    """Pairs of an estimate's poses and the reference's poses at the same times, in the estimate's order."""
+    """Pairs of an estimate's poses and the reference's poses at the same times, in the order of time.
+
+    Only where both have the very same stamps they stay in the order of the files."""
 
     estimate: Trajectory
     """The estimate's poses that found a partner, (n,)."""
@@ -54,8 +56,8 @@ def associate(
 ) -> Association:
     """Give each pose of `estimate` the reference's pose of the same time.
 
-    Trajectories with the very same stamps go together row by row, whatever order the stamps are in. Otherwise the
-    reference is sorted by time (of repeated stamps the first counts) and a pose takes the reference's at its stamp:
+    Trajectories with the very same stamps go together row by row, whatever order the stamps are in. Otherwise both
+    are sorted by time (of repeated stamps the reference's first counts) and a pose takes the reference's at its stamp:
     interpolated between neighbours up to `max_gap` [s] apart (straight line, shorter turn), else the nearest within
     `tolerance` [s]. With `interpolate=False` the nearest only.
     Raises AssociationError if not one pose finds a partner.
@@ -70,7 +72,13 @@ def associate(
     if len(stamps) < len(reference):
         notes.append(f"{len(reference) - len(stamps)} repeated stamps in the reference: the first pose of each counts")
 
-    at = estimate.stamps
+    order = np.argsort(estimate.stamps, kind="stable")
+    at = estimate.stamps[order]
+    back = int(np.sum(np.diff(estimate.stamps) < 0.0))
+    if back:
+        notes.append(f"the estimate's stamps step back {back} times: its poses were put in the order of time")
+    if (repeats := int(np.sum(np.diff(at) == 0.0))) > 0:
+        notes.append(f"{repeats} repeated stamps in the estimate: all of their poses count")
     after = np.clip(np.searchsorted(stamps, at), 0, len(stamps) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(at - stamps[before] <= stamps[after] - at, before, after)
@@ -87,13 +95,13 @@ def associate(
             f"no pose of the estimate ({_span(estimate)}) has a partner in the reference ({_span(reference)}) within "
             f"{tolerance} s" + (f" or between poses up to {max_gap} s apart" if interpolate else "")
         )
-    rows = np.flatnonzero(found)
+    rows = order[found]
     if len(rows) < total:
         notes.append(f"{total - len(rows)} of {total} poses have no partner in the reference")
     method = f"nearest within {tolerance} s"
     if interpolate:
         method = f"interpolated over gaps up to {max_gap} s, else {method}"
-    return Association(estimate[rows], Trajectory(at[rows], partners[rows]), rows, total, method, tuple(notes))
+    return Association(estimate[rows], Trajectory(at[found], partners[found]), rows, total, method, tuple(notes))
 
 
 def covered_share(matched: Association, reference: Trajectory) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from eval.association import AssociationError, associate
 from eval.consistency import Columns, column, updates
 from eval.trajectory import Trajectory
-from eval.trajectory_error import pair_errors, relative_error
+from eval.trajectory_error import pair_errors, stretches
 
 BAD_M, BAD_DEG = 0.15, 5.0
 """A metre of path is bad if the estimate's motion over it is wrong by more than either."""
@@ -43,19 +43,19 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Finding | None
         matched = associate(estimate, truth)
     except AssociationError:
         return None
-    pieces = relative_error(matched, 1.0, "m")
-    if pieces is None:
+    first, last = stretches(matched, 1.0)
+    if len(first) == 0:
         return None
-    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, pieces.pairs)
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, (first, last))
     severity = np.maximum(translation / BAD_M, rotation / BAD_DEG)
-    order = np.argsort(pieces.pairs[1], kind="stable")
+    order = np.argsort(last, kind="stable")
     bad = order[severity[order] > 1.0]
     piece = int(bad[0]) if len(bad) else int(np.argmax(severity))
-    row = int(pieces.pairs[1][piece])
+    row = int(last[piece])
     wrong = f"{100.0 * translation[piece]:.1f} cm and {rotation[piece]:.1f} degrees"
     return Finding(
         scan=int(matched.rows[row]),
-        since=int(matched.rows[pieces.pairs[0][piece]]),
+        since=int(matched.rows[first[piece]]),
         stamp=float(matched.estimate.stamps[row]),
         bad=bool(len(bad)),
         reason=(

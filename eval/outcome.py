@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from eval.association import Association
 from eval.relations import SHORT, RelationError, Relations
-from eval.trajectory_error import Pairs, absolute_error, pair_errors, relative_error
+from eval.trajectory_error import Pairs, absolute_error, pair_errors, stretches
 
 Label = Literal["ok", "drift", "broken loop", "lost", "collided", "timeout", "interrupted", "failed", "unjudged"]
 Ended = Literal["collided", "timeout", "interrupted", "failed"]
@@ -76,8 +76,7 @@ def evidence_from_truth(matched: Association, covered: float = 1.0) -> Evidence:
     covered: see `eval.association.covered_share`.
     """
     estimate, truth = matched.estimate.poses, matched.reference.poses
-    pieces = relative_error(matched, 1.0, "m")
-    pairs: Pairs = pieces.pairs if pieces else (np.zeros(0, np.intp), np.zeros(0, np.intp))
+    pairs = stretches(matched, 1.0)
     path = matched.reference.distance
     return Evidence(
         local=pair_errors(estimate, truth, pairs),

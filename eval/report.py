@@ -215,7 +215,7 @@ def _bad_scan_plot(sight: Sight) -> Plot | None:
     caption = "The estimated path around this scan, over the estimated map."
     if run.truth is not None and sight.errors is not None:
         matched = associate(run.estimate, run.truth)
-        row = int(np.searchsorted(matched.rows, finding.since))
+        row = int(np.flatnonzero(matched.rows == finding.since)[0])
         T = compose(matched.reference.poses[row], inverse(matched.estimate.poses[row]))
         local = Alignment(T, "first_pose")
         curves = [

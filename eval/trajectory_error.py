@@ -15,6 +15,8 @@ from eval.association import Association
 from slam.se2 import between, wrap_angle
 
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
+TOLERANCE = 0.1
+"""Pieces may be longer or shorter by this share of their length."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +95,11 @@ def absolute_error(matched: Association, method: Method = "se2") -> AbsoluteErro
 def relative_error(matched: Association, delta: float, unit: Literal["m", "s", "poses"]) -> RelativeError | None:
     """RPE: E_i = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j) over all pieces i, j of length `delta`; None if no piece is that long.
 
-    Lengths are measured on the reference. `m`: j is the first pose at least `delta` metres of path after i; `s`: the
-    pose nearest to `delta` seconds after i, if within a tenth of it; `poses`: `delta` rows after.
-    Unit m and degrees, range 0 and up. Sources: Sturm et al., IROS 2012; by length, Geiger et al., CVPR
-    2012. Trap: blind to errors that build up slowly: take several lengths. Needs no alignment.
+    Lengths are measured on the reference. `m`, `s`: j is the pose nearest to `delta` metres of path or seconds after
+    i, if within a tenth of it; `poses`: `delta` rows after. Unit m and degrees, range 0 and up. Needs no alignment.
+    Source: Sturm et al., IROS 2012. The same as evo's `all_pairs` with `pairs_from_reference`; evo's default takes
+    consecutive pieces of the estimate's path instead, and no pieces by seconds.
+    Trap: blind to errors that build up slowly: take several lengths.
     """
     if not delta > 0:
         raise ValueError(f"the length of a piece must be positive, got {delta} {unit}")
@@ -117,6 +120,18 @@ def pair_errors(
     return np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(error[:, 2]))
 
 
+def stretches(matched: Association, length: float) -> Pairs:
+    """From each row to the first one at least `length` [m] of the reference's path on, two arrays (k,).
+
+    Unlike the pieces of `relative_error` they are there however far apart the poses are (Geiger et al., CVPR 2012).
+    """
+    path = matched.reference.distance
+    # The sum of many steps misses a round length by rounding alone.
+    last = np.searchsorted(path, path + length - 1e-9 * max(1.0, path[-1]))
+    first = np.flatnonzero(last < len(path))
+    return first, last[first]
+
+
 @dataclass(frozen=True)
 class Drift:
     """Error gained per distance travelled, averaged over pieces of several lengths."""
@@ -131,7 +146,8 @@ class Drift:
 def drift(matched: Association, lengths: Sequence[float]) -> Drift | None:
     """Mean of RPE / length over all pieces of the given lengths [m]; None where the path is too short for all.
 
-    Unit percent and deg/m, range 0 and up. Source: KITTI odometry benchmark (Geiger et al., CVPR 2012).
+    Unit percent and deg/m, range 0 and up. Source: KITTI odometry benchmark (Geiger et al., CVPR 2012), there with
+    lengths of 100 to 800 m, and pieces of at least, not nearest to, each length.
     Trap: a constant error (noise of single poses) weighs more on short pieces and looks like drift.
     """
     pieces = [(length, relative_error(matched, length, "m")) for length in lengths]
@@ -150,17 +166,15 @@ def _pieces(matched: Association, delta: float, unit: Literal["m", "s", "poses"]
     if unit == "poses":
         step = int(delta)
         return np.arange(0, max(n - step, 0)), np.arange(step, max(n, step))
-    if unit == "m":
-        path = reference.distance
-        # The sum of many steps misses a round length by rounding alone.
-        last = np.searchsorted(path, path + delta - 1e-9 * max(1.0, path[-1]))
-        first = np.flatnonzero(last < n)
-        return first, last[first]
-    order = np.argsort(reference.stamps, kind="stable")
-    stamps = reference.stamps[order]
-    after = np.minimum(np.searchsorted(stamps, stamps + delta), n - 1)
+    order = np.arange(n) if unit == "m" else np.argsort(reference.stamps, kind="stable")
+    along = reference.distance if unit == "m" else reference.stamps[order]
+    target = along + delta
+    after = np.minimum(np.searchsorted(along, target), n - 1)
     before = np.maximum(after - 1, 0)
-    target = stamps + delta
-    last = np.where(target - stamps[before] < stamps[after] - target, before, after)
-    first = np.flatnonzero(np.abs(stamps[last] - target) <= 0.1 * delta)
+    near = np.where(target - along[before] <= along[after] - target, along[before], along[after])
+    last = np.searchsorted(along, near)  # the first of the poses that the robot stood at
+    found = np.abs(near - target) <= TOLERANCE * delta
+    if unit == "s":  # by metres evo lets several pieces end at the last pose, and so do we
+        found &= target <= along[-1] + 1e-6
+    first = np.flatnonzero(found)
     return order[first], order[last[first]]

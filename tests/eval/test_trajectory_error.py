@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.alignment import align, scale_suspicion
-from eval.association import AssociationError, associate
+from eval.association import AssociationError, associate, covered_share
 from eval.trajectory import Trajectory
-from eval.trajectory_error import Statistics, absolute_error, drift, relative_error
+from eval.trajectory_error import Statistics, absolute_error, drift, pair_errors, relative_error, stretches
 from slam.se2 import compose, wrap_angle
 from tests.eval.helpers import chain, noisy, random_walk
 
@@ -46,6 +46,28 @@ def test_no_pose_is_made_up_in_a_gap_and_the_share_says_so():
     np.testing.assert_array_equal(matched.rows, [0, 2])
     assert matched.share == 0.5
     assert "2 of 4 poses have no partner" in matched.notes[0]
+
+
+def test_an_unsorted_estimate_is_put_in_the_order_of_time_and_keeps_its_errors():
+    truth = random_walk(200, 6)
+    estimate = noisy(truth, 7)
+    shuffled = np.random.default_rng(0).permutation(200)
+    matched = associate(estimate[shuffled], truth)
+    np.testing.assert_array_equal(shuffled[matched.rows], np.arange(200))
+    assert "step back" in matched.notes[0]
+    straight_on = associate(estimate, truth)
+    a, b = (relative_error(found, 1.0, "m").translation for found in (matched, straight_on))
+    assert a.rmse == pytest.approx(b.rmse, abs=1e-12)
+    assert a.count == b.count
+    twice = Trajectory(np.r_[truth.stamps, truth.stamps[-1]], np.r_[truth.poses, truth.poses[-1:]])
+    assert "1 repeated stamps in the estimate" in associate(twice, truth).notes[0]
+
+
+def test_what_an_estimate_spans_of_the_path_is_told_apart_from_how_dense_it_is():
+    truth = straight(101)
+    for rows, share in ((slice(0, 101, 10), 1.0), (slice(0, 51), 0.5), (slice(25, 76), 0.5)):
+        assert covered_share(associate(truth[rows], truth), truth) == pytest.approx(share)
+    assert associate(truth[:51], truth).share == 1.0
 
 
 def test_an_unsorted_reference_with_repeats_is_sorted_and_the_first_pose_of_a_stamp_counts():
@@ -122,21 +144,40 @@ def test_a_path_too_long_by_one_percent_drifts_by_one_percent():
     long = Trajectory(truth.stamps, truth.poses * [1.01, 1.0, 1.0])
     matched = associate(long, truth)
     found = drift(matched, [1.0, 5.0, 20.0])
-    assert found.translation_percent == pytest.approx(1.0)
+    assert found.translation_percent == pytest.approx(1.0, rel=0.01)  # the last pieces are up to a tenth shorter
     assert found.rotation_deg_per_m == pytest.approx(0.0, abs=1e-9)
-    assert relative_error(matched, 5.0, "m").translation.mean == pytest.approx(0.05)
+    assert relative_error(matched, 5.0, "m").translation.median == pytest.approx(0.05)
     assert relative_error(matched, 2.0, "s").translation.maximum == pytest.approx(0.02)
     assert absolute_error(matched, "first_pose").translation.maximum == pytest.approx(1.0)
 
 
 def test_pieces_have_the_length_asked_for_and_too_long_ones_do_not_exist():
     matched = associate(straight(101), straight(101))
-    first, last = relative_error(matched, 1.0, "m").pairs
+    first, last = relative_error(matched, 1.0, "s").pairs
     np.testing.assert_array_equal(last - first, 10)
     assert len(first) == 91
-    assert relative_error(matched, 10.5, "m") is None
+    first, last = relative_error(matched, 1.03, "m").pairs
+    np.testing.assert_array_equal((last - first)[:91], 10)
+    assert len(first) == 91
+    assert relative_error(matched, 11.5, "m") is None
     assert relative_error(matched, 11.5, "s") is None  # 10 s is too far off
     assert drift(matched, [50.0]) is None
+
+
+def test_a_stretch_is_there_even_where_poses_are_too_far_apart_for_a_piece():
+    sparse = straight(20, step=0.7)
+    matched = associate(sparse, sparse)
+    assert relative_error(matched, 1.0, "m") is None
+    first, last = stretches(matched, 1.0)
+    np.testing.assert_array_equal(last - first, 2)
+    assert len(first) == 18
+
+
+def test_where_the_robot_stands_a_piece_ends_when_it_arrives():
+    x = np.concatenate([np.arange(0.0, 1.05, 0.1), np.full(10, 1.0), np.arange(1.1, 2.05, 0.1)])
+    waiting = Trajectory(0.1 * np.arange(len(x)), np.column_stack([x, 0.0 * x, 0.0 * x]))
+    first, last = relative_error(associate(waiting, waiting), 1.0, "m").pairs
+    assert (first[0], last[0]) == (0, 10)
 
 
 def test_one_turned_pose_spoils_the_absolute_error_behind_it_but_few_pieces():
@@ -160,23 +201,28 @@ def test_the_error_does_not_depend_on_the_frame_of_the_relative_error():
 # --- evo
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_equal_to_evo(seed):
-    metrics = pytest.importorskip("evo.core.metrics", reason="evo is in the test extra")
+def to_evo(t: Trajectory):
     from evo.core.trajectory import PoseTrajectory3D
 
+    half, zero = 0.5 * t.poses[:, 2], np.zeros(len(t))
+    return PoseTrajectory3D(
+        np.column_stack([t.poses[:, :2], zero]),
+        np.column_stack([np.cos(half), zero, zero, np.sin(half)]),
+        t.stamps.copy(),
+    )
+
+
+def walk_and_estimate(seed: int) -> tuple[Trajectory, Trajectory]:
+    """A random path and an estimate of it with noise, in another frame."""
     truth = random_walk(300, seed)
     moved = noisy(truth, seed + 100)
-    estimate = Trajectory(moved.stamps, compose([5.0, -3.0, 2.0], moved.poses))
+    return truth, Trajectory(moved.stamps, compose([5.0, -3.0, 2.0], moved.poses))
 
-    def to_evo(t: Trajectory) -> PoseTrajectory3D:
-        half, zero = 0.5 * t.poses[:, 2], np.zeros(len(t))
-        return PoseTrajectory3D(
-            np.column_stack([t.poses[:, :2], zero]),
-            np.column_stack([np.cos(half), zero, zero, np.sin(half)]),
-            t.stamps.copy(),
-        )
 
+@pytest.mark.parametrize("seed", range(5))
+def test_absolute_errors_equal_evos(seed):
+    metrics = pytest.importorskip("evo.core.metrics", reason="evo is in the test extra")
+    truth, estimate = walk_and_estimate(seed)
     matched = associate(estimate, truth)
     for method in ("se2", "first_pose", "none"):
         ours, reference, theirs = absolute_error(matched, method), to_evo(truth), to_evo(estimate)
@@ -192,15 +238,53 @@ def test_equal_to_evo(seed):
             ape.process_data((reference, theirs))
             compare(ape, statistics)
 
-    for delta in (1, 10):
-        ours = relative_error(matched, delta, "poses")
-        for relation, statistics in (
-            (metrics.PoseRelation.translation_part, ours.translation),
-            (metrics.PoseRelation.rotation_angle_deg, ours.rotation),
-        ):
-            rpe = metrics.RPE(relation, delta=delta, delta_unit=metrics.Unit.frames, all_pairs=True)
-            rpe.process_data((to_evo(truth), to_evo(estimate)))
-            compare(rpe, statistics)
+
+# 0.1 s between poses: pieces by seconds, which evo does not have, are its pieces by poses.
+@pytest.mark.parametrize(
+    ("delta", "unit", "evo_delta", "evo_unit"),
+    [
+        (1, "poses", 1, "frames"),
+        (10, "poses", 10, "frames"),
+        (1.0, "s", 10, "frames"),
+        (5.0, "s", 50, "frames"),
+        (0.3, "m", 0.3, "meters"),
+        (1.0, "m", 1.0, "meters"),
+        (5.0, "m", 5.0, "meters"),
+        (20.0, "m", 20.0, "meters"),
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_relative_errors_equal_evos_over_all_pairs(seed, delta, unit, evo_delta, evo_unit):
+    metrics = pytest.importorskip("evo.core.metrics", reason="evo is in the test extra")
+    truth, estimate = walk_and_estimate(seed)
+    ours = relative_error(associate(estimate, truth), delta, unit)
+    for relation, statistics in (
+        (metrics.PoseRelation.translation_part, ours.translation),
+        (metrics.PoseRelation.rotation_angle_deg, ours.rotation),
+    ):
+        rpe = metrics.RPE(
+            relation,
+            delta=evo_delta,
+            delta_unit=metrics.Unit[evo_unit],
+            all_pairs=True,
+            pairs_from_reference=True,
+        )
+        rpe.process_data((to_evo(truth), to_evo(estimate)))
+        assert ours.translation.count == len(rpe.error)
+        compare(rpe, statistics)
+
+
+@pytest.mark.parametrize("delta", [0.5, 2.0, 7.0])
+def test_errors_of_evos_consecutive_pieces_are_the_same_by_our_formula(delta):
+    metrics = pytest.importorskip("evo.core.metrics", reason="evo is in the test extra")
+    from evo.core.filters import filter_pairs_by_path
+
+    truth, estimate = walk_and_estimate(7)
+    rpe = metrics.RPE(metrics.PoseRelation.translation_part, delta, metrics.Unit.meters, pairs_from_reference=True)
+    rpe.process_data((to_evo(truth), to_evo(estimate)))
+    first, last = np.array(filter_pairs_by_path(to_evo(truth).poses_se3, delta)).T
+    translation, _ = pair_errors(estimate.poses, truth.poses, (first, last))
+    np.testing.assert_allclose(translation, rpe.error, atol=1e-9)
 
 
 def compare(evo_metric, statistics: Statistics) -> None:
