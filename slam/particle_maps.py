@@ -98,7 +98,7 @@ class ParticleMaps:
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
         """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
         reach = np.concatenate([rays.ends, rays.origins])
-        far = math.sqrt(2.0) * float(np.abs(reach).max()) + self._disc.radius * self.config.cell
+        far = math.sqrt(2.0) * float(np.max(np.abs(reach), initial=0.0)) + self._disc.radius * self.config.cell
         tile = SIDE * self.config.cell
         low = np.floor((poses[:, :2].min(axis=0) - far) / tile)
         high = np.floor((poses[:, :2].max(axis=0) + far) / tile)
