@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: MIT
+"""What `gymnasium.make` can be told about any environment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from testbed.envs.generated_worlds import GeneratedWorlds
+from testbed.envs.scenario import Scenario, Start
+from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
+from testbed.simulation.backend_robot import BackendRobot
+from testbed.simulation.fleet import Fleet
+from testbed.simulation.lidar import LidarLayers
+from testbed.simulation.odometry import OdometryConfig
+from testbed.simulation.robot_group import Outfit, RobotGroup
+from worlds import World
+
+MOST_BEAMS = 10_000
+"""In one observation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnvironmentSettings:
+    """Keyword arguments that all environments take."""
+
+    world: str | World | GeneratedWorlds = "office"
+    """Name from the catalogue, file, a world, or generated ones."""
+    start: Start = "random"
+    """Where episodes begin: anywhere with room for the robot, or at the world's own start."""
+    robot: str | RobotPreset = "create3"
+    """Preset by name, file or value."""
+    lidar: str | LidarPreset = "rplidar_a2"
+    """Preset by name, file or value."""
+    beams: int | None = 180
+    """Beams of the lidar; None = as many as the preset says."""
+    odometry: OdometryConfig | None = None
+    """Errors of the wheel odometry; None = typical ones."""
+    lidar_layers: LidarLayers | None = None
+    """Imperfections of the lidar; None = all of them."""
+    backend: Literal["fast", "pybullet"] = "fast"
+    """fast: exact arcs and rays; pybullet: physics, for single environments."""
+
+    def outfit(self) -> Outfit:
+        """The robot and its sensors."""
+        lidar = load_lidar(self.lidar) if isinstance(self.lidar, str) else self.lidar
+        if self.beams is not None:
+            if not 1 <= self.beams <= MOST_BEAMS:
+                raise ValueError(f"beams must be 1 to {MOST_BEAMS}, got {self.beams}")
+            lidar = lidar.model_copy(update={"beams": self.beams})
+        return Outfit(
+            robot=load_robot(self.robot) if isinstance(self.robot, str) else self.robot,
+            lidar=lidar,
+            odometry=self.odometry or OdometryConfig(),
+            lidar_layers=self.lidar_layers or LidarLayers(),
+        )
+
+    def scenario(self, outfit: Outfit) -> Scenario:
+        """Where episodes take place."""
+        return Scenario(self.world, self.start, outfit.robot)
+
+    def group(self, robots: int, outfit: Outfit) -> RobotGroup:
+        """Robots on the backend. Raises `PyBulletMissingError` where PyBullet is asked for but not installed."""
+        if self.backend == "fast":
+            return Fleet(robots, outfit)
+        if self.backend != "pybullet":
+            raise ValueError(f"backend must be 'fast' or 'pybullet', got {self.backend!r}")
+        if robots != 1:
+            raise ValueError(f"{robots} robots in one process need the fast backend; PyBullet's go into AsyncVectorEnv")
+        from testbed.simulation.pybullet_backend import PyBulletBackend, import_pybullet
+
+        import_pybullet()
+        return BackendRobot(outfit, PyBulletBackend)
