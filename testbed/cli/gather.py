@@ -5,27 +5,34 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from testbed.cli.console import console, results
+from eval.sweep_report import write_sweep_report
+from eval.sweep_summary import worst_runs
+from eval.sweep_table import read_sweep
+from testbed.cli.console import announce_compilation, console, progress_line, results
 from testbed.cli.status import GATE_FAILED
+from testbed.sweep.errors import SweepError
 from testbed.sweep.gather import gather as gather_tables
 from testbed.sweep.store import SweepDirectory
+from testbed.sweep.worst import record
 
 NAMED = 20
 """Cells without a result that are named one by one."""
 
 
-def gather(sweep: Path, /) -> int:
+def gather(sweep: Path, /, *, worst: bool = True) -> int:
     """Make tables and the report of a sweep from its cells; exit with 1 if any are missing or failed.
 
     Parameters
     ----------
     sweep
         Directory that `testbed sweep` wrote, in one go or in shards.
+    worst
+        Carry out the worst runs again, for a recording and a report of their own.
     """
-    return gather_and_report(SweepDirectory.open(sweep))
+    return gather_and_report(SweepDirectory.open(sweep), worst=worst)
 
 
-def gather_and_report(directory: SweepDirectory) -> int:
+def gather_and_report(directory: SweepDirectory, *, worst: bool) -> int:
     """Write tables and report, name what is not there, return the exit status."""
     gathered = gather_tables(directory)
     absent = [f"failed: {cell}: {reason}" for cell, reason in gathered.failed]
@@ -37,4 +44,24 @@ def gather_and_report(directory: SweepDirectory) -> int:
     results.print(
         f"{directory.path}: {gathered.done} cells done, {len(gathered.failed)} failed, {len(gathered.missing)} missing"
     )
+    if worst:
+        _record_worst(directory)
+    if gathered.done:
+        results.print(f"report: {write_sweep_report(directory.path).resolve()}")
     return 0 if gathered.complete else GATE_FAILED
+
+
+def _record_worst(directory: SweepDirectory) -> None:
+    """Carry out the worst runs again; that this cannot be done is no reason to go without a report."""
+    cells = {cell.key: cell for cell in directory.manifest.cells()}
+    announce_compilation()
+    for run in worst_runs(read_sweep(directory.path)):
+        cell = cells[run.key]
+        try:
+            with progress_line() as watcher:
+                same = record(directory, cell, watcher)
+        except SweepError as error:
+            console.print(f"the worst runs are not recorded: {error}", soft_wrap=True, markup=False)
+            return
+        if not same:
+            console.print(f"{cell}: came out differently than in the sweep", soft_wrap=True, markup=False)

@@ -12,6 +12,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from eval.sweep_gate import compare_with_baseline, write_baseline
+from eval.sweep_table import read_sweep
 from testbed.cli.console import announce_compilation, console, results
 from testbed.cli.gather import gather_and_report
 from testbed.cli.options import FLAG
@@ -23,7 +25,7 @@ from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import Executor, execute, pending, prepare
 from testbed.sweep.plan import Shard
 from testbed.sweep.pool import run_locally
-from testbed.sweep.spec import SweepSpec, parse_spec, parsed_axes, read_document, read_preset
+from testbed.sweep.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
 from testbed.sweep.store import SweepDirectory
 from testbed.sweep.worker_process import Limits
 
@@ -129,6 +131,10 @@ def sweep(
     asked: Asked = ASKED,
     out: Path | None = None,
     execution: Execution = EXECUTION,
+    worst: bool = True,
+    check: Annotated[bool, FLAG] = False,
+    update_baseline: Annotated[bool, FLAG] = False,
+    baseline: Path = BASELINE,
     plan: Annotated[bool, FLAG] = False,
 ) -> int:
     """Accuracy against particle count, over worlds or logs, seeds and variants, with intervals.
@@ -139,9 +145,20 @@ def sweep(
         TOML file that says what is to be computed (docs/sweep.md).
     out
         Directory of the sweep; the same command goes on where a killed one was. Default: a new one below runs/.
+    worst
+        Carry out the worst runs again at the end, for a recording and a report of their own.
+    check
+        Compare with the baseline and exit with 1 if accuracy is worse by more than the seeds' noise; of the preset
+        `gate` where nothing else is asked for.
+    update_baseline
+        Write the baseline anew.
+    baseline
+        File of the baseline; default: that of the preset `gate`.
     plan
         Say what would be computed, and compute nothing.
     """
+    if spec is None and asked == ASKED and (check or update_baseline):
+        asked = Asked(preset="gate")
     specification = asked.specification(spec, out)
     if plan:
         results.print(f"{specification.size} cells: {_extent(specification)}")
@@ -163,7 +180,20 @@ def sweep(
         failed = sum(directory.reason(cell.key) is not None for cell in cells)
         results.print(f"{directory.path}: shard {part} is done, {failed} cells failed; after the last: testbed gather")
         return GATE_FAILED if failed else 0
-    return gather_and_report(directory)
+    status = gather_and_report(directory, worst=worst)
+    if update_baseline:
+        write_baseline(read_sweep(directory.path), baseline)
+        results.print(f"baseline: {baseline}")
+    return max(status, _compare(directory.path, baseline)) if check else status
+
+
+def _compare(directory: Path, baseline: Path) -> int:
+    """Tell how accuracy compares with the baseline; returns the exit status."""
+    comparisons = compare_with_baseline(read_sweep(directory), baseline)
+    for c in comparisons:
+        word = "worse" if c.worse else "better: renew the baseline" if c.better else "as before"
+        results.print(f"{c.name}: {c.factor:.2f} times the baseline's error, up to {c.allowed:.2f} is noise: {word}")
+    return GATE_FAILED if any(c.worse for c in comparisons) else 0
 
 
 def _words(text: str) -> list[str]:

@@ -42,7 +42,7 @@ class CellResult:
 def compute(cell: Cell) -> CellResult:
     """Map and score. Raises SweepError where code or input files are not those that the cell was planned with."""
     started = time.perf_counter()
-    _check(cell)
+    check_inputs(cell)
     recording = recording_of(cell)
     job = job_of(cell, recording)
     began = time.perf_counter()
@@ -74,7 +74,8 @@ def job_of(cell: Cell, recording: Recording) -> Job:
     )
 
 
-def _check(cell: Cell) -> None:
+def check_inputs(cell: Cell) -> None:
+    """Raise SweepError where code or input files are not those that the cell was planned with."""
     if code_version() != cell.code:
         raise SweepError(f"code version {code_version()} here, {cell.code} in the plan: expected the same installation")
     for path, digest in cell.inputs.items():

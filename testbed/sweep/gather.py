@@ -77,7 +77,7 @@ def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) ->
     measures = {} if result is None else {k: v for k, v in flat(result.metrics) if not isinstance(v, list)}
     own = {"place": cell.place, "line": cell.line, "particles": cell.particles, "seed": cell.seed}
     state = {"status": status, "reason": reason, "key": key}
-    return own | state | {f"setting.{n}": str(v) for n, v in cell.settings.items()} | _without(measures, own)
+    return own | state | {f"setting.{n}": v for n, v in cell.settings.items()} | _without(measures, own)
 
 
 def _without(measures: Mapping[str, Any], own: Iterable[str]) -> dict[str, Any]:
@@ -91,18 +91,20 @@ def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, An
 
     names = list(dict.fromkeys(name for row in rows for name in row))
     columns = {name: [row.get(name) for row in rows] for name in names}
-    arrays = {name: pa.array(values, type=_type(values)) for name, values in columns.items()}
+    arrays = {name: _array(values) for name, values in columns.items()}
     table = pa.table(arrays).replace_schema_metadata({"sweep": json.dumps(about, sort_keys=True)})
     with write_aside(path) as aside:
         pq.write_table(table, aside)
 
 
-def _type(values: Sequence[Any]) -> Any:
-    """Type of a column: measures that are whole in some cells are floats in all, and nothing is guessed from nulls."""
+def _array(values: Sequence[Any]) -> Any:
+    """A column: what is whole in some cells only is a float in all, what is a word in some is a word in all."""
     import pyarrow as pa
 
     kinds = {type(value) for value in values if value is not None}
     for kind, arrow in ((bool, pa.bool_()), (int, pa.int64()), (str, pa.string())):
         if kinds == {kind}:
-            return arrow
-    return pa.string() if str in kinds else pa.float64()
+            return pa.array(values, type=arrow)
+    if kinds <= {int, float}:
+        return pa.array(values, type=pa.float64())
+    return pa.array([None if value is None else str(value) for value in values], type=pa.string())

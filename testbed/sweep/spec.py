@@ -195,6 +195,10 @@ def presets() -> list[str]:
     return sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml"))
 
 
+BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
+"""What the preset `gate` is compared with (`eval.sweep_gate`)."""
+
+
 def read_preset(name: str) -> dict[str, Any]:
     """The document of a specification that comes with the package; raises SweepError for an unknown name."""
     if name not in presets():

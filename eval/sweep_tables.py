@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""Tables of a sweep to paste into a paper, as Markdown and LaTeX: medians with intervals, and failures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eval.sweep_plots import Unit
+from eval.sweep_summary import Group, SweepSummary
+
+
+def markdown_table(summary: SweepSummary) -> str:
+    """One row a place and line, one column a particle count."""
+    head, rows = _cells(summary)
+    lines = ["| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows)]
+    return f"{_caption(summary)}\n\n" + "\n".join(lines) + "\n"
+
+
+def latex_table(summary: SweepSummary) -> str:
+    """The same for LaTeX with the package booktabs."""
+    head, rows = _cells(summary)
+    body = "\n".join(" & ".join(map(_escaped, row)) + r" \\" for row in rows)
+    return (
+        "\\begin{table}\n  \\centering\n"
+        f"  \\caption{{{_escaped(_caption(summary))}}}\n"
+        f"  \\begin{{tabular}}{{ll{'r' * (len(head) - 2)}}}\n\\toprule\n"
+        f"{' & '.join(map(_escaped, head))} \\\\\n\\midrule\n{body}\n\\bottomrule\n"
+        "  \\end{tabular}\n\\end{table}\n"
+    )
+
+
+def enough_words(count: int | None, largest: int) -> str:
+    """The answer of `SweepSummary.enough` in a table."""
+    return str(count) if count is not None else f"not shown up to {largest}"
+
+
+def _caption(summary: SweepSummary) -> str:
+    table, unit = summary.table, Unit.of(summary.table.measure)
+    return (
+        f"{unit.words[0].upper()}{unit.words[1:]} by number of particles: median over {len(table.seeds)} seeds, "
+        "95 % bootstrap interval in brackets, failed runs in parentheses where there are any."
+    )
+
+
+def _cells(summary: SweepSummary) -> tuple[list[str], list[list[str]]]:
+    """Heading and rows."""
+    table, factor = summary.table, Unit.of(summary.table.measure).factor
+    head = ["place", "filter", *map(str, table.counts)]
+    rows = [
+        [place, line, *(_cell(summary.group(place, line, count), factor) for count in table.counts)]
+        for place in table.places
+        for line in table.lines
+    ]
+    return head, rows
+
+
+def _cell(group: Group, factor: float) -> str:
+    m = group.median
+    if m.count == 0:
+        return "-"
+    digits = _digits(factor * m.value)
+    text = f"{factor * m.value:.{digits}f}"
+    if np.isfinite(m.low):
+        text += f" [{factor * m.low:.{digits}f}, {factor * m.high:.{digits}f}]"
+    return f"{text} ({group.failures}/{group.runs})" if group.failures else text
+
+
+def _digits(value: float) -> int:
+    """Decimals that leave two or three figures that mean something."""
+    return 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
+
+
+def _escaped(text: str) -> str:
+    marks: Sequence[tuple[str, str]] = (
+        ("\\", r"\textbackslash{}"),
+        ("%", r"\%"),
+        ("_", r"\_"),
+        ("&", r"\&"),
+        ("#", r"\#"),
+    )
+    for mark, replacement in marks:
+        text = text.replace(mark, replacement)
+    return text

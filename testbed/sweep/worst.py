@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT
+"""The worst runs of a sweep, carried out again with a recording and a report of their own.
+
+Cells keep figures only; being pure functions, they can be looked at whenever somebody wants to.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+from eval.report import write_report
+from testbed.provenance import settings_as_markdown
+from testbed.run import Watcher, execute
+from testbed.rundir import RunDirectory
+from testbed.sweep.cell import Cell
+from testbed.sweep.compute import check_inputs, job_of
+from testbed.sweep.recordings import recording_of
+from testbed.sweep.store import SweepDirectory
+from testbed.views import Scene, ViewOptions, open_view
+
+
+def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
+    """Leave the run of a cell below `worst/` as `testbed run` does; one that is there already is kept.
+
+    Returns whether it came out as in the sweep, bit for bit: other processors may round differently.
+    Raises SweepError where code or input files are not those of the sweep any more.
+    """
+    folder = directory.path / "worst" / cell.key
+    if (folder / "report.html").is_file():
+        return True
+    check_inputs(cell)
+    shutil.rmtree(folder, ignore_errors=True)
+    job = replace(job_of(cell, recording_of(cell)), threads=None)
+    run = RunDirectory.create(folder)
+    scene = Scene(
+        title=str(cell),
+        settings=settings_as_markdown({"command": f"testbed gather {directory.path}", **job.document}),
+        particles=cell.particles,
+        true_map=job.truth_map,
+    )
+    metrics = execute(job, run, watcher, open_view(run / "recording.rrd", scene, ViewOptions()))
+    write_report(folder)
+    swept = directory.result(cell.key)
+    return swept is not None and metrics["result_hash"] == swept.metrics["result_hash"]
