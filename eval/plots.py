@@ -6,20 +6,23 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from eval.map_images import Picture
+from eval.map_images import UNSEEN, Extent, Picture
+from slam.se2 import Pose, transform_points
 
 ESTIMATE, TRUTH, ODOMETRY, BAD, QUIET = "#1864ab", "#1b1f24", "#e67700", "#c92a2a", "#868e96"
 """Blue, black and orange are told apart by every eye and in grey print."""
+GOOD = "#2b8a3e"
 STAGES = {"match": "#1864ab", "sample": "#63a4d8", "map": "#e8a33d", "resample": "#868e96"}
 ERROR_COLOURS = LinearSegmentedColormap.from_list("error", ["#2b8a3e", "#f2b705", "#c92a2a"])
 WIDE = (5.6, 2.5)
@@ -115,26 +118,55 @@ def stacked_over_time(time: ArrayLike, parts: Mapping[str, ArrayLike], label: st
         return svg_uri(figure)
 
 
-def paths(
-    curves: Sequence[Series],
-    *,
-    background: Picture | None = None,
-    point: tuple[float, float] | None = None,
-    window: tuple[float, float, float, float] | None = None,
-) -> str:
-    """Paths (n, 2) [m] seen from above, over a faint map; `point` is circled, `window` = x, x, y, y to show."""
+def paths(curves: Sequence[Series], *, background: Picture | None = None) -> str:
+    """Paths (n, 2) [m] seen from above, over a faint map."""
     with rc_context(STYLE):
-        figure, ax = _figure(_size_for(background, window))
+        figure, ax = _figure(_size_for(background.extent if background is not None else None))
         _ground(ax, background)
         for name, path, colour in curves:
             xy = np.asarray(path, dtype=np.float64)[:: -(-len(np.asarray(path)) // (4 * MAX_POINTS))]
             ax.plot(xy[:, 0], xy[:, 1], color=colour, label=name, lw=1.2)
-        if point is not None:
-            ax.plot(*point, "o", ms=13, mfc="none", mec=BAD, mew=1.8, label="this scan", zorder=6)
-        if window is not None:
-            ax.set_xlim(window[0], window[1])
-            ax.set_ylim(window[2], window[3])
         _legend(ax)
+        return svg_uri(figure)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenScan:
+    """A scan drawn from one place."""
+
+    label: str
+    pose: Pose
+    """Of the robot, (3,)."""
+    points: NDArray[np.float64]
+    """End points of the beams in the robot's frame [m], (k, 2)."""
+    colour: str
+
+
+def scan_over_map(
+    scans: Sequence[SeenScan], curves: Sequence[Series], *, background: Picture | None, window: Extent
+) -> str:
+    """Scans and the robot that took them over a map, with paths (n, 2) [m]; `window` = x, x, y, y to show [m]."""
+    with rc_context(STYLE):
+        figure, ax = _figure(_size_for(window))
+        _ground(ax, background)
+        for name, path, colour in curves:
+            xy = np.asarray(path, dtype=np.float64)
+            ax.plot(xy[:, 0], xy[:, 1], color=colour, label=name, lw=1.0)
+        for scan in scans:
+            ends = transform_points(scan.pose, scan.points)
+            ax.plot(ends[:, 0], ends[:, 1], "o", ms=2.4, mew=0.0, color=scan.colour, label=scan.label, zorder=6)
+            nose = transform_points(scan.pose, [[0.35, 0.0]])[0]
+            ax.annotate(
+                "",
+                xy=(nose[0], nose[1]),
+                xytext=(scan.pose[0], scan.pose[1]),
+                arrowprops={"arrowstyle": "-|>", "color": scan.colour, "lw": 1.6, "shrinkA": 0.0, "shrinkB": 0.0},
+                zorder=7,
+            )
+            ax.plot(scan.pose[0], scan.pose[1], "o", ms=7, mfc="white", mec=scan.colour, mew=1.6, zorder=8)
+        ax.set_xlim(window[0], window[1])
+        ax.set_ylim(window[2], window[3])
+        _legend(ax, columns=2)
         return svg_uri(figure)
 
 
@@ -144,7 +176,7 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
     step = -(-len(xy) // (2 * MAX_POINTS))
     xy, e = xy[::step], e[::step]
     with rc_context(STYLE):
-        wide, high = _size_for(background, None)
+        wide, high = _size_for(background.extent if background is not None else None)
         figure, ax = _figure((wide, max(0.82 * high, 2.0)))  # the colour bar takes a share of the width
         _ground(ax, background)
         top = max(float(np.percentile(e, 99.0)), 1e-3)
@@ -183,9 +215,8 @@ def thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.
     return x[kept], y[kept]
 
 
-def _size_for(background: Picture | None, window: tuple[float, float, float, float] | None) -> tuple[float, float]:
-    """A size as high as the place is, in proportion, but neither a strip nor a tower."""
-    shown = window or (background.extent if background is not None else None)
+def _size_for(shown: Extent | None) -> tuple[float, float]:
+    """A size [inch] as high as the place is, in proportion, but neither a strip nor a tower."""
     ratio = 0.75 if shown is None else (shown[3] - shown[2]) / (shown[1] - shown[0])
     return WIDE[0], float(np.clip(0.88 * WIDE[0] * ratio + 0.8, 2.0, 6.0))
 
@@ -201,13 +232,20 @@ def _ground(ax: Axes, background: Picture | None) -> None:
     ax.set(xlabel="x [m]", ylabel="y [m]")
     if background is not None:
         ax.imshow(background.pixels, extent=background.extent, alpha=0.45, interpolation="nearest", zorder=0)
+        ax.set_facecolor((*to_rgb(UNSEEN), 0.45))  # nothing is known beyond the map's edge either
         ax.grid(False)
 
 
-def _legend(ax: Axes) -> None:
+def _legend(ax: Axes, columns: int = 4) -> None:
     """Above the plot, where it hides nothing."""
     handles, labels = ax.get_legend_handles_labels()
     if len(handles) > 0:
         ax.legend(
-            handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.1, handlelength=1.4
+            handles,
+            labels,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=columns,
+            borderaxespad=0.1,
+            handlelength=1.4,
         )

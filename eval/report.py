@@ -14,20 +14,19 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from eval import plots
-from eval.alignment import Alignment
 from eval.association import AssociationError, associate
 from eval.consistency import LEVEL, chi_square, column, nees, updates
-from eval.diagnosis import Finding, first_bad_match, first_bad_stretch
+from eval.diagnosis import Finding
 from eval.files import write_aside
-from eval.map_images import DIFFERENCE_KEY, Picture, draw_difference, draw_map, frame_around
+from eval.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
 from eval.run_files import RunFiles, read_run
 from eval.trajectory import Trajectory
 from eval.trajectory_error import AbsoluteError, absolute_error
 from eval.verdict import verdict
 from slam.se2 import Pose, compose, inverse
 
-CROP = 4.0
-"""Half the side of the picture around the first bad scan [m]."""
+CROP = 6.0
+"""The picture of the first bad scan shows at most this much around the robot [m]."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,11 @@ class Sight:
     errors: AbsoluteError | None
     """Of the estimate after SE(2) alignment, for the scans `rows`."""
     rows: NDArray[np.intp]
-    finding: Finding | None
+
+    @property
+    def finding(self) -> Finding | None:
+        """Where it went wrong."""
+        return self.run.finding.finding if self.run.finding is not None else None
 
     @property
     def start(self) -> float:
@@ -100,7 +103,7 @@ def _context(run: RunFiles) -> dict[str, Any]:
         "path_plots": list(_path_plots(sight)),
         "error_plots": list(_error_plots(sight)),
         "filter_plots": list(_filter_plots(sight)),
-        "rpe": run.metric("trajectory.rpe") or {},
+        "rpe": {_spaced(key): row for key, row in (run.metric("trajectory.rpe") or {}).items()},
         "relations": _relation_rows(run),
         "calibration": _calibration_plot(run),
         "provenance": {key: dict(flat(run.config.get(key, {}))) for key in ("versions", "machine", "inputs")},
@@ -118,6 +121,11 @@ def flat(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
             yield f"{prefix}{key}", value
 
 
+def _spaced(length: str) -> str:
+    """`10s` as people write it."""
+    return f"{length[:-1]}\N{NO-BREAK SPACE}{length[-1]}"
+
+
 def _number(value: Any) -> str:
     if value is None:
         return "–"
@@ -125,19 +133,15 @@ def _number(value: Any) -> str:
 
 
 def _look(run: RunFiles) -> Sight:
-    nothing = np.zeros(0, dtype=np.intp)
-    finding = None
     if run.estimate is not None and run.truth is not None:
-        finding = first_bad_stretch(run.estimate, run.truth)
         try:
             matched = associate(run.estimate, run.truth)
         except AssociationError:
-            return Sight(run, np.zeros(3), None, nothing, finding)
-        errors = absolute_error(matched, "se2")
-        return Sight(run, errors.alignment.T_reference_estimate, errors, matched.rows, finding)
-    if run.steps is not None:
-        finding = first_bad_match(run.steps)
-    return Sight(run, np.zeros(3), None, nothing, finding)
+            pass
+        else:
+            errors = absolute_error(matched, "se2")
+            return Sight(run, errors.alignment.T_reference_estimate, errors, matched.rows)
+    return Sight(run, np.zeros(3), None, np.zeros(0, dtype=np.intp))
 
 
 # --- maps and paths
@@ -207,27 +211,50 @@ def _odometry_alignment(sight: Sight) -> Pose:
 
 
 def _bad_scan_plot(sight: Sight) -> Plot | None:
-    run, finding = sight.run, sight.finding
-    if finding is None or run.estimate is None or finding.scan >= len(run.estimate):
+    """The scan of the finding over a map, drawn from where the robot was thought to be and from where it was."""
+    run = sight.run
+    if run.finding is None or run.estimate is None or run.finding.finding.scan >= len(run.estimate):
         return None
-    place = compose(sight.T_frame_estimate, run.estimate.poses[finding.scan])
-    curves: list[plots.Series] = [("estimate", _moved(run.estimate, sight.T_frame_estimate), plots.ESTIMATE)]
-    caption = "The estimated path around this scan, over the estimated map."
-    if run.truth is not None and sight.errors is not None:
-        matched = associate(run.estimate, run.truth)
-        row = int(np.flatnonzero(matched.rows == finding.since)[0])
-        T = compose(matched.reference.poses[row], inverse(matched.estimate.poses[row]))
-        local = Alignment(T, "first_pose")
-        curves = [
-            ("truth", run.truth.poses[:, :2], plots.TRUTH),
-            ("estimate", _moved(run.estimate[max(finding.since - 50, 0) :], T), plots.ESTIMATE),
-        ]
-        place = local.apply(run.estimate.poses[finding.scan])
-        caption = "Truth and estimate, laid upon each other one metre of path before this scan."
-    x, y = float(place[0]), float(place[1])
-    window = (x - CROP, x + CROP, y - 0.75 * CROP, y + 0.75 * CROP)
-    source = plots.paths(curves, background=_background(sight), point=(x, y), window=window)
+    finding, points = run.finding.finding, run.finding.points
+    T_frame_map = compose(finding.believed, inverse(run.estimate.poses[finding.scan]))
+    curves: list[plots.Series] = []
+    if run.truth is not None:
+        curves.append(("true path", run.truth.poses[:, :2], plots.TRUTH))
+    around = run.estimate[max(finding.since - 50, 0) : finding.scan + 50]
+    curves.append(("estimated path", _moved(around, T_frame_map), plots.ESTIMATE))
+    seen = [plots.SeenScan("scan, as estimated", finding.believed, points, plots.BAD)]
+    if finding.expected is not None:
+        seen.insert(0, plots.SeenScan("scan, where it truly was", finding.expected, points, plots.GOOD))
+    grid, T, caption = run.grid, T_frame_map, "Over the estimated map."
+    if run.truth is not None and run.truth_grid is not None:
+        grid, T = run.truth_grid, np.zeros(3)
+        caption = (
+            f"Over the true map; the estimate is laid upon the truth at scan {finding.since}. The green scan lies on "
+            "the walls; where the red one lies beside it the estimate is wrong."
+        )
+    window = _window(finding, points)
+    background = None
+    if grid is not None and grid.known.any():
+        background = draw_map(grid, frame_around(grid, T, [], 0.5), T)
+    source = plots.scan_over_map(seen, curves, background=background, window=window)
     return Plot(f"Around scan {finding.scan}", source, caption)
+
+
+def _window(finding: Finding, points: NDArray[np.float64]) -> Extent:
+    """What to show (x, x, y, y) [m]: both places, and most of the scan but no more than `CROP` around each."""
+    corners = []
+    for place in (finding.believed, finding.expected):
+        if place is not None:
+            reach = np.percentile(np.hypot(*points.T), 90.0) if len(points) else 0.0
+            reach = np.clip(reach, 2.0, CROP)
+            corners += [place[:2] - reach, place[:2] + reach]
+    (left, low), (right, high) = np.min(corners, axis=0), np.max(corners, axis=0)
+    # As wide as a plot is: a strip would be drawn small.
+    more = (
+        max(0.0, 0.5 * (0.75 * (right - left) - (high - low))),
+        max(0.0, 0.5 * ((high - low) / 0.75 - (right - left))),
+    )
+    return float(left - more[1]), float(right + more[1]), float(low - more[0]), float(high + more[0])
 
 
 def _moved(trajectory: Trajectory, T: Pose) -> NDArray[np.float64]:
@@ -302,16 +329,17 @@ def _filter_plots(sight: Sight) -> Iterator[Plot]:
     )
     share = 100.0 * column(steps, "matched_share")[on]
     failed = 100.0 * column(steps, "match_failures")[on] / particles
-    yield Plot(
-        "Scan matching",
-        plots.over_time(
-            time,
-            [("beams on known walls", share, plots.ESTIMATE), ("particles that failed", failed, plots.BAD)],
-            "share [%]",
-            cursor=sight.cursor,
-        ),
-        "Unseen places lower the share of matched beams; failures are what breaks maps.",
-    )
+    if np.nansum(share) + np.nansum(failed) > 0.0:  # the motion proposal matches nothing
+        yield Plot(
+            "Scan matching",
+            plots.over_time(
+                time,
+                [("beams on known walls", share, plots.ESTIMATE), ("particles that failed", failed, plots.BAD)],
+                "share [%]",
+                cursor=sight.cursor,
+            ),
+            "Unseen places lower the share of matched beams; failures are what breaks maps.",
+        )
     parts = {
         stage: 1e3 * column(steps, f"{stage}_s")[on]
         for stage in plots.STAGES

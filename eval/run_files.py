@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.finding_file import ShownFinding, read_finding
 from eval.map_server import read_map
 from eval.trajectory import Trajectory
 from eval.tum import read_tum
@@ -37,6 +38,8 @@ class RunFiles:
     truth_grid: OccupancyGrid | None
     steps: dict[str, NDArray[Any]] | None
     """Columns of `steps.parquet`; nulls of numbers are NaN."""
+    finding: ShownFinding | None
+    """Where it went wrong."""
 
     @property
     def name(self) -> str:
@@ -66,6 +69,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFiles:
         grid=_map(folder / "map.yaml"),
         truth_grid=_map(folder / "truth_map.yaml"),
         steps=_steps(folder / "steps.parquet"),
+        finding=read_finding(folder / "finding.json") if (folder / "finding.json").is_file() else None,
     )
 
 

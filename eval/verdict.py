@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from eval.run_files import RunFiles
+from eval.wording import length, share, spread
 
 Mood = Literal["good", "fair", "bad", "none"]
 LEADS: dict[str, tuple[str, Mood]] = {
@@ -53,22 +54,6 @@ def verdict(run: RunFiles) -> Verdict:
     return Verdict(outcome, mood, lead, tuple(filter(None, sentences)), tuple(_headlines(run)))
 
 
-def length(metres: float) -> str:
-    """A length for people: 3.2 cm, 45 cm, 1.23 m."""
-    if abs(metres) < 0.0995:
-        return f"{100.0 * metres:.1f}\N{NO-BREAK SPACE}cm"
-    if abs(metres) < 0.995:
-        return f"{100.0 * metres:.0f}\N{NO-BREAK SPACE}cm"
-    return f"{metres:.2f}\N{NO-BREAK SPACE}m"
-
-
-def share(value: float) -> str:
-    """A share for people: 0.4 %, 37 %, 99.6 %."""
-    percent = 100.0 * value
-    digits = 1 if percent < 9.95 or percent > 99.05 else 0
-    return f"{percent:.{digits}f}\N{NO-BREAK SPACE}%"
-
-
 def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""
 
@@ -91,8 +76,8 @@ def _relations_sentence(run: RunFiles) -> str:
         return ""
     loops = run.metric("relations.loops.trans_mean_m")
     text = (
-        f"Against {run.metric('relations.pairs')} hand-checked relations it is off by {100.0 * mean:.2f} ± "
-        f"{100.0 * run.metric('relations.trans_std_m'):.2f} cm and {run.metric('relations.rot_mean_deg'):.2f} ± "
+        f"Against {run.metric('relations.pairs')} hand-checked relations it is off by "
+        f"{spread(mean, run.metric('relations.trans_std_m'))} and {run.metric('relations.rot_mean_deg'):.2f} ± "
         f"{run.metric('relations.rot_std_deg'):.2f} degrees"
     )
     return f"{text}; by {length(loops)} between visits more than 20 s apart." if loops is not None else f"{text}."

@@ -12,9 +12,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from eval.diagnosis import find
+from eval.finding_file import write_finding
 from eval.lidar_view import LidarView
 from eval.relations import Relations
 from eval.scoring import Reference, score
+from slam.beams import rays_of
 from slam.config import FilterConfig
 from slam.gmapping import GMapping, StepReport
 from slam.occupancy import OccupancyGrid
@@ -155,6 +158,24 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     if job.truth_map is not None:
         directory.write_map("truth_map", job.truth_map)
     estimation.steps.write(directory / "steps.parquet")
+    _write_finding(job, directory, estimation, estimate)
+
+
+def _write_finding(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
+    """Where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
+    finding = find(
+        estimate.at_scans,
+        truth=estimation.trajectory_at_scans("truth"),
+        relations=job.relations,
+        dense=estimate.dense,
+        steps=estimation.steps.columns(),
+    )
+    if finding is None:
+        return
+    frame = estimation.frames[estimate.scan_frames[finding.scan]]
+    assert frame.scan is not None
+    rays = rays_of([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
+    write_finding(directory / "finding.json", finding, rays.ends)
 
 
 def metrics_of(

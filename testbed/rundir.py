@@ -34,6 +34,7 @@ RUN_FILES = (
     "truth_map.yaml",
     "metrics.json",
     "steps.parquet",
+    "finding.json",
     "recording.rrd",
     "report.html",
 )

@@ -13,13 +13,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
+from eval.diagnosis import find
+from eval.finding_file import write_finding
+from eval.grids import cell_centres
 from eval.map_server import write_map
+from eval.observability import observable_cells
 from eval.relations import Relations
 from eval.scoring import Reference, score
 from eval.trajectory import Trajectory
 from eval.tum import write_tum
 from slam.occupancy import OccupancyGrid
-from slam.se2 import Pose, between, compose
+from slam.se2 import Pose, between, compose, inverse, transform_points
 from tests.eval.helpers import chain, room, with_wall
 
 PARTICLES = 30
@@ -87,18 +91,23 @@ def write_run(
         write_map(folder / "truth_map.yaml", true_map)
     pq.write_table(pa.table({k: pa.array(v, from_pandas=True) for k, v in steps.items()}), folder / "steps.parquet")
     (folder / "config.toml").write_bytes(tomli_w.dumps(_config(seed)).encode())
+    known = _relations(stamps, poses) if relations else None
     metrics = score(
         trajectories["estimate"],
         reference=Reference(
             trajectory=true,
             grid=true_map if truth else None,
-            relations=_relations(stamps, poses) if relations else None,
+            relations=known,
         ),
         odometry=trajectories["odometry"],
         grid=grid,
         steps=steps,
         facts={"seed": seed, "wall_s": 12.3, "peak_rss_mb": 312.0, "result_hash": "0" * 64},
     )
+    finding = find(trajectories["estimate"], truth=true, relations=known, steps=steps)
+    if finding is not None:
+        seen = cell_centres(true_map, true_map.occupied & observable_cells(true_map, poses[finding.scan]))
+        write_finding(folder / "finding.json", finding, transform_points(inverse(poses[finding.scan]), seen))
     (folder / "metrics.json").write_text(json.dumps(metrics, allow_nan=False))
     return folder
 

@@ -10,11 +10,15 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from eval.diagnosis import first_bad_match, first_bad_stretch
+from eval.diagnosis import find, first_bad_match, first_bad_stretch
+from eval.finding_file import read_finding, write_finding
+from eval.relations import Relations
 from eval.report import write_report
 from eval.run_files import RunFilesError, read_run
 from eval.trajectory import Trajectory
-from eval.verdict import length, share, verdict
+from eval.verdict import verdict
+from eval.wording import length, share, spread
+from slam.se2 import between
 from tests.eval.synthetic_run import BREAK, write_run
 
 
@@ -133,6 +137,8 @@ def test_an_interrupted_run_says_so(tmp_path):
         ("metrics.json", "[]", r"metrics\.json: expected a JSON object"),
         ("config.toml", "a =", r"config\.toml: expected TOML"),
         ("steps.parquet", "no table", r"steps\.parquet: expected a parquet table"),
+        ("finding.json", '{"scan": 1}', r"finding\.json: expected a finding"),
+        ("finding.json", "[1]", r"finding\.json: expected a finding"),
         ("truth.tum", "1 2", r"truth\.tum:1: expected 8 numbers"),
     ],
 )
@@ -159,6 +165,8 @@ def test_the_first_bad_stretch_is_found_where_the_path_was_bent():
     bent[120:, 1] += 0.3
     finding = first_bad_stretch(Trajectory(x, bent), truth)
     assert (finding.bad, finding.scan, finding.since) == (True, 120, 110)
+    np.testing.assert_allclose(finding.believed, bent[120])
+    np.testing.assert_allclose(finding.expected, truth.poses[120])
     fine = first_bad_stretch(truth, truth)
     assert not fine.bad
     assert first_bad_stretch(truth[:5], truth[:5]) is None
@@ -166,6 +174,7 @@ def test_the_first_bad_stretch_is_found_where_the_path_was_bent():
 
 def test_without_truth_the_first_scan_that_does_not_fit_the_map_is_found():
     n = 40
+    estimate = Trajectory(np.arange(n), np.column_stack([np.arange(n), np.zeros(n), np.zeros(n)]))
     steps = {
         "updated": [True] * n,
         "stamp": list(range(n)),
@@ -173,15 +182,47 @@ def test_without_truth_the_first_scan_that_does_not_fit_the_map_is_found():
         "matched_share": [0.0, *[0.9] * 19, 0.3, *[0.9] * 19],
         "match_failures": [0] * n,
     }
-    assert (first_bad_match(steps).scan, first_bad_match(steps).bad) == (20, True)
-    failing = steps | {"matched_share": [0.9] * n, "match_failures": [0] * 30 + [6] + [0] * 9}
-    assert (first_bad_match(failing).scan, first_bad_match(failing).bad) == (30, True)
-    assert not first_bad_match(steps | {"matched_share": [0.9] * n}).bad
-    assert first_bad_match(steps | {"updated": [False] * n}) is None
+
+    def found(**changed):
+        return first_bad_match(estimate, steps | changed)
+
+    assert (found().scan, found().bad, found().believed[0], found().expected) == (20, True, 20.0, None)
+    failing = found(matched_share=[0.9] * n, match_failures=[0] * 30 + [6] + [0] * 9)
+    assert (failing.scan, failing.bad) == (30, True)
+    assert not found(matched_share=[0.9] * n).bad
+    assert found(updated=[False] * n) is None
+
+
+def test_with_relations_the_first_visit_that_does_not_meet_the_earlier_one_is_found():
+    x = 0.5 * np.arange(40)
+    truth = Trajectory(np.arange(40.0), np.column_stack([x, 0.0 * x, 0.0 * x]))
+    bent = truth.poses.copy()
+    bent[25:, 1] += 0.7
+    first, second = np.array([20, 30, 10, 5]), np.array([24, 34, 26, 38])  # the last two straddle the bend
+    for one, two in ((first, second), (second, first)):  # relations may look back in time
+        relations = Relations(truth.stamps[one], truth.stamps[two], between(truth.poses[one], truth.poses[two]))
+        finding = find(Trajectory(truth.stamps, bent), relations=relations)
+        assert (finding.scan, finding.since, finding.bad) == (26, 10, True)
+        np.testing.assert_allclose(finding.believed, bent[26])
+        np.testing.assert_allclose(finding.expected, truth.poses[26])
+        assert "70\xa0cm" in finding.reason
+        assert find(truth, relations=relations) is None
+
+
+def test_a_finding_comes_back_from_its_file(tmp_path):
+    x = 0.1 * np.arange(300)
+    truth = Trajectory(x, np.column_stack([x, 0.0 * x, 0.0 * x]))
+    finding = find(truth, truth=truth)
+    write_finding(tmp_path / "finding.json", finding, [[1.23456, -2.0]])
+    back = read_finding(tmp_path / "finding.json")
+    assert (back.finding.scan, back.finding.bad, back.finding.reason) == (finding.scan, False, finding.reason)
+    np.testing.assert_array_equal(back.finding.expected, finding.expected)
+    np.testing.assert_allclose(back.points, [[1.235, -2.0]])
 
 
 def test_numbers_for_people():
     assert [length(x) for x in (0.0123, 0.45, 1.234)] == ["1.2\xa0cm", "45\xa0cm", "1.23\xa0m"]
+    assert [spread(0.0181, 0.012), spread(5.12, 8.15)] == ["1.81 ± 1.20\xa0cm", "5.12 ± 8.15\xa0m"]
     assert [share(x) for x in (0.004, 0.37, 0.996)] == ["0.4\xa0%", "37\xa0%", "99.6\xa0%"]
 
 
