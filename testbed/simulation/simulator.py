@@ -16,11 +16,12 @@ from testbed.frame import Frame
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
 from testbed.simulation._lidar_kernels import place_beams
 from testbed.simulation.backend import STEP_RATE, Backend, Limits
-from testbed.simulation.driver import Driver, DriverConfig, TourDriver
+from testbed.simulation.driver import Driver, DriverConfig
 from testbed.simulation.history import History
 from testbed.simulation.lidar import Lidar, LidarLayers
 from testbed.simulation.movers import Movers
 from testbed.simulation.odometry import Odometry, OdometryConfig
+from testbed.simulation.tour_driver import TourDriver
 from testbed.streams import streams
 from worlds import World, WorldError, check_world
 

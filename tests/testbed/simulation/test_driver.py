@@ -8,7 +8,8 @@ import pytest
 import shapely
 
 from testbed.presets import load_robot
-from testbed.simulation.driver import DriverConfig, TourDriver
+from testbed.simulation.driver import DriverConfig
+from testbed.simulation.tour_driver import TourDriver
 
 ROBOT = load_robot("create3")
 
