@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,15 +14,20 @@ from eval.grids import true_grid
 from eval.map_server import write_map
 from eval.trajectory import Trajectory
 from eval.tum import write_tum
-from testbed.formats.carmen_writer import write_carmen
-from testbed.formats.checksums import CONFIG, checksums_of
-from testbed.formats.ros_bag_writer import write_bag
-from testbed.provenance import dump_toml, versions
+from testbed.formats import Log
+from testbed.formats.checksums import CONFIG, seal_directory
+from testbed.formats.commands import Command
+from testbed.formats.writing import write_log
 from testbed.simulation import SimulationConfig, simulate
+from testbed.simulation.recorded_driver import RecordedDriver
+from testbed.simulation.simulator import CONTROL_PERIOD
 from testbed.simulation.urdf import robot_urdf
 from worlds import World, dumps, true_map
 
-Format = Literal["rosbag2", "rosbag2-lean", "carmen"]
+Format = Literal["rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "parquet"]
+
+ONE_FILE = {"carmen": ".log.gz", "rosbag1": ".bag"}
+"""Formats that are one file, which goes into the dataset's directory."""
 
 MAP_RESOLUTION = 0.05
 """Side of a cell of the true map [m]."""
@@ -34,25 +39,32 @@ def is_complete(path: Path) -> bool:
 
 
 def write_dataset(
-    path: Path, world: World, config: SimulationConfig, settings: Mapping[str, Any], *, form: Format = "rosbag2"
-) -> None:
-    """Simulate a drive and write it as a dataset directory, which must not exist.
+    path: Path,
+    world: World,
+    config: SimulationConfig,
+    settings: Mapping[str, Any],
+    *,
+    form: Format = "rosbag2",
+    commands: Sequence[Command] | None = None,
+) -> dict[str, Any]:
+    """Simulate a drive and write it as a dataset directory, which must not exist; returns how the drive went.
 
-    It holds the recording (`rosbag2`: metadata.yaml and one .mcap that ROS 2 plays and Rerun shows; `rosbag2-lean`:
-    the same in half the space, without `/scan_cloud`, which is what Rerun draws of scans; `carmen`: one .log.gz),
-    world.toml, truth.tum (a pose at every scan), truth_map.pgm and .yaml, and config.toml with `settings`, versions and
-    the SHA-256 of all other files. The same world and settings give the same bytes. Written aside and renamed.
+    It holds the recording (`testbed.formats.writing`), world.toml, truth.tum (a pose at every scan), truth_map.pgm and
+    .yaml, and config.toml with `settings`, how the drive went, versions and the SHA-256 of all other files. The same
+    world and settings give the same bytes. Written aside and renamed.
+
+    commands: what the robot is told, instead of the tour
     """
     discard_unfinished(path)
     aside = _aside(path)
     aside.parent.mkdir(parents=True)
     try:
-        _write(aside, world, config, form)
-        document = {"settings": dict(settings), "versions": versions(), "checksums": checksums_of(aside)}
-        (aside / CONFIG).write_text(dump_toml(document), encoding="utf-8")
+        drive = _write(aside, world, config, form, commands)
+        seal_directory(aside, {"settings": dict(settings), "drive": drive})
         aside.replace(path)
     finally:
         discard_unfinished(path)
+    return drive
 
 
 def discard_unfinished(path: Path) -> None:
@@ -65,18 +77,37 @@ def _aside(path: Path) -> Path:
     return path.parent / f".{path.name}.simulating" / path.name
 
 
-def _write(path: Path, world: World, config: SimulationConfig, form: Format) -> None:
-    with simulate(world, config) as simulation:
+def _write(
+    path: Path, world: World, config: SimulationConfig, form: Format, commands: Sequence[Command] | None
+) -> dict[str, Any]:
+    driver = None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
+    with simulate(world, config, driver) as simulation:
         frames = list(simulation)
     truth_map = true_grid(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
-    if form == "carmen":
+    log = Log(
+        path=path,
+        format="simulation",
+        frames=frames,
+        notes=(),
+        truth_map=truth_map,
+        robot_urdf=robot_urdf(config.robot),
+    )
+    if form in ONE_FILE:
         path.mkdir()
-        write_carmen(path / f"{path.name}.log.gz", frames)
+        write_log(path / f"{path.name}{ONE_FILE[form]}", log, form)
     else:
-        cloud = form == "rosbag2"
-        write_bag(path, frames, truth_map=truth_map, robot_urdf=robot_urdf(config.robot), cloud=cloud)
+        write_log(path, log, form)
     (path / "world.toml").write_text(dumps(world), encoding="utf-8")
     write_map(path / "truth_map.yaml", truth_map)
     known = [(frame.stamp, frame.truth) for frame in frames if frame.scan is not None and frame.truth is not None]
+    if not known:
+        raise ValueError(f"{path.name}: the drive ended before the first scan was complete, expected a longer duration")
     stamps, poses = zip(*known, strict=True)
     write_tum(path / "truth.tum", Trajectory(np.array(stamps), np.array(poses)))
+    return {
+        "finished": simulation.finished,
+        "stuck": simulation.stuck,
+        "collided": simulation.collided,
+        "recoveries": simulation.driver.recoveries,
+        "seconds": round(simulation.time, 3),
+    }

@@ -6,9 +6,11 @@ Source: the header that CARMEN's logger writes into each log (carmen.sourceforge
 
     ODOM x y theta tv rv accel  ipc_time host logger_time
     FLASER n r_1 … r_n  laser_x laser_y laser_theta  odom_x odom_y odom_theta  ipc_time host logger_time
+    RLASER … the same of the rear laser
     ROBOTLASER1 type start fov step range_max accuracy remission_mode  n r_1 … r_n  m s_1 … s_m
         laser_x laser_y laser_theta  robot_x robot_y robot_theta  tv rv forward_safety side_safety turn_axis
         ipc_time host logger_time
+    ROBOTLASER2 … the same of the rear laser
     TRUEPOS true_x true_y true_theta  odom_x odom_y odom_theta  ipc_time host logger_time
     PARAM name value …
 """
@@ -16,6 +18,7 @@ Source: the header that CARMEN's logger writes into each log (carmen.sourceforge
 from __future__ import annotations
 
 import gzip
+import hashlib
 import math
 import re
 import zlib
@@ -33,8 +36,16 @@ from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
 from testbed.frame import Frame
 
-MESSAGES = ("FLASER", "ROBOTLASER1", "ODOM", "PARAM", "TRUEPOS")
+LIDARS = {"FLASER": "laser", "RLASER": "rear_laser", "ROBOTLASER1": "laser", "ROBOTLASER2": "rear_laser"}
+"""Messages with scans, and the name of the lidar that took them."""
+MESSAGES = (*LIDARS, "ODOM", "PARAM", "TRUEPOS")
 """What is read; all other messages are counted and skipped."""
+SEALED = "# CARMEN Logfile; metres, radians, seconds; the last line holds the SHA-256 of all above it"
+"""First line of logs that this package has written: text has no check sum of its own."""
+SEAL = "# SHA-256 "
+"""How their last line begins."""
+UNSEAL = "delete the lines that name SHA-256 if that was meant"
+"""For people who edit a log."""
 LONGEST_LINE = 1_000_000
 """Characters: a scan of some 100 000 beams. What is longer is no CARMEN log."""
 LARGEST_MEDIAN_RANGE = 100.0
@@ -53,14 +64,19 @@ FLASER_LAYOUTS = {
     682: (-340 * 360 / 1024, 360 / 1024),
 }
 
+OFFSETS = {"FLASER": "robot_frontlaser_offset", "RLASER": "robot_rearlaser_offset"}
+"""Parameters with the x of a laser [m]. The rear one faces backwards."""
+MAXIMA = {"FLASER": "robot_front_laser_max", "RLASER": "robot_rear_laser_max"}
+"""Parameters with the range from which on there is no return [m]."""
+
 _OFFSET_IN_COMMENT = re.compile(r"robot_frontlaser_offset\s+(-?[0-9]*\.?[0-9]+)")
 
 
 def read_carmen(path: str | Path, *, laser_offset: float | None = None, range_max: float | None = None) -> Log:
-    """Read a CARMEN log, plain or gzip; frames come in the order of the file.
+    """Read a CARMEN log, plain or gzip; frames come in the order of the file. A log of odometry alone has no scans.
 
-    laser_offset  x of the laser in the robot's frame [m]; None: what the log says (`PARAM robot_frontlaser_offset`, a
-                  comment of that name, or the two poses of a `ROBOTLASER1` line), else 0
+    laser_offset  x of the front laser in the robot's frame [m]; None: what the log says (`PARAM
+                  robot_frontlaser_offset`, a comment of that name, or the two poses of a `ROBOTLASER1` line), else 0
     range_max     readings from here on are no returns [m]; None: what the log says (`ROBOTLASER1`, `PARAM
                   robot_front_laser_max`), else the no-return value found in the readings, see `no_return_value`
     Odometry of a frame is the robot's (`odom_*`, `robot_*`); stamps are the ipc clock. `TRUEPOS` becomes the truth of
@@ -73,11 +89,6 @@ def read_carmen(path: str | Path, *, laser_offset: float | None = None, range_ma
             _take(line, content)
         except ValueError as error:
             raise LogError(f"{path}:{number}: {error}") from None
-    if not content.scans:
-        raise LogError(
-            f"{path}: no scans: expected FLASER or ROBOTLASER1 lines, found "
-            + (", ".join(f"{n} {kind}" for kind, n in content.counts.most_common(5)) or "no messages at all")
-        )
     return _assemble(path, content, laser_offset, range_max)
 
 
@@ -98,8 +109,9 @@ def no_return_value(ranges: NDArray[np.float64]) -> float | None:
 
 @dataclass
 class _Message:
-    """One ODOM, FLASER or ROBOTLASER1 line before the log's own settings are known."""
+    """One line with odometry, and perhaps a scan, before the log's own settings are known."""
 
+    kind: str
     stamp: float
     odometry: Pose
     twist: Pose | None = None
@@ -113,7 +125,6 @@ class _Message:
 @dataclass
 class _Content:
     messages: list[_Message] = field(default_factory=list)
-    scans: int = 0
     parameters: dict[str, float] = field(default_factory=dict)
     truth: tuple[float, Pose] | None = None
     counts: Counter[str] = field(default_factory=Counter)
@@ -121,7 +132,7 @@ class _Content:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Numbered lines; characters that are not ASCII become U+FFFD, which no number contains."""
-    number = 0
+    number, digest, sealed, verified = 0, hashlib.sha256(), False, False
     try:
         with path.open("rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
@@ -130,7 +141,16 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
                 number += 1
                 if len(line) == LONGEST_LINE:
                     raise LogError(f"{path}:{number}: line longer than {LONGEST_LINE} characters: not a CARMEN log")
+                sealed = sealed or (number == 1 and line.rstrip() == SEALED.encode())
+                if line.startswith(SEAL.encode()):
+                    verified = line.split()[-1] == digest.hexdigest().encode()
+                    if not verified:
+                        raise LogError(f"{path}:{number}: something above has changed since it was written; {UNSEAL}")
+                else:
+                    digest.update(line)
                 yield number, line.decode("ascii", errors="replace")
+        if sealed and not verified:
+            raise LogError(f"{path}:{number}: the log ends early, without its SHA-256; {UNSEAL}")
     except EOFError:
         raise LogError(f"{path}:{number + 1}: the gzip file ends early: it was truncated") from None
     except (gzip.BadGzipFile, zlib.error) as error:
@@ -155,16 +175,15 @@ def _take(line: str, content: _Content) -> None:
     elif kind == "TRUEPOS":
         _expect(kind, rest, 9)
         content.truth = (_stamp(rest[6]), _pose("true", rest[0:3]))
-    elif kind in ("ODOM", "FLASER", "ROBOTLASER1"):
-        message = {"ODOM": _odom, "FLASER": _flaser, "ROBOTLASER1": _robotlaser}[kind](rest)
+    elif kind == "ODOM" or kind in LIDARS:
+        message = _odom(rest) if kind == "ODOM" else _flaser(kind, rest) if kind in OFFSETS else _robotlaser(kind, rest)
         if content.truth is not None and content.truth[0] == message.stamp:
             message.truth = content.truth[1]
         content.messages.append(message)
-        content.scans += message.ranges is not None
 
 
 def _take_parameter(rest: list[str], content: _Content) -> None:
-    if len(rest) >= 2 and rest[0] in ("robot_frontlaser_offset", "robot_front_laser_max"):
+    if len(rest) >= 2 and rest[0] in (*OFFSETS.values(), *MAXIMA.values()):
         value = _number(rest[0], rest[1])
         if not math.isfinite(value):
             raise ValueError(f"PARAM {rest[0]} must be finite, got {rest[1]}")
@@ -174,37 +193,38 @@ def _take_parameter(rest: list[str], content: _Content) -> None:
 def _odom(rest: list[str]) -> _Message:
     _expect("ODOM", rest, 9)
     tv, rv = _number("tv", rest[3]), _number("rv", rest[4])
-    return _Message(_stamp(rest[6]), _pose("odometry", rest[0:3]), twist=_twist(tv, rv))
+    return _Message("ODOM", _stamp(rest[6]), _pose("odometry", rest[0:3]), twist=_twist(tv, rv))
 
 
-def _flaser(rest: list[str]) -> _Message:
-    ranges, rest = _counted("FLASER", "beam", rest)
-    _expect(f"FLASER with {ranges.size} beams", rest, 9, after="after its ranges")
+def _flaser(kind: str, rest: list[str]) -> _Message:
+    ranges, rest = _counted(kind, "beam", rest)
+    _expect(f"{kind} with {ranges.size} beams", rest, 9, after="after its ranges")
     if ranges.size not in FLASER_LAYOUTS:
         known = ", ".join(str(n) for n in sorted(FLASER_LAYOUTS))
         raise ValueError(
-            f"FLASER with {ranges.size} beams: it holds no angles, and they are known for {known} beams only"
+            f"{kind} with {ranges.size} beams: it holds no angles, and they are known for {known} beams only"
         )
     first, step = FLASER_LAYOUTS[ranges.size]
     angles: NDArray[np.float64] = np.deg2rad(first + step * np.arange(ranges.size))
     _pose("laser", rest[0:3])
-    return _Message(_stamp(rest[6]), _pose("odometry", rest[3:6]), ranges=ranges, angles=angles)
+    return _Message(kind, _stamp(rest[6]), _pose("odometry", rest[3:6]), ranges=ranges, angles=angles)
 
 
-def _robotlaser(rest: list[str]) -> _Message:
+def _robotlaser(kind: str, rest: list[str]) -> _Message:
     if len(rest) < 8:
-        raise ValueError(f"ROBOTLASER1 ends after {len(rest)} values")
+        raise ValueError(f"{kind} ends after {len(rest)} values")
     start, step, range_max = (
         _number(name, rest[i]) for name, i in (("start_angle", 1), ("angular_resolution", 3), ("maximum_range", 4))
     )
     if not (math.isfinite(start) and math.isfinite(step) and range_max > 0):
-        raise ValueError(f"ROBOTLASER1 needs finite angles and a positive maximum_range, got {' '.join(rest[1:5])}")
-    ranges, rest = _counted("ROBOTLASER1", "beam", rest[7:])
-    _, rest = _counted("ROBOTLASER1", "remission", rest)
-    _expect(f"ROBOTLASER1 with {ranges.size} beams", rest, 14, after="after its remissions")
+        raise ValueError(f"{kind} needs finite angles and a positive maximum_range, got {' '.join(rest[1:5])}")
+    ranges, rest = _counted(kind, "beam", rest[7:])
+    _, rest = _counted(kind, "remission", rest)
+    _expect(f"{kind} with {ranges.size} beams", rest, 14, after="after its remissions")
     laser, robot = _pose("laser", rest[0:3]), _pose("robot", rest[3:6])
     x, y, theta = se2.between(robot, laser)
     return _Message(
+        kind,
         _stamp(rest[11]),
         robot,
         twist=_twist(_number("tv", rest[6]), _number("rv", rest[7])),
@@ -259,14 +279,14 @@ def _twist(tv: float, rv: float) -> Pose | None:
 
 def _assemble(path: Path, content: _Content, laser_offset: float | None, range_max: float | None) -> Log:
     """Frames, now that the whole file has been seen; the notes say what was found out."""
-    readings = np.concatenate([m.ranges for m in content.messages if m.ranges is not None])
+    readings = np.concatenate([m.ranges for m in content.messages if m.ranges is not None] or [np.empty(0)])
     typical = np.median(readings[np.isfinite(readings)]) if np.any(np.isfinite(readings)) else 0.0
     if typical > LARGEST_MEDIAN_RANGE:
         raise LogError(
             f"{path}: the median reading is {typical:g}: expected metres, are these centimetres or millimetres?"
         )
-    range_max, range_note = _resolve_range_max(content, readings, range_max)
-    offset, offset_note = _resolve_offset(content, laser_offset)
+    no_returns, range_notes = _resolve_no_returns(content, range_max)
+    offsets, offset_note = _resolve_offsets(content, laser_offset)
     skipped = [f"{count} {kind[:20]}" for kind, count in content.counts.most_common() if kind not in MESSAGES]
     skipped_note = (
         f"messages left out: {', '.join(skipped[:8])}{' and others' if skipped[8:] else ''}" if skipped else ""
@@ -274,47 +294,67 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
     return Log(
         path=path,
         format="CARMEN log",
-        frames=[_frame(message, offset, range_max) for message in content.messages],
-        notes=tuple(note for note in (range_note, offset_note, skipped_note) if note),
+        frames=[_frame(message, offsets, no_returns) for message in content.messages],
+        notes=tuple(note for note in (*range_notes, offset_note, skipped_note) if note),
     )
 
 
-def _resolve_range_max(
-    content: _Content, readings: NDArray[np.float64], given: float | None
-) -> tuple[float | None, str]:
-    """Where no returns begin [m], None = as each message says, and the note about it."""
+def _resolve_no_returns(content: _Content, given: float | None) -> tuple[dict[str, float], list[str]]:
+    """Where no returns begin [m], by the kind of message, as far as the messages do not say so themselves; notes."""
+    kinds = sorted({m.kind for m in content.messages if m.ranges is not None})
     if given is not None:
-        return given, f"no return from {given:g} m on (as asked)"
-    if all(m.range_max is not None for m in content.messages if m.ranges is not None):
-        return None, ""
-    if "robot_front_laser_max" in content.parameters:
-        logged = content.parameters["robot_front_laser_max"]
-        return logged, f"no return from {logged:g} m on (PARAM robot_front_laser_max)"
+        return dict.fromkeys(kinds, given), [f"no return from {given:g} m on (as asked)"]
+    found, notes = {}, []
+    for kind in kinds:
+        if kind in MAXIMA:
+            ranges = [m.ranges for m in content.messages if m.kind == kind and m.ranges is not None]
+            found[kind], note = _no_return_of(content.parameters.get(MAXIMA[kind]), MAXIMA[kind], ranges)
+            notes.append(f"{kind}: {note}" if len(kinds) > 1 else note)
+    return found, notes
+
+
+def _no_return_of(logged: float | None, name: str, ranges: list[NDArray[np.float64]]) -> tuple[float, str]:
+    """Where no returns begin in the scans of one lidar [m], and the note about it."""
+    if logged is not None:
+        return logged, f"no return from {logged:g} m on (PARAM {name})"
+    readings = np.concatenate(ranges)
     found = no_return_value(readings)
     if found is None:
         return math.inf, 'no value for "no return" stands out: all readings count as hits'
     return found, f"no return is written as {found:g} m ({np.mean(readings == found):.1%} of the readings)"
 
 
-def _resolve_offset(content: _Content, given: float | None) -> tuple[float | None, str]:
-    """x of the laser [m], None = as each message says, and the note about it."""
+def _resolve_offsets(content: _Content, given: float | None) -> tuple[dict[str, float], str]:
+    """x of the lasers [m], by the kind of message, as far as the messages do not say so themselves; the note."""
+    front, rear = (content.parameters.get(OFFSETS[kind]) for kind in ("FLASER", "RLASER"))
+    offsets = {"RLASER": rear or 0.0}
     if given is not None:
-        return given, f"laser {given:+g} m along x (as asked)"
-    if "robot_frontlaser_offset" in content.parameters:
-        logged = content.parameters["robot_frontlaser_offset"]
-        return logged, f"laser {logged:+g} m along x (robot_frontlaser_offset in the log)"
-    return None, ""
+        return offsets | {"FLASER": given, "ROBOTLASER1": given}, f"laser {given:+g} m along x (as asked)"
+    if front is not None:
+        note = f"laser {front:+g} m along x (robot_frontlaser_offset in the log)"
+        return offsets | {"FLASER": front, "ROBOTLASER1": front}, note
+    return offsets, ""
 
 
-def _frame(message: _Message, offset: float | None, range_max: float | None) -> Frame:
+def _frame(message: _Message, offsets: dict[str, float], no_returns: dict[str, float]) -> Frame:
     scan = None
     if message.ranges is not None and message.angles is not None:
+        mount = message.mount or (0.0, 0.0, 0.0)
+        if message.kind in offsets:
+            mount = (offsets[message.kind], 0.0, math.pi if message.kind == "RLASER" else 0.0)
         own_max = message.range_max if message.range_max is not None else math.inf
         scan = Scan(
             ranges=message.ranges,
             angles=message.angles,
-            range_max=own_max if range_max is None else range_max,
+            range_max=no_returns.get(message.kind, own_max),
             stamp=message.stamp,
-            mount=(message.mount or (0.0, 0.0, 0.0)) if offset is None else (offset, 0.0, 0.0),
+            mount=mount,
         )
-    return Frame(stamp=message.stamp, odometry=message.odometry, scan=scan, twist=message.twist, truth=message.truth)
+    return Frame(
+        stamp=message.stamp,
+        odometry=message.odometry,
+        scan=scan,
+        lidar=LIDARS.get(message.kind, Frame.lidar),
+        twist=message.twist,
+        truth=message.truth,
+    )

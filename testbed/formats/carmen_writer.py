@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,31 +17,47 @@ from eval.files import write_aside
 from slam import se2
 from slam.scan import Scan
 from testbed.formats.beams import even_spacing
-from testbed.formats.carmen import FLASER_LAYOUTS
+from testbed.formats.carmen import FLASER_LAYOUTS, LIDARS, MAXIMA, OFFSETS, SEAL, SEALED
 from testbed.formats.log import LogError
 from testbed.frame import Frame
 
 HOST = "testbed"
+SAME_HEADING = 1e-9
+"""Rounding of half a turn [rad]."""
 
 
 def write_carmen(
-    path: str | Path, frames: Sequence[Frame], *, message: Literal["ROBOTLASER1", "FLASER"] = "ROBOTLASER1"
+    path: str | Path, frames: Sequence[Frame], *, message: Literal["ROBOTLASER", "FLASER"] = "ROBOTLASER"
 ) -> None:
     """Write frames as a CARMEN log, gzip where the name ends in `.gz`; numbers keep all their digits.
 
-    Truth goes into `TRUEPOS` lines. CARMEN has no place for `range_min` and the times of single beams, and `FLASER`
-    none for the twist: readings that are no hit become 0 (invalid) or `range_max` (no return), the rest is left out.
-    Raises LogError where the beams are not evenly spaced and, for `FLASER`, where its readers would imply other angles
-    or the scans differ in mount or range. The file is written aside and renamed; equal frames give equal bytes.
+    The scans of one lidar become `ROBOTLASER1` or `FLASER` lines, those of a second one `ROBOTLASER2` or `RLASER`.
+    Truth goes into `TRUEPOS` lines. CARMEN has no place for commands, `range_min` and the times of single beams, and
+    `FLASER` none for the twist: readings that are no hit become 0 (invalid) or `range_max` (no return), the rest is
+    left out. Raises LogError where there are more lidars, where beams are not evenly spaced and, for `FLASER`, where
+    its readers would imply other angles or the scans of a lidar differ in mount or range. The file is written aside
+    and renamed; its last line holds the SHA-256 of all others; equal frames give equal bytes.
     """
     path = Path(path)
-    lines = _flaser_lines(path, frames) if message == "FLASER" else _robotlaser_lines(path, frames)
-    text = "".join(f"{line}\n" for line in ("# CARMEN Logfile; metres, radians, seconds", *lines)).encode("ascii")
+    kinds = _kinds(path, frames, message)
+    lines = (_flaser_lines if message == "FLASER" else _robotlaser_lines)(path, frames, kinds)
+    text = "".join(f"{line}\n" for line in (SEALED, *lines)).encode("ascii")
+    text += f"{SEAL}{hashlib.sha256(text).hexdigest()}\n".encode("ascii")
     with write_aside(path) as aside:
         aside.write_bytes(gzip.compress(text, mtime=0) if path.suffix == ".gz" else text)
 
 
-def _robotlaser_lines(path: Path, frames: Sequence[Frame]) -> Iterator[str]:
+def _kinds(path: Path, frames: Sequence[Frame], message: str) -> dict[str, str]:
+    """Kind of message for each lidar: a rear one comes second, else their order of appearance counts."""
+    kinds = ("FLASER", "RLASER") if message == "FLASER" else ("ROBOTLASER1", "ROBOTLASER2")
+    lidars = dict.fromkeys(frame.lidar for frame in frames if frame.scan is not None)
+    names = sorted(lidars, key=lambda name: name == LIDARS[kinds[1]])
+    if len(names) > len(kinds):
+        raise LogError(f"{path}: scans of {len(names)} lidars ({', '.join(names)}), CARMEN has a front and a rear one")
+    return dict(zip(names, kinds, strict=False))
+
+
+def _robotlaser_lines(path: Path, frames: Sequence[Frame], kinds: dict[str, str]) -> Iterator[str]:
     for index, frame in enumerate(frames):
         yield from _truth(frame)
         if frame.scan is None:
@@ -51,31 +68,32 @@ def _robotlaser_lines(path: Path, frames: Sequence[Frame]) -> Iterator[str]:
         laser = se2.compose(frame.odometry, scan.mount)
         twist = _twist(frame)
         yield (
-            f"ROBOTLASER1 0 {_text([start, step * (scan.angles.size - 1), step, scan.range_max])} 0 0 "
+            f"{kinds[frame.lidar]} 0 {_text([start, step * (scan.angles.size - 1), step, scan.range_max])} 0 0 "
             f"{_ranges(scan)} 0 {_text(laser)} {_text(frame.odometry)} {_text(twist)} 0 0 0 {_tail(frame)}"
         )
 
 
-def _flaser_lines(path: Path, frames: Sequence[Frame]) -> Iterator[str]:
-    first = next((frame.scan for frame in frames if frame.scan is not None), None)
-    if first is None:
-        raise LogError(f"{path}: no scans to write")
-    if first.mount[1:] != (0.0, 0.0):
-        raise LogError(f"{path}: FLASER has no place for a lidar mounted at {first.mount}: only an offset along x")
-    yield f"PARAM robot_frontlaser_offset {first.mount[0]!r}"
-    if math.isfinite(first.range_max):
-        yield f"PARAM robot_front_laser_max {first.range_max!r}"
+def _flaser_lines(path: Path, frames: Sequence[Frame], kinds: dict[str, str]) -> Iterator[str]:
+    first = {frame.lidar: frame.scan for frame in reversed(frames) if frame.scan is not None}
+    for name, kind in kinds.items():
+        mount, range_max = first[name].mount, first[name].range_max
+        ahead = math.pi if kind == "RLASER" else 0.0
+        if mount[1] != 0.0 or abs(math.remainder(mount[2] - ahead, 2.0 * math.pi)) > SAME_HEADING:
+            raise LogError(f"{path}: {kind} has no place for a lidar mounted at {mount}: only for an offset along x")
+        yield f"PARAM {OFFSETS[kind]} {mount[0]!r}"
+        if math.isfinite(range_max):
+            yield f"PARAM {MAXIMA[kind]} {range_max!r}"
     for index, frame in enumerate(frames):
         yield from _truth(frame)
         if frame.scan is None:
             yield _odom(frame)
             continue
         scan = frame.scan
-        if (scan.mount, scan.range_max) != (first.mount, first.range_max):
+        if (scan.mount, scan.range_max) != (first[frame.lidar].mount, first[frame.lidar].range_max):
             raise LogError(f"{path}: frame {index}: FLASER has no place for scans that differ in mount or range_max")
         _check_flaser_angles(path, index, scan)
         laser = se2.compose(frame.odometry, scan.mount)
-        yield f"FLASER {_ranges(scan)} {_text(laser)} {_text(frame.odometry)} {_tail(frame)}"
+        yield f"{kinds[frame.lidar]} {_ranges(scan)} {_text(laser)} {_text(frame.odometry)} {_tail(frame)}"
 
 
 def _check_flaser_angles(path: Path, index: int, scan: Scan) -> None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from testbed.formats.log import LogError
+from testbed.provenance import dump_toml, versions
 
 CONFIG = "config.toml"
 LARGEST_CONFIG = 1_000_000
@@ -17,6 +20,12 @@ LARGEST_CONFIG = 1_000_000
 def checksums_of(directory: Path) -> dict[str, str]:
     """SHA-256 of each file of a directory but `config.toml`, by name."""
     return {path.name: _sha256(path) for path in sorted(directory.iterdir()) if path.name != CONFIG}
+
+
+def seal_directory(directory: Path, document: Mapping[str, Any]) -> None:
+    """Write `config.toml`: the document, versions, and the SHA-256 of all files that are there by now."""
+    whole = {**document, "versions": versions(), "checksums": checksums_of(directory)}
+    (directory / CONFIG).write_text(dump_toml(whole), encoding="utf-8")
 
 
 def verify(directory: Path) -> None:

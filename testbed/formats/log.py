@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from slam.occupancy import OccupancyGrid
 from testbed.frame import Frame
 
 
@@ -25,6 +26,11 @@ class Log:
     """In the order of the file, which is not always that of the stamps."""
     notes: tuple[str, ...]
     """What was found out or left out while reading, one sentence each: for the user's eyes."""
+
+    truth_map: OccupancyGrid | None = None
+    """The true map, where the log holds it."""
+    robot_urdf: str | None = None
+    """The robot's description, where the log holds it."""
 
     @property
     def scan_count(self) -> int:

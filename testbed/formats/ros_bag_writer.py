@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""ROS 2 bags, written without ROS: a rosbag2 directory (metadata.yaml and one .mcap) that `ros2 bag play` takes.
+"""ROS bags, written without ROS: rosbag2 directories (MCAP or SQLite) that `ros2 bag play` takes, and ROS 1 bags.
 
-Topics: `/scan`, `/odom`, `/tf` (odom to base_link), `/tf_static` (base_link to laser and to the robot's parts),
-`/robot_description` and, where truth is known, `/ground_truth/odom`, `/ground_truth/map` and `/ground_truth/tf` (map to
-odom). Frames by REP 105: map, odom, base_link, laser.
+Topics: `/scan`, `/odom`, `/cmd_vel` where the commands are known, `/tf` (odom to base_link), `/tf_static` (base_link to
+laser and to the robot's parts), `/robot_description` and, where truth is known, `/ground_truth/odom`,
+`/ground_truth/map` and `/ground_truth/tf` (map to odom). Frames by REP 105: map, odom, base_link, laser. Of several
+lidars, each has a frame of its own and a topic `/scan_` with the frame's name.
 
 Viewers such as Rerun draw neither LaserScan nor Odometry: for them the hits are there once more as a point cloud,
 `/scan_cloud`, and `/ground_truth/tf` hangs the odometry's frame where it truly is. That is no part of `/tf`, where it
@@ -12,315 +13,177 @@ would contradict the mapper that a bag is played to.
 
 from __future__ import annotations
 
-import math
-import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-from xml.etree import ElementTree
+from typing import Any, Literal
 
 import numpy as np
 
 from slam import se2
 from slam.occupancy import OccupancyGrid
-from slam.scan import Scan
-from slam.se2 import Pose
-from testbed.formats.beams import even_spacing
+from testbed.formats.aside import renamed_when_whole
 from testbed.formats.log import LogError
+from testbed.formats.mcap_checksums import seal
+from testbed.formats.ros_messages import Joint, Messages, joints_of, nanoseconds, planar_joint
 from testbed.frame import Frame
 
-if TYPE_CHECKING:
-    from rosbags.rosbag2 import Writer
+Storage = Literal["mcap", "sqlite", "rosbag1"]
 
 SAME_MOUNT = 1e-5
 """Mounts that differ by less [m], [rad] are the same: logs round their poses."""
-TYPES = {
-    "/scan": "sensor_msgs/msg/LaserScan",
-    "/scan_cloud": "sensor_msgs/msg/PointCloud2",
-    "/odom": "nav_msgs/msg/Odometry",
-    "/tf": "tf2_msgs/msg/TFMessage",
-    "/tf_static": "tf2_msgs/msg/TFMessage",
-    "/robot_description": "std_msgs/msg/String",
-    "/ground_truth/odom": "nav_msgs/msg/Odometry",
-    "/ground_truth/tf": "tf2_msgs/msg/TFMessage",
-    "/ground_truth/map": "nav_msgs/msg/OccupancyGrid",
-}
+LATEST_STAMP = 2**31 - 1
+"""ROS 2 counts seconds in 31 bits."""
 LATCHED = ("/tf_static", "/robot_description", "/ground_truth/map")
 """Topics of one message that late subscribers still receive."""
-FLOAT32 = 7
-"""PointField.FLOAT32."""
+
+Put = Callable[[str, float, Any], None]
+"""Writes a message: topic, time [s], message."""
 
 
 def write_bag(
     path: str | Path,
     frames: Sequence[Frame],
     *,
+    storage: Storage = "mcap",
     truth_map: OccupancyGrid | None = None,
     robot_urdf: str | None = None,
     cloud: bool = True,
 ) -> None:
-    """Write frames as a rosbag2 directory `path`, which must not exist; equal frames give equal bytes.
+    """Write frames as a bag `path`, which must not exist; equal frames give equal bytes.
 
+    storage: mcap, sqlite: a rosbag2 directory (metadata.yaml and one file);  rosbag1: one file, for ROS 1
     robot_urdf: the robot as URDF text with the root link base_link; its joints are written at rest
-    cloud: write `/scan_cloud` too, which more than doubles the size of a bag
+    cloud: write the point clouds too, which more than doubles the size of a bag
 
     ROS holds ranges and angles as float32, all poses as float64, stamps in nanoseconds. Raises LogError where stamps
-    step backwards (a bag is ordered by time), where beams or their times are not evenly spaced, or where scans differ
-    in mount. The directory is written aside and renamed.
+    step backwards (a bag is ordered by time) or are out of ROS's range, where beams or their times are not evenly
+    spaced, or where scans of one lidar differ in mount. The bag is written aside and renamed.
     """
     path = Path(path)
     if path.exists():
         raise LogError(f"{path}: exists")
-    _check(path, frames)
-    aside = path.parent / f".{path.name}.writing" / path.name  # the bag's files are named after their directory
-    shutil.rmtree(aside.parent, ignore_errors=True)
-    aside.parent.mkdir(parents=True)
-    try:
-        _write(aside, frames, truth_map, robot_urdf, cloud)
-        aside.replace(path)
-    finally:
-        shutil.rmtree(aside.parent, ignore_errors=True)
+    mounts = _mounts(path, frames)
+    with renamed_when_whole(path) as aside:
+        with _rosbag1(aside) if storage == "rosbag1" else _rosbag2(aside, storage) as (types, put):
+            _put_all(Messages(types), put, frames, mounts, truth_map, robot_urdf, cloud)
+        if storage == "mcap":
+            seal(aside / f"{aside.name}.mcap")
 
 
-def _check(path: Path, frames: Sequence[Frame]) -> None:
-    mounts = np.array([frame.scan.mount for frame in frames if frame.scan is not None])
-    if not mounts.size:
-        raise LogError(f"{path}: no scans to write")
-    if np.abs(mounts - mounts[0]).max() > SAME_MOUNT:
-        raise LogError(f"{path}: scans from lidars mounted at different places, a bag here holds one lidar")
+def _mounts(path: Path, frames: Sequence[Frame]) -> dict[str, tuple[float, float, float]]:
+    """Mount of each lidar, by name; LogError where a bag cannot hold these frames."""
+    if not frames:
+        raise LogError(f"{path}: no frames to write")
     stamps = np.array([frame.stamp for frame in frames])
     back = np.flatnonzero(np.diff(stamps) < 0.0)
     if back.size:
         raise LogError(f"{path}: frame {back[0] + 1}: the stamps step backwards; a bag is ordered by time")
+    if not (stamps[0] >= 0.0 and stamps[-1] < LATEST_STAMP):
+        raise LogError(f"{path}: stamps from {stamps[0]:g} to {stamps[-1]:g} s, expected 0 to {LATEST_STAMP}")
+    mounts: dict[str, tuple[float, float, float]] = {}
+    for frame in frames:
+        if frame.scan is None:
+            continue
+        first = mounts.setdefault(frame.lidar, frame.scan.mount)
+        if np.abs(np.subtract(frame.scan.mount, first)).max() > SAME_MOUNT:
+            raise LogError(f"{path}: scans of one lidar ({frame.lidar}) mounted at different places")
+    topics = scan_topics(list(mounts))
+    if len(set(topics.values())) < len(topics):
+        raise LogError(f"{path}: lidars whose names differ in signs alone: {', '.join(topics)}")
+    return mounts
 
 
-def _write(
-    path: Path, frames: Sequence[Frame], truth_map: OccupancyGrid | None, robot_urdf: str | None, cloud: bool
-) -> None:
+def scan_topics(lidars: Sequence[str]) -> dict[str, str]:
+    """Topic of each lidar's scans, by the name of its frame."""
+    if len(lidars) == 1:
+        return {lidars[0]: "/scan"}
+    return {name: f"/scan_{re.sub(r'[^A-Za-z0-9_]', '_', name)}" for name in lidars}
+
+
+@contextmanager
+def _rosbag2(path: Path, storage: Literal["mcap", "sqlite"]) -> Iterator[tuple[Any, Put]]:
+    """Types of ROS 2 and a function that writes to a new rosbag2 directory."""
     from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
 
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        bag = _Bag(writer)
-        first_scan = next(frame.scan for frame in frames if frame.scan is not None)
-        start = frames[0].stamp
-        bag.static_transforms(start, np.array(first_scan.mount), robot_urdf)
-        if robot_urdf is not None:
-            bag.put("/robot_description", start, bag.types["std_msgs/msg/String"](data=robot_urdf))
-        if truth_map is not None:
-            bag.map(start, truth_map)
-        for index, frame in enumerate(frames):
-            bag.odometry("/odom", frame.stamp, "odom", frame.odometry, frame.twist)
-            bag.transform("/tf", frame.stamp, "odom", "base_link", frame.odometry)
-            if frame.truth is not None:
-                bag.odometry("/ground_truth/odom", frame.stamp, "map", frame.truth, None)
-                T_map_odom = se2.compose(frame.truth, se2.inverse(frame.odometry))
-                bag.transform("/ground_truth/tf", frame.stamp, "map", "odom", T_map_odom)
-            if frame.scan is not None:
-                bag.scan(index, frame.stamp, frame.scan)
-                if cloud:
-                    bag.cloud(frame.stamp, frame.scan)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    connections: dict[str, Any] = {}
+    plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+    with Writer(path, version=9, storage_plugin=plugin) as writer:
+
+        def put(topic: str, stamp: float, message: Any) -> None:
+            kind = message.__msgtype__
+            if topic not in connections:
+                qos = [_latched()] if topic in LATCHED else []
+                connections[topic] = writer.add_connection(topic, kind, typestore=store, offered_qos_profiles=qos)
+            writer.write(connections[topic], nanoseconds(stamp), store.serialize_cdr(message, kind))
+
+        yield store.types, put
 
 
-class _Joint(NamedTuple):
-    """A transform from a frame to its child."""
+@contextmanager
+def _rosbag1(path: Path) -> Iterator[tuple[Any, Put]]:
+    """Types of ROS 1 and a function that writes to a new bag; packed by bzip2, whose check sums tell damage."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    parent: str
-    child: str
-    xyz: tuple[float, float, float]
-    """[m]"""
-    rpy: tuple[float, float, float]
-    """Turns about the fixed axes x, y, z in this order [rad]."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+    connections: dict[str, Any] = {}
+    writer = Writer(path)
+    writer.set_compression(Writer.CompressionFormat.BZ2)
+    with writer:
 
+        def put(topic: str, stamp: float, message: Any) -> None:
+            kind = message.__msgtype__
+            if topic not in connections:
+                latching = int(topic in LATCHED)
+                connections[topic] = writer.add_connection(topic, kind, typestore=store, latching=latching)
+            writer.write(connections[topic], nanoseconds(stamp), store.serialize_ros1(message, kind))
 
-def _joints(urdf: str) -> list[_Joint]:
-    """The joints of a robot at rest; an `origin` or a part of it that is left out is zero."""
-    return [
-        _Joint(
-            _attribute(joint, "parent", "link", ""),
-            _attribute(joint, "child", "link", ""),
-            _triple(_attribute(joint, "origin", "xyz", "0 0 0")),
-            _triple(_attribute(joint, "origin", "rpy", "0 0 0")),
-        )
-        for joint in ElementTree.fromstring(urdf).iterfind("joint")
-    ]
-
-
-def _attribute(joint: ElementTree.Element, tag: str, name: str, default: str) -> str:
-    element = joint.find(tag)
-    return default if element is None else element.get(name, default)
+        yield store.types, put
 
 
-def _triple(text: str) -> tuple[float, float, float]:
-    x, y, z = map(float, text.split())
-    return x, y, z
+def _put_all(
+    make: Messages,
+    put: Put,
+    frames: Sequence[Frame],
+    mounts: dict[str, tuple[float, float, float]],
+    truth_map: OccupancyGrid | None,
+    robot_urdf: str | None,
+    cloud: bool,
+) -> None:
+    start, topics = frames[0].stamp, scan_topics(list(mounts))
+    put("/tf_static", start, make.transforms(start, _static_joints(mounts, robot_urdf)))  # late subscribers get one
+    if robot_urdf is not None:
+        put("/robot_description", start, make.text(robot_urdf))
+    if truth_map is not None:
+        put("/ground_truth/map", start, make.map(start, truth_map))
+    for index, frame in enumerate(frames):
+        stamp = frame.stamp
+        put("/odom", stamp, make.odometry(stamp, "odom", frame.odometry, frame.twist))
+        put("/tf", stamp, make.transforms(stamp, [planar_joint("odom", "base_link", frame.odometry)]))
+        if frame.command is not None:
+            speed, turn_rate = frame.command
+            put("/cmd_vel", stamp, make.twist(speed, 0.0, turn_rate))
+        if frame.truth is not None:
+            T_map_odom = se2.compose(frame.truth, se2.inverse(frame.odometry))
+            put("/ground_truth/odom", stamp, make.odometry(stamp, "map", frame.truth, None))
+            put("/ground_truth/tf", stamp, make.transforms(stamp, [planar_joint("map", "odom", T_map_odom)]))
+        if frame.scan is not None:
+            try:
+                put(topics[frame.lidar], stamp, make.scan(stamp, frame.lidar, frame.scan))
+            except ValueError as error:
+                raise LogError(f"frame {index}: {error}") from None
+            if cloud:
+                put(f"{topics[frame.lidar]}_cloud", stamp, make.cloud(stamp, frame.lidar, frame.scan))
 
 
-@dataclass
-class _Bag:
-    """Messages into a writer, by topic."""
-
-    writer: Writer
-    connections: dict[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        from rosbags.typesys import Stores, get_typestore
-
-        self.store = get_typestore(Stores.ROS2_JAZZY)
-        self.types = self.store.types
-
-    def put(self, topic: str, stamp: float, message: Any) -> None:
-        kind = TYPES[topic]
-        if topic not in self.connections:
-            qos = [_latched()] if topic in LATCHED else []
-            self.connections[topic] = self.writer.add_connection(
-                topic, kind, typestore=self.store, offered_qos_profiles=qos
-            )
-        raw = self.store.serialize_cdr(message, kind)
-        self.writer.write(self.connections[topic], _nanoseconds(stamp), raw)
-
-    def scan(self, index: int, stamp: float, scan: Scan) -> None:
-        times = scan.time_offsets if scan.time_offsets is not None else np.zeros(scan.ranges.size)
-        angles, beats = even_spacing(scan.angles), even_spacing(times)
-        if angles is None or beats is None or abs(beats[0]) > 1e-9:
-            raise LogError(f"frame {index}: LaserScan needs beams evenly spaced in angle and time, these are not")
-        message = self.types["sensor_msgs/msg/LaserScan"](
-            header=self.header(stamp, "laser"),
-            angle_min=angles[0],
-            angle_max=angles[0] + angles[1] * max(scan.angles.size - 1, 0),
-            angle_increment=angles[1],
-            time_increment=beats[1],
-            scan_time=0.0,  # unknown; the message has no word for that but zero
-            range_min=scan.range_min,
-            range_max=scan.range_max,
-            ranges=scan.ranges.astype(np.float32),
-            intensities=np.empty(0, dtype=np.float32),
-        )
-        self.put("/scan", stamp, message)
-
-    def odometry(self, topic: str, stamp: float, frame_id: str, pose: Pose, twist: Pose | None) -> None:
-        vx, vy, omega = (math.nan,) * 3 if twist is None else map(float, twist)
-        geometry = self._geometry
-        message = self.types["nav_msgs/msg/Odometry"](
-            header=self.header(stamp, frame_id),
-            child_frame_id="base_link",
-            pose=geometry(
-                "PoseWithCovariance",
-                pose=geometry(
-                    "Pose",
-                    position=geometry("Point", x=float(pose[0]), y=float(pose[1]), z=0.0),
-                    orientation=self._quaternion(pose[2]),
-                ),
-                covariance=np.zeros(36),
-            ),
-            twist=geometry(
-                "TwistWithCovariance",
-                twist=geometry(
-                    "Twist",
-                    linear=geometry("Vector3", x=vx, y=vy, z=0.0),
-                    angular=geometry("Vector3", x=0.0, y=0.0, z=omega),
-                ),
-                covariance=np.zeros(36),
-            ),
-        )
-        self.put(topic, stamp, message)
-
-    def cloud(self, stamp: float, scan: Scan) -> None:
-        """The hits of a scan as a PointCloud2 message; float32 x, y, z in the lidar's frame."""
-        points = np.zeros((np.count_nonzero(scan.hit), 3), dtype="<f4")
-        ranges, angles = scan.ranges[scan.hit], scan.angles[scan.hit]
-        points[:, 0], points[:, 1] = ranges * np.cos(angles), ranges * np.sin(angles)
-        field = self.types["sensor_msgs/msg/PointField"]
-        message = self.types["sensor_msgs/msg/PointCloud2"](
-            header=self.header(stamp, "laser"),
-            height=1,
-            width=len(points),
-            fields=[field(name=name, offset=4 * k, datatype=FLOAT32, count=1) for k, name in enumerate("xyz")],
-            is_bigendian=False,
-            point_step=12,
-            row_step=points.nbytes,
-            data=points.view(np.uint8).ravel(),
-            is_dense=True,
-        )
-        self.put("/scan_cloud", stamp, message)
-
-    def transform(self, topic: str, stamp: float, parent: str, child: str, pose: Pose) -> None:
-        """A TFMessage of one pose in the plane, (3,)."""
-        x, y, theta = map(float, pose)
-        self._transforms(topic, stamp, [_Joint(parent, child, (x, y, 0.0), (0.0, 0.0, theta))])
-
-    def static_transforms(self, stamp: float, mount: Pose, robot_urdf: str | None) -> None:
-        """One TFMessage of the lidar's mount and all joints: late subscribers receive the last message only."""
-        x, y, theta = map(float, mount)
-        joints = [] if robot_urdf is None else _joints(robot_urdf)
-        self._transforms("/tf_static", stamp, [_Joint("base_link", "laser", (x, y, 0.0), (0.0, 0.0, theta)), *joints])
-
-    def _transforms(self, topic: str, stamp: float, joints: list[_Joint]) -> None:
-        stamped = [
-            self._geometry(
-                "TransformStamped",
-                header=self.header(stamp, joint.parent),
-                child_frame_id=joint.child,
-                transform=self._geometry(
-                    "Transform",
-                    translation=self._geometry("Vector3", **dict(zip("xyz", joint.xyz, strict=True))),
-                    rotation=self._rotation(*joint.rpy),
-                ),
-            )
-            for joint in joints
-        ]
-        self.put(topic, stamp, self.types["tf2_msgs/msg/TFMessage"](transforms=stamped))
-
-    def map(self, stamp: float, grid: OccupancyGrid) -> None:
-        """An OccupancyGrid message: percent, -1 unknown."""
-        rows, cols = grid.probability.shape
-        x, y, theta = grid.origin
-        percent = np.where(grid.known, np.rint(100.0 * np.nan_to_num(grid.probability)), -1.0)
-        message = self.types["nav_msgs/msg/OccupancyGrid"](
-            header=self.header(stamp, "map"),
-            info=self.types["nav_msgs/msg/MapMetaData"](
-                map_load_time=self.time(stamp),
-                resolution=grid.resolution,
-                width=cols,
-                height=rows,
-                origin=self._geometry(
-                    "Pose",
-                    position=self._geometry("Point", x=x, y=y, z=0.0),
-                    orientation=self._quaternion(theta),
-                ),
-            ),
-            data=percent.astype(np.int8).ravel(),
-        )
-        self.put("/ground_truth/map", stamp, message)
-
-    def header(self, stamp: float, frame_id: str) -> Any:
-        return self.types["std_msgs/msg/Header"](stamp=self.time(stamp), frame_id=frame_id)
-
-    def time(self, stamp: float) -> Any:
-        seconds, nanoseconds = divmod(_nanoseconds(stamp), 1_000_000_000)
-        return self.types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
-
-    def _quaternion(self, yaw: float) -> Any:
-        return self._rotation(0.0, 0.0, yaw)
-
-    def _rotation(self, roll: float, pitch: float, yaw: float) -> Any:
-        """Turned about the fixed axes x, y, z in this order, as in a URDF."""
-        (cr, cp, cy), (sr, sp, sy) = ([f(angle / 2) for angle in (roll, pitch, yaw)] for f in (math.cos, math.sin))
-        return self._geometry(
-            "Quaternion",
-            x=sr * cp * cy - cr * sp * sy,
-            y=cr * sp * cy + sr * cp * sy,
-            z=cr * cp * sy - sr * sp * cy,
-            w=cr * cp * cy + sr * sp * sy,
-        )
-
-    def _geometry(self, kind: str, **values: Any) -> Any:
-        return self.types[f"geometry_msgs/msg/{kind}"](**values)
-
-
-def _nanoseconds(stamp: float) -> int:
-    seconds = math.floor(stamp)
-    return seconds * 1_000_000_000 + round((stamp - seconds) * 1e9)  # stamp * 1e9 would lose digits
+def _static_joints(mounts: dict[str, tuple[float, float, float]], robot_urdf: str | None) -> list[Joint]:
+    lidars = [planar_joint("base_link", name, np.array(mount)) for name, mount in mounts.items()]
+    return lidars if robot_urdf is None else [*lidars, *joints_of(robot_urdf)]
 
 
 def _latched() -> Any:
