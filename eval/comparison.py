@@ -74,11 +74,15 @@ def write_comparison(run_directories: Sequence[str | os.PathLike[str]], out: str
         raise ValueError(f"a comparison takes two or more run directories, got {len(run_directories)}")
     runs = [read_run(directory) for directory in run_directories]
     named = list(zip(_names(runs), runs, strict=True))
+    places = [_place(run) for run in runs]
+    one_place = len(set(places)) == 1
     page = render(
         "comparison.html.j2",
         runs=[(name, run.metric("outcome"), _mood(run), run.metric("outcome_reason")) for name, run in named],
         failures=_failures(runs),
-        results=[row for measure in MEASURES if (row := _result_row(measure, runs)) is not None],
+        places=places,
+        one_place=one_place,
+        results=[row for measure in MEASURES if (row := _result_row(measure, runs, mark_best=one_place)) is not None],
         settings=_differing_settings(runs),
         plots=_curves(named[:MAX_PICTURES]),
         maps=_maps(named[:MAX_PICTURES]),
@@ -109,7 +113,21 @@ def _failures(runs: Sequence[RunFiles]) -> str:
     return f"{bad} of {len(judged)} judged runs failed."
 
 
-def _result_row(measure: Measure, runs: Sequence[RunFiles]) -> tuple[str, list[tuple[str, bool]]] | None:
+def _place(run: RunFiles) -> str:
+    """What was mapped: the world or the log; a dash where the run does not say."""
+    settings = run.config.get("settings", {})
+    return _short(settings.get("world", settings.get("log", "–")))
+
+
+def _short(value: Any) -> str:
+    """A setting in few letters: of a path the last part."""
+    text = str(value)
+    return text.rstrip("/").rpartition("/")[2] if text.startswith("/") else text
+
+
+def _result_row(
+    measure: Measure, runs: Sequence[RunFiles], *, mark_best: bool
+) -> tuple[str, list[tuple[str, bool]]] | None:
     """Label and, for each run, the figure and whether it is the best; None where no run has it."""
     values = [run.metric(measure.key) for run in runs]
     known = [value for value in values if value is not None]
@@ -118,16 +136,16 @@ def _result_row(measure: Measure, runs: Sequence[RunFiles]) -> tuple[str, list[t
     texts = ["–" if value is None else measure.form.format(measure.factor * value) for value in values]
     best = min(known) if measure.better < 0 else max(known)
     best_text = measure.form.format(measure.factor * best)
-    distinct = measure.better != 0 and len({text for text in texts if text != "–"}) > 1
+    distinct = mark_best and measure.better != 0 and len({text for text in texts if text != "–"}) > 1
     return measure.label, [(text, distinct and text == best_text) for text in texts]
 
 
 def _differing_settings(runs: Sequence[RunFiles]) -> list[tuple[str, list[str]]]:
-    """Settings that are not the same in all runs, with each run's value."""
+    """Settings of which two runs that have them differ, with each run's value."""
     tables = [dict(flat(run.config.get("settings", {}))) for run in runs]
-    keys = sorted({key for table in tables for key in table})
-    rows = [(key, [str(table.get(key, "–")) for table in tables]) for key in keys]
-    return [(key, values) for key, values in rows if len(set(values)) > 1]
+    keys = sorted({key for table in tables for key in table} - {"world", "log"})
+    rows = [(key, [_short(table[key]) if key in table else "–" for table in tables]) for key in keys]
+    return [(key, values) for key, values in rows if len(set(values) - {"–"}) > 1]
 
 
 def _curves(runs: Sequence[tuple[str, RunFiles]]) -> list[Plot]:

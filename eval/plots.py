@@ -27,6 +27,8 @@ STAGES = {"match": "#1864ab", "sample": "#63a4d8", "map": "#e8a33d", "resample":
 ERROR_COLOURS = LinearSegmentedColormap.from_list("error", ["#2b8a3e", "#f2b705", "#c92a2a"])
 WIDE = (5.6, 2.5)
 """Size of a plot [inch]; two stand side by side on a page, one fills a phone."""
+FAINT = 0.45
+"""Strength of a map under a plot, 0 to 1."""
 MAX_POINTS = 1200
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -231,8 +233,11 @@ def _ground(ax: Axes, background: Picture | None) -> None:
     ax.set_aspect("equal", adjustable="datalim" if background is None else "box")
     ax.set(xlabel="x [m]", ylabel="y [m]")
     if background is not None:
-        ax.imshow(background.pixels, extent=background.extent, alpha=0.45, interpolation="nearest", zorder=0)
-        ax.set_facecolor((*to_rgb(UNSEEN), 0.45))  # nothing is known beyond the map's edge either
+        # Blended by hand: the same faint grey then stands for the unknown within the picture and beyond its edge.
+        faint = (255.0 - FAINT * (255.0 - background.pixels)).astype(np.uint8)
+        ax.imshow(faint, extent=background.extent, interpolation="nearest", zorder=0)
+        red, green, blue = (1.0 - FAINT * (1.0 - part) for part in to_rgb(UNSEEN))
+        ax.set_facecolor((red, green, blue))
         ax.grid(False)
 
 

@@ -14,9 +14,9 @@ def length(metres: float) -> str:
 
 
 def share(value: float) -> str:
-    """A share for people: 0.4 %, 37 %, 99.6 %."""
+    """A share for people: 0 %, 0.4 %, 37 %, 99.6 %, 100 %."""
     percent = 100.0 * value
-    digits = 1 if percent < 9.95 or percent > 99.05 else 0
+    digits = 1 if 0.0 < percent < 9.95 or 99.05 < percent < 99.95 else 0
     return f"{percent:.{digits}f}\N{NO-BREAK SPACE}%"
 
 

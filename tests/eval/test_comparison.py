@@ -41,7 +41,22 @@ def test_only_settings_that_differ_are_listed(folder):
     assert [re.sub("<.*?>", "", cell) for cell in cells(text, "seed")] == ["0", "3"]
     assert "filter.particles" not in text
     same = write_comparison([folder / "good", folder / "log"], folder / "c.html").read_text()
-    assert "All settings are the same." in same
+    assert "All settings that the runs share are the same." in same
+
+
+def test_across_places_no_figure_is_the_best_and_a_run_without_settings_differs_in_none(folder, tmp_path):
+    other = write_run(tmp_path / "other", broken=True)
+    config = (other / "config.toml").read_text()
+    (other / "config.toml").write_text(config.replace('world = "ring"', 'world = "/far/away/maze.toml"'))
+    failed = tmp_path / "failed"
+    failed.mkdir()
+    (failed / "metrics.json").write_text('{"outcome": "failed", "reason": "no space left on the disk"}')
+    text = write_comparison([folder / "good", other, failed], tmp_path / "c.html").read_text()
+    assert [re.sub("<.*?>", "", cell) for cell in cells(text, "world or log")] == ["ring", "maze.toml", "–"]
+    assert 'class="best"' not in text
+    assert "different places" in text
+    assert "All settings that the runs share are the same." in text
+    assert "2 of 3 judged runs failed" in text
 
 
 def test_runs_of_one_name_are_told_apart_by_their_folders(folder, tmp_path):
