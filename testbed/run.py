@@ -65,6 +65,8 @@ class Job:
     """Hand-checked relations between poses."""
     share_done: Callable[[], float | None] = lambda: None
     """How much of the job is behind us, in [0, 1]; None = unknown."""
+    observe: Callable[[Frame, StepReport, GMapping], None] = lambda frame, report, mapper: None
+    """Told what the filter made of each scan, before the next frame is asked for: how a mapper steers a robot."""
     collided: Callable[[], bool] = lambda: False
     """Whether the robot has touched something."""
     ended: Callable[[], str | None] = lambda: None
@@ -116,6 +118,7 @@ def _feed(job: Job, estimation: Estimation, watcher: Watcher, view: View) -> boo
         for frame in job.frames:
             report = estimation.process(frame)
             if report is not None:
+                job.observe(frame, report, estimation.mapper)
                 view.show(snapshot(frame, report, estimation.mapper, collided=job.collided()))
                 watcher.step(frame.stamp, job.share_done(), estimation.steps.last_error)
             if interruption.requested:

@@ -24,11 +24,15 @@ class Streams:
     """People and doors."""
     filter: SeedSequence
     """The particle filter."""
+    driver: SeedSequence
+    """Drivers that act at random."""
 
 
 def streams(seed: int) -> Streams:
     """The streams of `seed` (not negative). New streams may only be added at the end: the order decides the bits."""
     if seed < 0:
         raise ValueError(f"seed must not be negative, got {seed}")
-    world, start, odometry, lidar, movers, filter_ = SeedSequence(seed).spawn(6)
-    return Streams(world=world, start=start, odometry=odometry, lidar=lidar, movers=movers, filter=filter_)
+    world, start, odometry, lidar, movers, filter_, driver = SeedSequence(seed).spawn(7)
+    return Streams(
+        world=world, start=start, odometry=odometry, lidar=lidar, movers=movers, filter=filter_, driver=driver
+    )

@@ -9,6 +9,7 @@ from eval.grids import true_grid
 from testbed.cli.ending import carry_out
 from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
 from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
+from testbed.exploration import ExploreDriver
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run import Job, drive_ended
 from testbed.simulation import Simulation, simulate
@@ -59,6 +60,7 @@ def run(
             refine=estimator.refine,
             truth_map=truth,
             share_done=lambda: _share_done(simulation, simulator.duration),
+            observe=driver.observe if isinstance(driver, ExploreDriver) else Job.observe,
             collided=lambda: simulation.collided,
             ended=lambda: drive_ended(simulation, simulator.duration),
         )

@@ -56,6 +56,8 @@ def simulate(
         raise ValueError(f"count and workers must be at least 1, got {count} and {workers}")
     place = simulator.place(world)
     settings = {"world": world, "format": format, **asdict(simulator)}
+    if simulator.driver.kind in ("explore", "teleop"):
+        raise ValueError(f"--driver {simulator.driver.kind} needs a mapper or a person: use testbed run")
     simulator.simulation(seed)  # complain before the first dataset, not in a worker
     jobs = {out / f"{place.name}-{number:04d}": number for number in range(seed, seed + count)}
     missing = {path: number for path, number in jobs.items() if not is_complete(path)}

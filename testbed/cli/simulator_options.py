@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Group, Parameter
 
 from testbed.cli.console import console
+from testbed.exploration import ExploreDriver, make_explorer
 from testbed.formats.commands import Command, read_commands
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
@@ -19,6 +21,7 @@ from testbed.simulation.driver import Driver
 from testbed.simulation.pybullet_backend import import_pybullet
 from testbed.simulation.recorded_driver import RecordedDriver
 from testbed.simulation.simulator import CONTROL_PERIOD, TOUR_CLEARANCE
+from testbed.streams import streams
 from worlds import World, is_map, load, map_image, plan_tour
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
@@ -85,8 +88,9 @@ class SimulatorOptions:
     def steering(self, config: SimulationConfig) -> Iterator[Driver | None]:
         """Who steers the robot while the block runs; None = whoever follows the tour."""
         if self.driver.kind == "explore":
-            raise ValueError("--driver explore is not there yet, expected tour, recorded or teleop")
-        if self.driver.kind == "teleop":
+            rng = np.random.default_rng(streams(config.seed).driver)
+            yield ExploreDriver(make_explorer(config.robot, config.lidar, config.driver, rng))
+        elif self.driver.kind == "teleop":
             from testbed.simulation.teleop_driver import HELP, TeleopDriver
 
             with TeleopDriver(config.robot, config.driver) as driver:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, get_args
+
+Strategy = Literal["information", "nearest", "wall", "random"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,6 +16,9 @@ class DriverConfig:
     kind: Literal["tour", "explore", "recorded", "teleop"] = "tour"
     """tour: along the tour of the world; explore: to the borders of what is mapped; recorded: the commands of
     --commands; teleop: by keyboard, in real time."""
+    strategy: Strategy = "information"
+    """Where explore goes: to the border of the known that promises most news per metre, to the nearest one, along
+    walls, or anywhere."""
     speed: float = 0.45
     """Cruising speed [m/s]."""
     turn_rate: float = 1.0
@@ -32,6 +37,8 @@ class DriverConfig:
     """After so many tries to back off the drive is given up."""
 
     def __post_init__(self) -> None:
+        if self.strategy not in get_args(Strategy):
+            raise ValueError(f"strategy must be one of {', '.join(get_args(Strategy))}, got {self.strategy!r}")
         for name in ("speed", "turn_rate", "acceleration", "turn_acceleration", "lookahead", "patience"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
