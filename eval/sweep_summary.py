@@ -47,7 +47,7 @@ class Group:
     cost: float
     """Median time in the filter per update, all particles [ms]; NaN where times are unknown."""
     inside_share: float
-    """Median share of the updates with the truth inside the filter's own 95 % ellipsoid; NaN where it is never known."""
+    """Median share of the updates with the truth inside the filter's own 95 % ellipsoid; NaN if unknown."""
     median_nees: float
     """Median over the runs of their mean NEES; 3 for an honest covariance."""
 

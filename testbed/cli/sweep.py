@@ -120,7 +120,26 @@ class Execution:
         return partial(run_locally, workers=self.workers or os.cpu_count() or 1, limits=self.limits)
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Gate:
+    """Whether accuracy has changed; of the preset `gate` where no other sweep is asked for."""
+
+    check: Annotated[bool, FLAG] = False
+    """Exit with 1 if accuracy is worse than that of the baseline by more than the seeds' noise."""
+    update_baseline: Annotated[bool, FLAG] = False
+    """Write the baseline anew."""
+    baseline: Path = BASELINE
+    """File of the baseline; default: that of the preset `gate`."""
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether the baseline is read or written."""
+        return self.check or self.update_baseline
+
+
 ASKED = Asked()
+GATE = Gate()
 EXECUTION = Execution()
 
 
@@ -132,9 +151,7 @@ def sweep(
     out: Path | None = None,
     execution: Execution = EXECUTION,
     worst: bool = True,
-    check: Annotated[bool, FLAG] = False,
-    update_baseline: Annotated[bool, FLAG] = False,
-    baseline: Path = BASELINE,
+    gate: Gate = GATE,
     plan: Annotated[bool, FLAG] = False,
 ) -> int:
     """Accuracy against particle count, over worlds or logs, seeds and variants, with intervals.
@@ -147,17 +164,10 @@ def sweep(
         Directory of the sweep; the same command goes on where a killed one was. Default: a new one below runs/.
     worst
         Carry out the worst runs again at the end, for a recording and a report of their own.
-    check
-        Compare with the baseline and exit with 1 if accuracy is worse by more than the seeds' noise; of the preset
-        `gate` where nothing else is asked for.
-    update_baseline
-        Write the baseline anew.
-    baseline
-        File of the baseline; default: that of the preset `gate`.
     plan
         Say what would be computed, and compute nothing.
     """
-    if spec is None and asked == ASKED and (check or update_baseline):
+    if spec is None and asked == ASKED and gate.is_asked:
         asked = Asked(preset="gate")
     specification = asked.specification(spec, out)
     if plan:
@@ -174,17 +184,18 @@ def sweep(
                 execute(directory, cells, execution.executor, progress)
         except KeyboardInterrupt:
             left = len(pending(directory, costs, part))
-            console.print(f"interrupted: {left} cells are left; testbed sweep --out {directory.path} goes on with them")
+            again = f"testbed sweep --out {directory.path}"
+            console.print(f"interrupted: {left} cells are left; {again} goes on with them", soft_wrap=True)
             return INTERRUPTED
     if part is not None:
         failed = sum(directory.reason(cell.key) is not None for cell in cells)
         results.print(f"{directory.path}: shard {part} is done, {failed} cells failed; after the last: testbed gather")
         return GATE_FAILED if failed else 0
     status = gather_and_report(directory, worst=worst)
-    if update_baseline:
-        write_baseline(read_sweep(directory.path), baseline)
-        results.print(f"baseline: {baseline}")
-    return max(status, _compare(directory.path, baseline)) if check else status
+    if gate.update_baseline:
+        write_baseline(read_sweep(directory.path), gate.baseline)
+        results.print(f"baseline: {gate.baseline}")
+    return max(status, _compare(directory.path, gate.baseline)) if gate.check else status
 
 
 def _compare(directory: Path, baseline: Path) -> int:

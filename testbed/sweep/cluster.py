@@ -35,7 +35,7 @@ def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Itera
             for k, cell in enumerate(cells)
         }
         try:
-            for future in distributed.as_completed(futures):
+            for future in distributed.as_completed(futures, loop=client.loop):
                 yield Finished(futures[future], _outcome(future))
         finally:
             client.cancel(list(futures), force=True)

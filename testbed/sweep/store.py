@@ -67,15 +67,14 @@ class SweepDirectory:
         """
         if path.exists() and not path.is_dir():
             raise SweepError(f"{path}: is a file, expected a directory")
-        if (path / MANIFEST).is_file():
-            _compare(path, cls.open(path).manifest, manifest)
-        elif path.is_dir() and any(path.iterdir()):
+        holds_files = path.is_dir() and any(not entry.name.startswith(".") for entry in path.iterdir())
+        if holds_files and not (path / MANIFEST).is_file():
             raise SweepError(f"{path}: is not empty and holds no sweep; choose another --out")
+        path.mkdir(parents=True, exist_ok=True)
+        if not _write_once(path / MANIFEST, dump_toml(manifest.document())):
+            _compare(path, cls.open(path).manifest, manifest)
         for folder in ("cells", "failed"):
-            (path / folder).mkdir(parents=True, exist_ok=True)
-        if not (path / MANIFEST).is_file():
-            with write_aside(path / MANIFEST) as aside:
-                aside.write_text(dump_toml(manifest.document()), encoding="utf-8")
+            (path / folder).mkdir(exist_ok=True)
         return cls(path, manifest)
 
     @classmethod
@@ -118,7 +117,7 @@ class SweepDirectory:
     def keep(self, cell: Cell, result: CellResult) -> None:
         """Write the result of a cell; if another process was faster, its equal result stays."""
         target = self.path / "cells" / cell.key
-        aside = target.with_name(f".{cell.key}.{os.getpid()}.tmp")
+        aside = target.with_name(f".{cell.key}.{socket.gethostname()}.{os.getpid()}.tmp")
         shutil.rmtree(aside, ignore_errors=True)
         aside.mkdir()
         try:
@@ -158,6 +157,22 @@ class SweepDirectory:
 
     def _failure(self, key: str) -> Path:
         return self.path / "failed" / f"{key}.json"
+
+
+def _write_once(path: Path, text: str) -> bool:
+    """Write a file that is whole as soon as it is there, unless there is one; whether it was written.
+
+    Of shards that start together exactly one writes it.
+    """
+    aside = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
+    aside.write_text(text, encoding="utf-8")
+    try:
+        path.hardlink_to(aside)
+    except FileExistsError:
+        return False
+    finally:
+        aside.unlink()
+    return True
 
 
 def dump_json(content: Any) -> str:

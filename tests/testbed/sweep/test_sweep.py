@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: MIT
+"""`testbed sweep` and `testbed gather` from end to end on a room that is driven through in a few seconds."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from testbed.cli import main
+from testbed.sweep import cluster
+from testbed.sweep.plan import Shard, file_digest
+from testbed.sweep.store import SweepDirectory
+from tests.testbed.sweep.places import TESTBED, room_cell, room_file
+
+TABLES = ("sweep.parquet", "curves.parquet")
+"""What must not depend on how a sweep was carried out."""
+
+
+def call(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    return end.value.code
+
+
+def room_sweep(world: Path) -> list[object]:
+    """Arguments of a sweep of eight cells that take a tenth of a second each."""
+    grid = ["--worlds", world, "--particles", "1,3", "--seeds", "2"]
+    return ["sweep", *grid, "--axis", "filter.proposal.kind=improved,motion", "--set", "refine=false", "--no-worst"]
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory) -> Path:
+    return room_file(tmp_path_factory.mktemp("world"))
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory, world) -> Path:
+    """The sweep by two worker processes; to be read, not changed."""
+    out = tmp_path_factory.mktemp("swept") / "sweep"
+    assert call(*room_sweep(world), "--workers", "2", "--out", out) == 0
+    return out
+
+
+@pytest.fixture
+def copied(swept, tmp_path) -> Path:
+    """A copy of it that may be changed."""
+    return Path(shutil.copytree(swept, tmp_path / "sweep"))
+
+
+def bytes_of(out: Path) -> dict[str, bytes]:
+    """Tables, and what the cells hold but their times."""
+    files = [*(out / name for name in TABLES), *(out / "cells").glob("*/[!t]*.json")]
+    return {str(file.relative_to(out)): file.read_bytes() for file in files}
+
+
+def test_every_cell_is_a_row_and_nothing_is_left_over(swept):
+    table = pq.read_table(swept / "sweep.parquet").to_pylist()
+    assert [(row["line"], row["particles"], row["seed"]) for row in table] == [
+        (line, particles, seed) for line in ("improved", "motion") for particles in (1, 3) for seed in (0, 1)
+    ]
+    assert {row["status"] for row in table} == {"done"}
+    assert all(np.isfinite(row["trajectory.ate_rmse_m"]) for row in table)
+    assert {path.name for path in (swept / "cells").iterdir()} == {row["key"] for row in table}
+    assert (swept / "sweep.html").stat().st_size > 50_000
+    assert {path.suffix for path in (swept / "figures").iterdir()} == {".svg", ".pdf"}
+
+
+def test_all_counts_and_variants_of_a_seed_get_the_same_data(swept):
+    table = pq.read_table(swept / "sweep.parquet").to_pylist()
+    odometry = {
+        seed: {row["trajectory.odometry.ate_rmse_m"] for row in table if row["seed"] == seed} for seed in (0, 1)
+    }
+    assert [len(errors) for errors in odometry.values()] == [1, 1]
+    assert odometry[0] != odometry[1]
+
+
+def test_a_cell_gives_what_testbed_run_gives(swept, world, tmp_path):
+    options = ["--backend", "fast", "--seed", "1", "--particles", "3", "--no-refine"]
+    assert call("run", world, *options, "--filter.proposal.kind", "motion", "--out", tmp_path / "run") == 0
+    metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    rows = pq.read_table(swept / "sweep.parquet").to_pylist()
+    (row,) = (row for row in rows if (row["line"], row["particles"], row["seed"]) == ("motion", 3, 1))
+    assert row["result_hash"] == metrics["result_hash"]
+    assert row["trajectory.ate_rmse_m"] == metrics["trajectory"]["ate_rmse_m"]
+
+
+def test_shards_give_the_bytes_of_the_single_sweep(swept, world, tmp_path, capsys):
+    out = tmp_path / "sharded"
+    assert call(*room_sweep(world), "--workers", "1", "--shard", "0/2", "--out", out) == 0
+    capsys.readouterr()
+    assert call("gather", out, "--no-worst") == 1
+    said = capsys.readouterr()
+    assert said.err.count("missing: room, ") == 4
+    assert "4 cells done, 0 failed, 4 missing" in said.out
+    assert call(*room_sweep(world), "--workers", "1", "--shard", "1/2", "--out", out) == 0
+    assert call("gather", out, "--no-worst") == 0
+    assert bytes_of(out) == bytes_of(swept)
+
+
+def test_a_sweep_that_was_killed_goes_on_where_it_was(swept, copied, world):
+    cells = sorted((copied / "cells").iterdir())
+    shutil.rmtree(cells[0])
+    shutil.rmtree(cells[5])
+    half_written = copied / "cells" / f".{cells[0].name}.1.tmp"
+    half_written.mkdir()
+    (half_written / "cell.json").write_text("{")
+    before = {cell: cell.stat().st_mtime_ns for cell in cells if cell.exists()}
+    assert call("sweep", "--out", copied, "--no-worst", "--workers", "1") == 0
+    assert {cell: cell.stat().st_mtime_ns for cell in before} == before  # nothing was computed twice
+    shutil.rmtree(half_written)
+    assert bytes_of(copied) == bytes_of(swept)
+
+
+def test_cells_over_the_limit_fail_with_their_reason_and_are_tried_again(swept, copied, capsys):
+    cells = [cell.key for cell in SweepDirectory.open(copied).manifest.cells()]
+    for key in cells[:2]:
+        shutil.rmtree(copied / "cells" / key)
+    assert call("sweep", "--out", copied, "--no-worst", "--time-limit", "0.05") == 1
+    said = capsys.readouterr()
+    assert said.err.count("time limit of 0.05 s") == 4  # as it happens, and at the end
+    assert "6 cells done, 2 failed, 0 missing" in said.out
+    rows = {row["key"]: row for row in pq.read_table(copied / "sweep.parquet").to_pylist()}
+    assert [rows[key]["reason"] for key in cells[:2]] == ["time limit of 0.05 s"] * 2
+    assert call("sweep", "--out", copied, "--no-worst") == 0
+    assert list((copied / "failed").iterdir()) == []
+    assert bytes_of(copied) == bytes_of(swept)
+
+
+def assert_refused(capsys, complaint: str, *arguments: object) -> None:
+    """Exit status 2 and one line that says `complaint`."""
+    capsys.readouterr()
+    assert call(*arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert complaint in captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "command line: expected either worlds or logs"),
+        (["--worlds", "ofice"], "office"),
+        (["--worlds", "office", "--particles", "1,many"], "--particles 1,many: expected whole numbers"),
+        (["--worlds", "office", "--axis", "robt=burger"], "robt: unknown setting, expected such as robot"),
+        (["--worlds", "office", "--axis", "robot=burgr"], "burger"),
+        (["--worlds", "office", "--axis", "robot="], "axis robot: is empty"),
+        (["--worlds", "office", "--workers", "0"], "workers must be at least 1"),
+        (["--worlds", "office", "--shard", "4/4"], "shard 4/4: expected 0/4 to 3/4"),
+        (["--worlds", "office", "--time-limit", "0"], "time limit must be positive"),
+        (["--preset", "partcles"], "expected one of gate, particles"),
+        (["nowhere.toml"], "nowhere.toml: no such file"),
+    ],
+)
+def test_bad_usage_is_one_line_and_leaves_no_directory(tmp_path, monkeypatch, capsys, arguments, complaint):
+    monkeypatch.chdir(tmp_path)
+    assert_refused(capsys, complaint, "sweep", *arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_sweep_in_the_directory_is_shown_as_a_difference(copied, world, capsys):
+    more = [*room_sweep(world), "--particles", "1,3,5", "--out", copied]
+    assert_refused(capsys, "particles: [1, 3] there, [1, 3, 5] asked", *more[:3], *more[5:])
+    (copied / "sweep.toml").unlink()
+    assert_refused(capsys, "is not empty and holds no sweep", *room_sweep(world), "--out", copied)
+
+
+def test_results_of_another_code_version_are_not_mixed_in(copied, world, capsys):
+    manifest = copied / "sweep.toml"
+    code = SweepDirectory.open(copied).manifest.code
+    manifest.write_text(manifest.read_text().replace(code, "0" * 16))
+    assert_refused(capsys, f"code version {'0' * 16}, this is {code}", *room_sweep(world), "--out", copied)
+
+
+def test_a_changed_world_file_is_noticed(copied, world, capsys):
+    manifest = copied / "sweep.toml"
+    manifest.write_text(manifest.read_text().replace(file_digest(world), "0" * 64))
+    assert_refused(capsys, "room.toml: has changed since the sweep", *room_sweep(world), "--out", copied)
+
+
+def test_two_processes_do_not_share_a_directory(copied, world, capsys):
+    directory = SweepDirectory.open(copied)
+    whole, shard = [*room_sweep(world), "--out", copied], ["--shard", "0/2"]
+    with directory.locked(None):
+        assert_refused(capsys, f"process {os.getpid()} on", *whole)
+        assert_refused(capsys, f"process {os.getpid()} on", *whole, *shard)
+    with directory.locked(Shard(0, 2)):
+        assert_refused(capsys, "is at work on it", *whole)
+        assert_refused(capsys, f"process {os.getpid()} on", *whole, *shard)
+        assert call(*whole, "--shard", "1/2") == 0
+    with directory.locked(None):
+        pass  # whoever had it has let go
+
+
+def test_an_unreachable_scheduler_is_one_line(world, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.5)
+    out = ["--out", tmp_path / "out"]
+    assert_refused(capsys, "cannot be reached", *room_sweep(world), "--scheduler", "tcp://127.0.0.1:1", *out)
+    assert_refused(capsys, "cannot be reached", *room_sweep(world), "--scheduler", "nonsense", *out)
+
+
+def test_damaged_cells_and_directories_are_named(copied, tmp_path, capsys):
+    assert_refused(capsys, "expected the directory of a sweep", "gather", tmp_path / "nowhere")
+    cell = next((copied / "cells").iterdir())
+    (cell / "metrics.json").write_text("{")
+    assert_refused(capsys, f"{cell}: ", "gather", copied)
+
+
+def test_results_are_kept_once_even_when_two_processes_finish_the_same_cell(copied):
+    directory = SweepDirectory.open(copied)
+    cell = directory.manifest.cells()[0]
+    result = directory.result(cell.key)
+    assert result is not None
+    directory.keep(cell, result)
+    assert directory.result(cell.key) == result
+    assert all(len(path.name) == 20 for path in (copied / "cells").iterdir())
+
+
+def test_a_worker_refuses_cells_of_another_code_version(world):
+    from testbed.sweep.worker_process import CellFailedError, Limits, WorkerProcess
+
+    worker = WorkerProcess(Limits())
+    try:
+        with pytest.raises(CellFailedError, match="code version"):
+            worker.compute(room_cell(world, code="0" * 16))
+        with pytest.raises(CellFailedError, match="has changed since the sweep was planned"):
+            worker.compute(room_cell(world, inputs={str(world): "0" * 64}))
+    finally:
+        worker.stop()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
+def test_a_sweep_that_is_stopped_leaves_no_process_and_no_half_cell(world, swept, tmp_path, sign):
+    out = tmp_path / "sweep"
+    arguments = [*map(str, room_sweep(world)), "--workers", "2", "--out", str(out)]
+    process = subprocess.Popen([sys.executable, "-c", TESTBED, *arguments], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while not any((out / "cells").glob("[!.]*")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    workers = children_of(process.pid)
+    assert len(workers) == 2
+    process.send_signal(sign)
+    _, said = process.communicate(timeout=30.0)
+    if sign == signal.SIGINT:
+        assert process.returncode == 130
+        assert f"testbed sweep --out {out} goes on with them" in said
+    while any(map(is_running, workers)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(is_running, workers))
+    assert len(list((out / "cells").glob("[!.]*"))) < 8
+    assert call("sweep", "--out", out, "--no-worst") == 0
+    assert bytes_of(out) == bytes_of(swept)
+
+
+def children_of(pid: int) -> list[int]:
+    return [
+        int(child) for task in Path(f"/proc/{pid}/task").iterdir() for child in (task / "children").read_text().split()
+    ]
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
