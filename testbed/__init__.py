@@ -4,6 +4,6 @@
 Importing it registers the environments `testbed/Drive-v0` and `testbed/Explore-v0` with gymnasium.
 """
 
-from testbed.envs.registration import register_environments
+from testbed.registration import register_environments, when_imported
 
-register_environments()
+when_imported("gymnasium", register_environments)

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled, UnsupportedMode
 from numpy.typing import NDArray
 
-from eval.grids import true_grid
+from eval.grids import resample, true_grid
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, compose, inverse, transform_points
@@ -120,11 +120,18 @@ class Screen:
     def _snapshot(self, scan: Scan, odometry: Pose) -> Snapshot:
         return Snapshot(stamp=scan.stamp, estimate=odometry, odometry=odometry, truth=self._truth, scan=scan)
 
-    def picture(self) -> NDArray[np.uint8] | None:
-        """The true map with trail, beams and robot from above, (height, width, 3), for "rgb_array"; None otherwise."""
+    def picture(self, grid: OccupancyGrid | None = None, T_world_grid: Pose | None = None) -> NDArray[np.uint8] | None:
+        """A map with trail, beams and robot from above, (height, width, 3), for "rgb_array"; None otherwise.
+
+        grid: the map to show, whose frame is at `T_world_grid` (3,); None = the true one. Pictures of one world have
+        one size.
+        """
         if self._mode != "rgb_array" or self._place is None:
             return None
-        canvas = Canvas(true_grid(self._place.true_map))
+        shown = true_grid(self._place.true_map)
+        if grid is not None and T_world_grid is not None:
+            shown = resample(grid, shown, T_world_grid)
+        canvas = Canvas(shown)
         canvas.points(np.array(self._trail)[:, :2], TRAIL)
         angles = self._outfit.steady_lidar.angles()
         hit = np.isfinite(self._ranges)

@@ -45,9 +45,9 @@ class Floor:
         self._border = border * self.cell
         blocks = fine.reshape(rows, share, cols, share)
         known = ~np.isnan(blocks)
-        seen: NDArray[np.bool_] = known.any(axis=(1, 3))
-        walls: NDArray[np.bool_] = (blocks > OccupancyGrid.OCCUPIED).any(axis=(1, 3))
-        clear: NDArray[np.bool_] = (blocks < OccupancyGrid.FREE).any(axis=(1, 3))
+        seen: NDArray[np.bool_] = np.any(known, axis=(1, 3))
+        walls: NDArray[np.bool_] = np.any(blocks > OccupancyGrid.OCCUPIED, axis=(1, 3))
+        clear: NDArray[np.bool_] = np.any(blocks < OccupancyGrid.FREE, axis=(1, 3))
         self.occupied = walls
         """Cells with a wall in them."""
         self.free = clear & ~walls
@@ -84,7 +84,7 @@ class Floor:
     def inside(self, cell: Cell) -> bool:
         """Whether a cell lies on the grid."""
         rows, cols = self.free.shape
-        return 0 <= cell[0] < rows and 0 <= cell[1] < cols
+        return cell[0] in range(rows) and cell[1] in range(cols)
 
     def nearest_open(self, x: float, y: float) -> Cell | None:
         """The open cell nearest to a point [m, map frame]; None if none is near."""
