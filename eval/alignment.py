@@ -64,22 +64,3 @@ def _umeyama(p: Pose, q: Pose) -> Alignment:
     cos, sin = np.cos(theta), np.sin(theta)
     shift = q_mean - np.array([cos * p_mean[0] - sin * p_mean[1], sin * p_mean[0] + cos * p_mean[1]])
     return Alignment(np.array([shift[0], shift[1], theta]), "se2", heading_from_poses=bool(one_point))
-
-
-def scale_suspicion(estimate: ArrayLike, reference: ArrayLike) -> str | None:
-    """A sentence if the estimate fits the reference only after a change of unit (cm, mm, inch, foot), else None.
-
-    The scale is that of least squares over the centred, turned positions (Umeyama 1991, eq. 42).
-    """
-    p, q = np.asarray(estimate, dtype=np.float64), np.asarray(reference, dtype=np.float64)
-    aligned = align(p, q, "se2").apply(p)
-    dp, dq = aligned[:, :2] - aligned[:, :2].mean(axis=0), q[:, :2] - q[:, :2].mean(axis=0)
-    spread = np.sum(dp * dp)
-    if spread == 0.0 or np.sum(dq * dq) == 0.0:
-        return None
-    scale = float(np.sum(dp * dq) / spread)
-    before = float(np.sqrt(np.mean(np.sum((dp - dq) ** 2, axis=1))))
-    after = float(np.sqrt(np.mean(np.sum((scale * dp - dq) ** 2, axis=1))))
-    if 0.5 < scale < 2.0 or after > 0.1 * before:
-        return None
-    return f"the estimate fits the reference only when scaled by {scale:.4g}: are its positions in metres?"

@@ -15,6 +15,8 @@ TOLERANCE = 0.01
 """Stamps that differ by up to this much belong together [s] (evo's default as well)."""
 MAX_GAP = 0.5
 """Between reference poses further apart than this nothing is interpolated [s]."""
+MIN_SHARE = 0.01
+"""Below this share of matched poses the stamps meet by chance only."""
 
 
 class AssociationError(ValueError):
@@ -60,7 +62,7 @@ def associate(
     are sorted by time (of repeated stamps the reference's first counts) and a pose takes the reference's at its stamp:
     interpolated between neighbours up to `max_gap` [s] apart (straight line, shorter turn), else the nearest within
     `tolerance` [s]. With `interpolate=False` the nearest only.
-    Raises AssociationError if not one pose finds a partner.
+    Raises AssociationError if not one pose finds a partner, or less than `MIN_SHARE` of them.
     """
     total = len(estimate)
     if np.array_equal(estimate.stamps, reference.stamps):
@@ -93,9 +95,16 @@ def associate(
     if not found.any():
         raise AssociationError(
             f"no pose of the estimate ({_span(estimate)}) has a partner in the reference ({_span(reference)}) within "
-            f"{tolerance} s" + (f" or between poses up to {max_gap} s apart" if interpolate else "")
+            f"{tolerance} s"
+            + (f" or between poses up to {max_gap} s apart" if interpolate else "")
+            + ": are both in seconds, and of one clock?"
         )
     rows = order[found]
+    if len(rows) < MIN_SHARE * total:
+        raise AssociationError(
+            f"only {len(rows)} poses of the estimate ({_span(estimate)}) have a partner in the reference "
+            f"({_span(reference)}): are both in seconds, and of one clock?"
+        )
     if len(rows) < total:
         notes.append(f"{total - len(rows)} of {total} poses have no partner in the reference")
     method = f"nearest within {tolerance} s"

@@ -88,11 +88,12 @@ def read_map(path: str | os.PathLike[str], *, max_pixels: int = MAX_PIXELS) -> O
         raise MapFileError(f"{path}: mode: expected one of {', '.join(_MODES)}, got {mode!r}")
     if not isinstance(document.get("image"), str):
         raise MapFileError(f"{path}: image: expected the name of a .pgm file, got {document.get('image')!r}")
+    origin = _origin(path, document)
     pixels, white = _read_pgm(path.parent / document["image"], max_pixels)
     return OccupancyGrid(
         probability=np.flipud(_probabilities(path, document, mode, pixels, white)).copy(),
         resolution=resolution,
-        origin=_origin(path, document),
+        origin=origin,
     )
 
 

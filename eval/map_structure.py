@@ -51,7 +51,8 @@ def map_structure(grid: OccupancyGrid) -> MapStructure | None:
 
 def _corners(grid: OccupancyGrid) -> int:
     """Peaks of the corner measure det - 0.05 trace^2 (Harris and Stephens, 1988) of the smoothed walls."""
-    walls = ndimage.gaussian_filter(grid.occupied.astype(np.float32), 1.5)
+    padded = np.pad(grid.occupied, 1)  # a gradient takes at least two cells a side
+    walls = ndimage.gaussian_filter(padded.astype(np.float32), 1.5)
     gy, gx = np.gradient(walls)
     xx, xy, yy = (ndimage.gaussian_filter(product, 2.0) for product in (gx * gx, gx * gy, gy * gy))
     response = xx * yy - xy * xy - 0.05 * (xx + yy) ** 2

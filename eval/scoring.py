@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from eval.alignment import scale_suspicion
+from eval import suspicions
 from eval.association import Association, associate, covered_share
 from eval.consistency import Columns, column, consistency, filter_health
 from eval.grids import cell_centres
@@ -25,7 +25,7 @@ from eval.map_structure import map_structure
 from eval.observability import EVERYTHING, observable_cells
 from eval.outcome import Evidence, evidence_from_relations, evidence_from_truth, judge
 from eval.relations import PairErrors, RelationError, Relations, read_relations, relation_error
-from eval.trajectory import Trajectory, suspicions
+from eval.trajectory import Trajectory
 from eval.trajectory_error import AbsoluteError, RelativeError, Statistics, absolute_error, drift, relative_error
 from eval.tum import read_tum
 from slam.occupancy import OccupancyGrid
@@ -37,6 +37,9 @@ RPE_TIMES = (1.0, 10.0, 60.0)
 """Pieces of time for the relative error [s]."""
 LOW_SHARE = 0.9
 """Below this share of matched poses, of the path, or of the relations the result says so in its notes."""
+
+ASTRAY_M, ASTRAY_DEG = 1.0, 10.0
+"""A map that must be moved or turned by more to fit is told to lie beside its trajectory."""
 
 Metrics = dict[str, Any]
 
@@ -77,7 +80,7 @@ def score(
     The result holds plain numbers, strings, lists and dicts; what cannot be computed is None, never NaN.
     Raises AssociationError, RelationsError where trajectories or relations do not meet in time.
     """
-    notes = suspicions(estimate, "estimate")
+    notes = suspicions.of_trajectory(estimate, "estimate")
     metrics: Metrics = {"outcome": "", "outcome_reason": "", **(facts or {})}
     evidence: Evidence | None = None
     matched: Association | None = None
@@ -93,7 +96,7 @@ def score(
         covered = covered_share(matched, reference.trajectory)
         metrics["trajectory"] = {**_trajectory_metrics(matched), "covered_share": covered}
         evidence = evidence_from_truth(matched, covered)
-        notes += [*suspicions(reference.trajectory, "truth"), *_association_notes(matched, covered)]
+        notes += [*suspicions.of_trajectory(reference.trajectory, "truth"), *_association_notes(matched, covered)]
         if odometry is not None:
             metrics["trajectory"]["odometry"] = _trajectory_metrics(associate(odometry, reference.trajectory))
     if grid is not None:
@@ -161,7 +164,7 @@ def _trajectory_metrics(matched: Association) -> Metrics:
         "poses": len(matched.rows),
         "matched_share": matched.share,
         "length_m": float(matched.reference.distance[-1]),
-        **_absolute(aligned, "ate", "heading"),
+        **_absolute(aligned if len(matched.rows) >= suspicions.MIN_POSES else None, "ate", "heading"),
         **_absolute(first, "ate_first_pose", "heading_first_pose"),
         "final_error_m": float(first.translation_errors[-1]),
         "rpe": {name: _relative(error) for name, error in lengths + times if error is not None},
@@ -171,17 +174,13 @@ def _trajectory_metrics(matched: Association) -> Metrics:
     }
 
 
-def _absolute(error: AbsoluteError, distance: str, heading: str) -> Metrics:
-    t, r = error.translation, error.rotation
+def _absolute(error: AbsoluteError | None, distance: str, heading: str) -> Metrics:
+    """Under its names; all None where the error means nothing: one or two poses fit whatever they are."""
+    of_distance = (("rmse", "rmse"), ("mean", "mean"), ("median", "median"), ("p95", "p95"), ("max", "maximum"))
+    of_heading = (("rmse", "rmse"), ("mean", "mean"), ("max", "maximum"))
     return {
-        f"{distance}_rmse_m": t.rmse,
-        f"{distance}_mean_m": t.mean,
-        f"{distance}_median_m": t.median,
-        f"{distance}_p95_m": t.p95,
-        f"{distance}_max_m": t.maximum,
-        f"{heading}_rmse_deg": r.rmse,
-        f"{heading}_mean_deg": r.mean,
-        f"{heading}_max_deg": r.maximum,
+        **{f"{distance}_{name}_m": error and getattr(error.translation, key) for name, key in of_distance},
+        **{f"{heading}_{name}_deg": error and getattr(error.rotation, key) for name, key in of_heading},
     }
 
 
@@ -204,10 +203,9 @@ def _association_notes(matched: Association, covered: float) -> list[str]:
         notes.append(f"only {matched.share:.0%} of the estimate could be compared with the truth")
     if covered < LOW_SHARE:
         notes.append(f"the estimate spans only {covered:.0%} of the true path")
-    if len(matched.rows) < 3:
+    if len(matched.rows) < suspicions.MIN_POSES:
         notes.append(f"{len(matched.rows)} matched poses: too few for an alignment that means anything")
-    suspicion = scale_suspicion(matched.estimate.poses, matched.reference.poses)
-    return [*notes, suspicion] if suspicion else notes
+    return [*notes, *suspicions.of_pair(matched)]
 
 
 def _relations_metrics(error: RelationError) -> Metrics:
@@ -261,9 +259,9 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
             notes.append("the lidar is unknown: every cell in sight of the true path counts as observable")
         if not observable.any():
             notes.append("the true path sees not one cell of the true map: are they in one frame?")
-    if abs(grid.resolution - truth.resolution) > 1e-9:
-        notes.append(f"the map's cells of {grid.resolution:g} m were drawn on the truth's of {truth.resolution:g} m")
     best = best_rigid_alignment(grid, truth, alignment)
+    moved, turned = _moved(grid, alignment, best), float(np.degrees(wrap_angle(best[2] - alignment[2])))
+    notes += _map_notes(grid, truth, moved, turned)
     return {
         **metrics,
         "alignment": how,
@@ -272,11 +270,29 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
         **_map_error_metrics(map_error(grid, truth, alignment, observable)),
         "best_rigid": {
             "T_truth_map": best,
-            "moved_m": _moved(grid, alignment, best),
-            "turned_deg": float(np.degrees(wrap_angle(best[2] - alignment[2]))),
+            "moved_m": moved,
+            "turned_deg": turned,
             **_map_error_metrics(map_error(grid, truth, best, observable)),
         },
     }
+
+
+def _map_notes(grid: OccupancyGrid, truth: OccupancyGrid, moved: float, turned: float) -> list[str]:
+    notes = []
+    if abs(grid.resolution - truth.resolution) > 1e-9:
+        notes.append(f"the map's cells of {grid.resolution:g} m were drawn on the truth's of {truth.resolution:g} m")
+    if grid.resolution >= 1.0:
+        notes.append(f"the map's cells are {grid.resolution:g} m wide: is its resolution in metres?")
+    if abs(wrap_angle(grid.origin[2] - truth.origin[2])) > 1e-9:
+        notes.append(
+            f"the map's origin is turned by {np.degrees(grid.origin[2]):.4g} degrees: its cells were drawn turned"
+        )
+    if moved > ASTRAY_M or abs(turned) > ASTRAY_DEG:
+        notes.append(
+            f"the map fits the true one best when moved by {moved:.2f} m and turned by {turned:.1f} degrees: "
+            "is it in the frame of the trajectory?"
+        )
+    return notes
 
 
 def _moved(grid: OccupancyGrid, alignment: Pose, other: Pose) -> float:

@@ -64,18 +64,3 @@ def travelled(poses: ArrayLike) -> NDArray[np.float64]:
     positions = np.asarray(poses, dtype=np.float64)[:, :2]
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def suspicions(trajectory: Trajectory, name: str) -> list[str]:
-    """Sentences on units that look wrong; `name` says whose trajectory it is. Empty where nothing is suspicious."""
-    found = []
-    headings = np.abs(trajectory.poses[:, 2])
-    # A heading may have been counted on over turns, but then it changes little from pose to pose.
-    jumps = np.abs(np.diff(trajectory.poses[:, 2]))
-    if headings.max() > 4.0 * np.pi and len(jumps) and jumps.max() > 2.0 * np.pi + 1e-9:
-        found.append(f"{name}: headings of up to {headings.max():.0f} rad that jump: are they degrees?")
-    if len(trajectory) > 1:
-        step = float(np.median(np.abs(np.diff(trajectory.stamps))))
-        if step > 1e4:
-            found.append(f"{name}: {step:.3g} s between poses: are the stamps milli- or nanoseconds?")
-    return found

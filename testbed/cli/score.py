@@ -59,9 +59,11 @@ def score(
         with write_aside(out / "metrics.json") as aside:
             aside.write_text(text, encoding="utf-8")
     console.print(headline_table(metrics))
+    for note in metrics["notes"]:
+        console.print(f"mind: {note}", soft_wrap=True)
     broken = check(metrics, limits)
     for sentence in broken:
-        console.print(f"limit broken: {sentence}")
+        console.print(f"limit broken: {sentence}", soft_wrap=True)
     return GATE_FAILED if broken else 0
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eval.alignment import align, scale_suspicion
+from eval.alignment import align
 from eval.association import AssociationError, associate, covered_share
 from eval.trajectory import Trajectory
 from eval.trajectory_error import Statistics, absolute_error, drift, pair_errors, relative_error, stretches
@@ -117,15 +117,6 @@ def test_one_pose_is_aligned_by_its_heading():
 def test_an_unknown_alignment_is_refused():
     with pytest.raises(ValueError, match="none, first_pose or se2"):
         align(np.zeros((1, 3)), np.zeros((1, 3)), "sim3")  # type: ignore[arg-type]
-
-
-def test_centimetres_are_suspected_and_honest_errors_are_not():
-    truth = random_walk(200, 1)
-    centimetres = truth.poses * [100.0, 100.0, 1.0]
-    assert "scaled by 0.01" in scale_suspicion(centimetres, truth.poses)
-    assert scale_suspicion(noisy(truth, 2, 0.3).poses, truth.poses) is None
-    small_and_unrelated = random_walk(200, 3).poses * [0.01, 0.01, 1.0]
-    assert scale_suspicion(small_and_unrelated, truth.poses) is None
 
 
 # --- errors known by hand

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eval.trajectory import Trajectory, suspicions
+from eval.trajectory import Trajectory
 from eval.tum import TumError, read_tum, write_tum
 from slam.se2 import wrap_angle
 
@@ -77,12 +77,3 @@ def test_a_trajectory_does_not_change_with_the_arrays_it_was_made_of():
     assert trajectory.poses[0, 0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
         trajectory.poses[0, 0] = 1.0
-
-
-def test_degrees_and_nanoseconds_are_suspected_and_turns_counted_on_are_not():
-    rng = np.random.default_rng(0)
-    stamps = np.arange(100.0)
-    degrees = np.column_stack([stamps, stamps, rng.uniform(-180.0, 180.0, 100)])
-    assert "degrees" in suspicions(Trajectory(stamps, degrees), "estimate")[0]
-    assert "nanoseconds" in suspicions(Trajectory(stamps * 1e8, degrees * 0.0), "estimate")[0]
-    assert suspicions(Trajectory(stamps, np.column_stack([stamps, stamps, 0.3 * stamps])), "estimate") == []
