@@ -17,7 +17,7 @@ from eval import sweep_plots
 from eval.files import write_aside
 from eval.plots import svg_uri
 from eval.report import Plot, render
-from eval.statistics import LEVEL, POWER, TOLERANCE, Interval
+from eval.statistics import LEAST_SEEDS, LEVEL, POWER, TOLERANCE, Interval
 from eval.sweep_plots import Unit
 from eval.sweep_summary import Group, SweepSummary, WorstRun, summarise, worst_runs
 from eval.sweep_table import read_sweep
@@ -127,6 +127,7 @@ def _context(folder: Path, summary: SweepSummary, figures: list[tuple[Drawing, F
         "worst": [(run, unit.factor * run.error, _links(folder, run)) for run in worst_runs(table)],
         "level": LEVEL,
         "power": POWER,
+        "least_seeds": LEAST_SEEDS,
         "tolerance": TOLERANCE,
     }
 
@@ -136,6 +137,8 @@ def _lead(summary: SweepSummary) -> str:
     table = summary.table
     counts = [summary.enough(place, table.baseline) for place in table.places]
     known = sorted(count for count in counts if count is not None)
+    if not known and len(table.seeds) < LEAST_SEEDS:
+        return f"{len(table.seeds)} seeds are too few to tell how many particles are enough."
     if not known:
         return f"Up to {table.counts[-1]} particles, no count is shown to be enough."
     span = f"{known[0]}" if known[0] == known[-1] else f"{known[0]} to {known[-1]}"
@@ -158,7 +161,7 @@ def _difference(interval: Interval | None, unit: Unit) -> str:
     text = f"{unit.factor * interval.value:+.2f}"
     if interval.count < 2:
         return text
-    star = "" if interval.contains(0.0) else " *"
+    star = "" if interval.contains(0.0) or interval.count < LEAST_SEEDS else " *"
     return f"{text} [{unit.factor * interval.low:+.2f}, {unit.factor * interval.high:+.2f}]{star}"
 
 
