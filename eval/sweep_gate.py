@@ -10,14 +10,14 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import stdtrit
 
 from eval.files import write_aside
 from eval.sweep_table import SweepTable
@@ -84,19 +84,19 @@ def compare_with_baseline(table: SweepTable, path: str | os.PathLike[str]) -> li
         raise BaselineError(f"{path}: is of other places, lines, particle counts or seeds; renew it")
     comparisons = []
     bands = len(now) + len(table.lines)
-    z = float(ndtri(1.0 - FALSE_ALARMS / bands))
     for line in table.lines:
         groups = [group for group in now if group[1] == line]
-        spread = _pooled_spread(np.log(base[group]) for group in groups)
+        spread, freedom = _pooled_spread([np.log(base[group]) for group in groups])
+        t = float(stdtrit(freedom, 1.0 - FALSE_ALARMS / bands))  # Bonferroni: over all bands together
         moved = {group: float(np.mean(np.log(now[group]) - np.log(base[group]))) for group in groups}
         error_of_one = {group: spread * math.sqrt(2.0 / len(now[group])) for group in groups}
         for place, _, count in groups:
             group = place, line, count
             name = f"{place}, {line}, {count} particles"
-            comparisons.append(Comparison(name, math.exp(moved[group]), math.exp(z * error_of_one[group])))
+            comparisons.append(Comparison(name, math.exp(moved[group]), math.exp(t * error_of_one[group])))
         together = math.sqrt(sum(e * e for e in error_of_one.values())) / len(groups)
         mean = float(np.mean(list(moved.values())))
-        comparisons.append(Comparison(f"{line}, all together", math.exp(mean), math.exp(z * together)))
+        comparisons.append(Comparison(f"{line}, all together", math.exp(mean), math.exp(t * together)))
     return comparisons
 
 
@@ -109,13 +109,11 @@ def _errors(table: SweepTable) -> Errors:
     }
 
 
-def _pooled_spread(groups: Iterable[NDArray[np.float64]]) -> float:
-    """Standard deviation within groups of equal variance."""
-    squares, freedom = 0.0, 0
-    for values in groups:
-        squares += float(np.sum((values - values.mean()) ** 2))
-        freedom += len(values) - 1
-    return max(math.sqrt(squares / freedom), LEAST_SPREAD) if freedom else math.nan
+def _pooled_spread(groups: Sequence[NDArray[np.float64]]) -> tuple[float, int]:
+    """Standard deviation within groups of equal variance, and its degrees of freedom; NaN for one seed each."""
+    freedom = sum(len(values) - 1 for values in groups)
+    squares = sum(float(np.sum((values - values.mean()) ** 2)) for values in groups)
+    return (max(math.sqrt(squares / freedom), LEAST_SPREAD) if freedom else math.nan), freedom
 
 
 def _read(path: Path, measure: str) -> Errors:
@@ -132,6 +130,6 @@ def _read(path: Path, measure: str) -> Errors:
         raise BaselineError(f"{path}: {error}: expected a baseline that --update-baseline wrote") from None
     if measured_by != measure:
         raise BaselineError(f"{path}: is of {measured_by}, this sweep of {measure}")
-    if any(not (errors > 0.0).all() for errors in groups.values()):
-        raise BaselineError(f"{path}: expected positive errors")
+    if any(len(errors) < 2 or not (errors > 0.0).all() for errors in groups.values()):
+        raise BaselineError(f"{path}: expected positive errors of at least two seeds in each group")
     return groups

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import base64
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +16,6 @@ from matplotlib.figure import Figure
 
 from eval import sweep_plots
 from eval.files import write_aside
-from eval.plots import svg_uri
 from eval.report import Plot, render
 from eval.statistics import LEAST_SEEDS, LEVEL, POWER, TOLERANCE, Interval
 from eval.sweep_plots import Unit
@@ -87,25 +87,34 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
     """
     folder = Path(directory)
     summary = summarise(read_sweep(folder))
-    figures = [(drawing, drawing.draw(summary)) for drawing in DRAWINGS]
     (folder / "figures").mkdir(exist_ok=True)
-    for drawing, figure in figures:
-        _save(figure, folder / "figures" / drawing.name)
+    plots = [_plot(drawing, summary, folder / "figures") for drawing in DRAWINGS]
     tables = {"table.md": markdown_table(summary), "table.tex": latex_table(summary)}
-    page = render("sweep.html.j2", **_context(folder, summary, figures), tables=tables)
+    page = render("sweep.html.j2", **_context(folder, summary), plots=plots, tables=tables)
     for name, text in (tables | {"sweep.html": page}).items():
         with write_aside(folder / name) as aside:
             aside.write_text(text, encoding="utf-8")
     return folder / "sweep.html"
 
 
-def _save(figure: Figure, stem: Path) -> None:
-    for form, metadata in (("svg", {"Date": None, "Creator": None}), ("pdf", {"CreationDate": None})):
-        with sweep_plots.style(), write_aside(stem.with_suffix(f".{form}")) as aside:
-            figure.savefig(aside, format=form, metadata=metadata)
+def _plot(drawing: Drawing, summary: SweepSummary, folder: Path) -> Plot:
+    """Draw a figure into its files; the page shows the SVG."""
+    svg = folder / f"{drawing.name}.svg"
+    with sweep_plots.style():
+        figure = drawing.draw(summary)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # laid out once for both files
+        for path, metadata in (
+            (svg, {"Date": None, "Creator": None}),
+            (svg.with_suffix(".pdf"), {"CreationDate": None}),
+        ):
+            with write_aside(path) as aside:
+                figure.savefig(aside, format=path.suffix[1:], metadata=metadata)
+    source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
+    return Plot(drawing.title, source, f"{drawing.caption} Files: figures/{drawing.name}.svg, .pdf.")
 
 
-def _context(folder: Path, summary: SweepSummary, figures: list[tuple[Drawing, Figure]]) -> dict[str, Any]:
+def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
     table, unit = summary.table, Unit.of(summary.table.measure)
     return {
         "title": table.title or "Sweep",
@@ -119,9 +128,6 @@ def _context(folder: Path, summary: SweepSummary, figures: list[tuple[Drawing, F
         "enough": [
             (place, [enough_words(summary.enough(place, line), table.counts[-1]) for line in table.lines])
             for place in table.places
-        ],
-        "plots": [
-            Plot(d.title, svg_uri(figure), f"{d.caption} Files: figures/{d.name}.svg, .pdf.") for d, figure in figures
         ],
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
         "worst": [(run, unit.factor * run.error, _links(folder, run)) for run in worst_runs(table)],

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""Tables of a sweep as `testbed gather` writes them, with errors that a test chooses."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+PLACES, LINES, COUNTS = ("hall_a", "cave"), ("improved", "motion"), (1, 5, 20)
+Choose = Callable[[int, int, int, int], float]
+"""From indices of place, line, count and seed."""
+
+
+def errors_of(p: int, k: int, c: int, s: int) -> float:
+    """Errors [m] that fall with the count for `motion`, and hardly for `improved`; seeds spread by a few percent."""
+    level = (0.02, 0.5 / COUNTS[c])[k] * (p + 1)
+    return float(level * np.exp(0.05 * np.sin(1.0 + 7 * s + 3 * c + 11 * p + 5 * k)))
+
+
+def write_sweep(
+    folder: Path,
+    error: Choose = errors_of,
+    outcome: Callable[[int, int, int, int], str] = lambda p, k, c, s: "ok",
+    *,
+    seeds: int = 10,
+    missing: frozenset[tuple[int, int, int, int]] = frozenset(),
+    measure: str = "trajectory.ate_rmse_m",
+) -> Path:
+    """Write the three tables into `folder`."""
+    folder.mkdir(exist_ok=True)
+    rows, curves, timings = [], [], []
+    for index in np.ndindex(len(PLACES), len(LINES), len(COUNTS), seeds):
+        p, k, c, s = index
+        key = "-".join(map(str, index))
+        row = {"place": PLACES[p], "line": LINES[k], "particles": COUNTS[c], "seed": s, "key": key}
+        absent = index in missing
+        row |= {"status": "missing" if absent else "done", "reason": None}
+        row |= {
+            "outcome": None if absent else outcome(*index),
+            measure: None if absent else error(*index),
+            "filter.updates": None if absent else 100,
+            "filter.consistency.inside_share": None if absent else 0.9 - 0.2 * k,
+            "filter.consistency.nees_mean": None if absent else 4.0 + k,
+        }
+        rows.append(row)
+        if not absent:
+            shares = np.arange(1, 21) / 20
+            curves += [
+                {"key": key, "share": x, "ess": 1.0 - 0.3 * x, "founders": 1.0 / (1 + 9 * x), "nees": None}
+                for x in shares
+            ]
+            seconds = 0.1 * COUNTS[c] * (1.0 - 0.5 * k)
+            timings.append(
+                {"key": key, "filter_s": seconds, "cell_s": seconds + 0.5, "us_per_update_per_particle": 1.0}
+            )
+    about = {"title": "", "measure": measure, "baseline": LINES[0], "code": "0123456789abcdef", "recorded": False}
+    for name, table in (("sweep", rows), ("curves", curves), ("timings", timings)):
+        arrow = pa.Table.from_pylist(table).replace_schema_metadata({"sweep": json.dumps(about)})
+        pq.write_table(arrow, folder / f"{name}.parquet")
+    return folder

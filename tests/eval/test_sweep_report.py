@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: MIT
+"""The report of a sweep: its numbers are those of the tables, its files are whole and need no network."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eval.statistics import paired_difference
+from eval.sweep_plots import Unit, pareto_front
+from eval.sweep_report import DRAWINGS, write_sweep_report
+from eval.sweep_summary import summarise, worst_runs
+from eval.sweep_table import SweepTableError, read_sweep
+from eval.sweep_tables import latex_table, markdown_table
+from tests.eval.synthetic_sweep import COUNTS, LINES, PLACES, errors_of, write_sweep
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_sweep(tmp_path_factory.mktemp("sweep"))
+
+
+def test_every_run_is_found_at_its_place_in_the_cubes(folder):
+    table = read_sweep(folder)
+    assert (table.places, table.lines, table.counts, len(table.seeds)) == (PLACES, LINES, COUNTS, 10)
+    for index in np.ndindex(*table.shape):
+        assert table.error[index] == errors_of(*index)
+    np.testing.assert_allclose(table.curves["ess"][..., -1], 0.7)
+    assert np.isnan(table.curves["nees"]).all()
+
+
+def test_groups_tell_medians_differences_and_costs(folder):
+    table = read_sweep(folder)
+    summary = summarise(table)
+    group = summary.group("cave", "motion", 5)
+    errors = [errors_of(1, 1, 1, s) for s in range(10)]
+    assert group.median.value == pytest.approx(np.median(errors))
+    assert group.mean.value == pytest.approx(np.mean(errors))
+    assert group.to_baseline == paired_difference(errors, [errors_of(1, 0, 1, s) for s in range(10)])
+    assert group.to_largest == paired_difference(errors, [errors_of(1, 1, 2, s) for s in range(10)])
+    assert group.detectable < group.to_baseline.value  # so it was seen
+    assert group.cost == pytest.approx(2.5)  # ms: 0.25 s for 100 updates
+    assert summary.group("cave", "improved", 5).to_baseline is None
+    assert summary.group("cave", "motion", 20).to_largest is None
+    assert summary.enough("cave", "improved") == 1
+    assert summary.enough("cave", "motion") is None
+
+
+def test_runs_that_went_wrong_and_runs_that_are_missing_are_told_apart(tmp_path):
+    def outcome(p, k, c, s):
+        return {0: "lost", 1: "drift", 2: "broken loop"}.get(s, "ok") if (p, k, c) == (0, 1, 0) else "ok"
+
+    write_sweep(tmp_path, outcome=outcome, missing=frozenset({(0, 1, 0, 9), (0, 1, 0, 8)}))
+    group = summarise(read_sweep(tmp_path)).group("hall_a", "motion", 1)
+    assert (group.runs, group.failures, group.median.count) == (8, 2, 8)
+    assert group.failure_interval[0] < 0.25 < group.failure_interval[1]
+    page = write_sweep_report(tmp_path).read_text()
+    assert "2 cells have not been computed" in page
+
+
+def test_a_sweep_of_which_little_is_there_has_a_report_all_the_same(tmp_path):
+    there = {(0, 0, 0, 0), (1, 1, 2, 3)}
+    everything = set(np.ndindex(len(PLACES), len(LINES), len(COUNTS), 10))
+    write_sweep(tmp_path, missing=frozenset(everything - there))
+    page = write_sweep_report(tmp_path).read_text()
+    assert "no count is shown to be enough" in page
+    assert "nan" not in re.sub(r"base64,[^\"]+", "", page).lower()
+
+
+def test_the_worst_runs_are_those_with_the_largest_errors_of_each_line(folder):
+    worst = worst_runs(read_sweep(folder))
+    assert [(run.line, run.place) for run in worst] == [(line, place) for line in LINES for place in reversed(PLACES)]
+    for run in worst:
+        p, k = PLACES.index(run.place), LINES.index(run.line)
+        assert run.error == max(errors_of(p, k, c, s) for c in range(len(COUNTS)) for s in range(10))
+        assert run.key == f"{p}-{k}-{COUNTS.index(run.count)}-{run.seed}"
+
+
+def test_the_page_needs_no_network_and_links_what_is_there(tmp_path):
+    write_sweep(tmp_path)
+    worst = worst_runs(read_sweep(tmp_path))[0]
+    (tmp_path / "worst" / worst.key).mkdir(parents=True)
+    (tmp_path / "worst" / worst.key / "report.html").write_text("")
+    page = write_sweep_report(tmp_path).read_text()
+    assert not re.findall(r"(?:src|href)=\"https?:", page)
+    assert page.count('src="data:image/svg+xml') == len(DRAWINGS)
+    assert f'href="worst/{worst.key}/report.html"' in page
+    assert f'href="worst/{worst.key}/recording.rrd"' not in page
+    assert "1 particle is enough everywhere." in page
+
+
+def test_figures_are_files_and_the_same_table_gives_the_same_bytes(tmp_path):
+    write_sweep(tmp_path)
+    write_sweep_report(tmp_path)
+    names = sorted(path.name for path in (tmp_path / "figures").iterdir())
+    assert names == sorted(f"{drawing.name}.{form}" for drawing in DRAWINGS for form in ("pdf", "svg"))
+    before = {name: (tmp_path / "figures" / name).read_bytes() for name in names}
+    write_sweep_report(tmp_path)
+    assert {name: (tmp_path / "figures" / name).read_bytes() for name in names} == before
+
+
+def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
+    write_sweep(tmp_path, outcome=lambda p, k, c, s: "lost" if (p, k, c) == (0, 1, 0) and s < 3 else "ok")
+    summary = summarise(read_sweep(tmp_path))
+    m = summary.group("hall_a", "motion", 1).median
+    cell = f"{100 * m.value:.1f} [{100 * m.low:.1f}, {100 * m.high:.1f}] (3/10)"
+    rows = [line.split(" | ") for line in markdown_table(summary).splitlines() if line.startswith("| hall_a | motion")]
+    assert rows[0][2] == cell
+    latex = latex_table(summary)
+    assert rf"hall\_a & motion & {cell} &" in latex
+    assert latex.count("&") == (2 + len(COUNTS) - 1) * (1 + len(PLACES) * len(LINES))
+
+
+@pytest.mark.parametrize(
+    ("measure", "unit"),
+    [
+        ("trajectory.ate_rmse_m", ("trajectory error [cm]", 100.0, "cm")),
+        ("map.wall_distance_m", ("map.wall_distance [cm]", 100.0, "cm")),
+        ("trajectory.heading_rmse_deg", ("trajectory.heading_rmse [deg]", 1.0, "deg")),
+        ("map.log_loss", ("map.log_loss", 1.0, "")),
+    ],
+)
+def test_measures_are_shown_in_units_for_people(measure, unit):
+    shown = Unit.of(measure)
+    assert (shown.words, shown.factor, shown.name) == unit
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PAR1 no table"])
+def test_damaged_tables_are_named(tmp_path, content):
+    write_sweep(tmp_path)
+    (tmp_path / "sweep.parquet").unlink()
+    if content is not None:
+        (tmp_path / "sweep.parquet").write_bytes(content)
+    with pytest.raises(SweepTableError, match=r"sweep\.parquet"):
+        write_sweep_report(tmp_path)
+
+
+points = st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), max_size=30)
+
+
+@given(points)
+def test_the_front_holds_exactly_what_nothing_beats(points):
+    array = np.array(points, dtype=float).reshape(-1, 2)
+    front = {tuple(array[row]) for row in pareto_front(array)}
+
+    def beaten(a):
+        return any((b <= a).all() and (b < a).any() for b in array)
+
+    assert front == {tuple(a) for a in array if not beaten(a)}
