@@ -7,7 +7,7 @@ from pathlib import Path
 
 from testbed.cli.console import console
 from testbed.formats import open_log
-from testbed.formats.writing import Form, write_log
+from testbed.formats.writing import HOLDS, Form, parts_of, write_log
 
 
 def convert(
@@ -41,5 +41,7 @@ def convert(
     read = open_log(log, laser_offset=laser_offset, range_max=range_max, scans_needed=False)
     write_log(out, read, to)
     for note in read.notes:
-        console.print(f"{log}: {note}")
-    console.print(f"{out}: {len(read.frames)} frames, {read.scan_count} of them with a scan")
+        console.print(f"{log}: {note}", soft_wrap=True)
+    if homeless := sorted(parts_of(read) - HOLDS[to]):
+        console.print(f"{out}: {to} has no place for {', '.join(homeless)}", soft_wrap=True)
+    console.print(f"{out}: {len(read.frames)} frames, {read.scan_count} of them with a scan", soft_wrap=True)

@@ -1,13 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Evenly spaced beams: what most formats can hold of a scan's angles and times."""
+"""What most formats can hold of a lidar: evenly spaced angles and times of the beams, one mount."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slam import se2
+
 TOLERANCE = 1e-6
 """Deviation from even spacing that counts as rounding, radians or seconds."""
+
+
+SAME_MOUNT = 1e-5
+"""Mounts that differ by less [m], [rad] are the same: logs round their poses."""
+
+
+def same_mount(a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
+    """Whether two poses `T_robot_lidar` of a lidar are one."""
+    return bool(np.abs(se2.between(np.array(a), np.array(b))).max() <= SAME_MOUNT)
 
 
 def even_spacing(values: NDArray[np.float64]) -> tuple[float, float] | None:

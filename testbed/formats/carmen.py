@@ -231,7 +231,7 @@ def _robotlaser(kind: str, rest: list[str]) -> _Message:
         ranges=ranges,
         angles=start + step * np.arange(ranges.size, dtype=np.float64),
         range_max=range_max,
-        mount=(float(x), float(y), float(theta)),
+        mount=(round(float(x), 10), round(float(y), 10), round(float(theta), 10)),  # without what the two poses lose
     )
 
 

@@ -16,14 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from eval.files import write_aside
 from slam import se2
 from slam.scan import Scan
-from testbed.formats.beams import even_spacing
+from testbed.formats.beams import even_spacing, same_mount
 from testbed.formats.carmen import FLASER_LAYOUTS, LIDARS, MAXIMA, OFFSETS, SEAL, SEALED
 from testbed.formats.log import LogError
 from testbed.frame import Frame
 
 HOST = "testbed"
-SAME_HEADING = 1e-9
-"""Rounding of half a turn [rad]."""
 
 
 def write_carmen(
@@ -51,10 +49,11 @@ def _kinds(path: Path, frames: Sequence[Frame], message: str) -> dict[str, str]:
     """Kind of message for each lidar: a rear one comes second, else their order of appearance counts."""
     kinds = ("FLASER", "RLASER") if message == "FLASER" else ("ROBOTLASER1", "ROBOTLASER2")
     lidars = dict.fromkeys(frame.lidar for frame in frames if frame.scan is not None)
-    names = sorted(lidars, key=lambda name: name == LIDARS[kinds[1]])
-    if len(names) > len(kinds):
-        raise LogError(f"{path}: scans of {len(names)} lidars ({', '.join(names)}), CARMEN has a front and a rear one")
-    return dict(zip(names, kinds, strict=False))
+    if len(lidars) > len(kinds):
+        raise LogError(f"{path}: scans of {len(lidars)} lidars ({', '.join(lidars)}), CARMEN has a front and a rear")
+    rear = LIDARS[kinds[1]]
+    others = [name for name in lidars if name != rear]
+    return dict(zip(others, kinds, strict=False)) | ({rear: kinds[1]} if rear in lidars else {})
 
 
 def _robotlaser_lines(path: Path, frames: Sequence[Frame], kinds: dict[str, str]) -> Iterator[str]:
@@ -77,8 +76,7 @@ def _flaser_lines(path: Path, frames: Sequence[Frame], kinds: dict[str, str]) ->
     first = {frame.lidar: frame.scan for frame in reversed(frames) if frame.scan is not None}
     for name, kind in kinds.items():
         mount, range_max = first[name].mount, first[name].range_max
-        ahead = math.pi if kind == "RLASER" else 0.0
-        if mount[1] != 0.0 or abs(math.remainder(mount[2] - ahead, 2.0 * math.pi)) > SAME_HEADING:
+        if not same_mount(mount, (mount[0], 0.0, math.pi if kind == "RLASER" else 0.0)):
             raise LogError(f"{path}: {kind} has no place for a lidar mounted at {mount}: only for an offset along x")
         yield f"PARAM {OFFSETS[kind]} {mount[0]!r}"
         if math.isfinite(range_max):
@@ -89,7 +87,7 @@ def _flaser_lines(path: Path, frames: Sequence[Frame], kinds: dict[str, str]) ->
             yield _odom(frame)
             continue
         scan = frame.scan
-        if (scan.mount, scan.range_max) != (first[frame.lidar].mount, first[frame.lidar].range_max):
+        if not same_mount(scan.mount, first[frame.lidar].mount) or scan.range_max != first[frame.lidar].range_max:
             raise LogError(f"{path}: frame {index}: FLASER has no place for scans that differ in mount or range_max")
         _check_flaser_angles(path, index, scan)
         laser = se2.compose(frame.odometry, scan.mount)

@@ -271,8 +271,8 @@ def _assemble(path: Path, content: _Content, range_max: float | None) -> Log:
             )
         )
     frames.sort(key=lambda frame: frame.stamp)
-    chosen = [f"scans from {topic}" for topic in content.scans if topic not in repeated]
-    notes = [", ".join([*chosen, f"odometry from {content.topics['odometry']}"])]
+    chosen = " and ".join(topic for topic in content.scans if topic not in repeated) or "nowhere"
+    notes = [f"scans from {chosen}, odometry from {content.topics['odometry']}"]
     if len(reachable) < len(scans):
         outside = len(scans) - len(reachable)
         notes.append(f"{outside} of {len(scans)} scans lie outside of the odometry's time and are left out")

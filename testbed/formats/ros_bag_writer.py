@@ -24,6 +24,7 @@ import numpy as np
 from slam import se2
 from slam.occupancy import OccupancyGrid
 from testbed.formats.aside import renamed_when_whole
+from testbed.formats.beams import same_mount
 from testbed.formats.log import LogError
 from testbed.formats.mcap_checksums import seal
 from testbed.formats.ros_messages import Joint, Messages, joints_of, nanoseconds, planar_joint
@@ -31,8 +32,6 @@ from testbed.frame import Frame
 
 Storage = Literal["mcap", "sqlite", "rosbag1"]
 
-SAME_MOUNT = 1e-5
-"""Mounts that differ by less [m], [rad] are the same: logs round their poses."""
 LATEST_STAMP = 2**31 - 1
 """ROS 2 counts seconds in 31 bits."""
 LATCHED = ("/tf_static", "/robot_description", "/ground_truth/map")
@@ -87,7 +86,7 @@ def _mounts(path: Path, frames: Sequence[Frame]) -> dict[str, tuple[float, float
         if frame.scan is None:
             continue
         first = mounts.setdefault(frame.lidar, frame.scan.mount)
-        if np.abs(np.subtract(frame.scan.mount, first)).max() > SAME_MOUNT:
+        if not same_mount(frame.scan.mount, first):
             raise LogError(f"{path}: scans of one lidar ({frame.lidar}) mounted at different places")
     topics = scan_topics(list(mounts))
     if len(set(topics.values())) < len(topics):

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from eval.map_server import write_map
 from testbed.formats.aside import renamed_when_whole
+from testbed.formats.carmen import LIDARS
 from testbed.formats.carmen_writer import write_carmen
 from testbed.formats.checksums import seal_directory
 from testbed.formats.log import Log, LogError
@@ -23,6 +24,44 @@ Form = Literal[
 trajectories; map_server: the true map alone."""
 
 
+Part = Literal[
+    "odometry", "twist", "command", "truth", "scans", "lidar names", "range_min", "beam times", "true map", "robot"
+]
+"""What a log may hold."""
+
+_EVERYTHING: frozenset[Part] = frozenset(get_args(Part))
+HOLDS: dict[Form, frozenset[Part]] = {
+    "rosbag2": _EVERYTHING,
+    "rosbag2-lean": _EVERYTHING,
+    "rosbag2-sqlite": _EVERYTHING,
+    "rosbag1": _EVERYTHING,
+    "parquet": _EVERYTHING,
+    "carmen": frozenset(("odometry", "twist", "truth", "scans")),
+    "carmen-flaser": frozenset(("odometry", "truth", "scans")),
+    "tum": frozenset(("odometry", "truth")),
+    "map_server": frozenset(("true map",)),
+}
+"""What each format has a place for."""
+
+
+def parts_of(log: Log) -> set[Part]:
+    """What a log holds."""
+    frames, scans = log.frames, [frame.scan for frame in log.frames if frame.scan is not None]
+    there: dict[Part, bool] = {
+        "odometry": True,
+        "twist": any(frame.twist is not None for frame in frames),
+        "command": any(frame.command is not None for frame in frames),
+        "truth": any(frame.truth is not None for frame in frames),
+        "scans": bool(scans),
+        "lidar names": any(frame.lidar not in LIDARS.values() for frame in frames if frame.scan is not None),
+        "range_min": any(scan.range_min > 0.0 for scan in scans),
+        "beam times": any(scan.time_offsets is not None for scan in scans),
+        "true map": log.truth_map is not None,
+        "robot": log.robot_urdf is not None,
+    }
+    return {part for part, is_there in there.items() if is_there}
+
+
 def write_log(path: str | Path, log: Log, form: Form) -> None:
     """Write a log; `path`, a file or a directory, must not exist. What a format has no place for is left out.
 
@@ -32,6 +71,8 @@ def write_log(path: str | Path, log: Log, form: Form) -> None:
     path = Path(path)
     if path.exists():
         raise LogError(f"{path}: exists; choose another name")
+    if form == "rosbag1" and path.suffix != ".bag":
+        raise LogError(f"{path}: a ROS 1 bag needs a name that ends in .bag")
     if form in ("carmen", "carmen-flaser"):
         write_carmen(path, log.frames, message="FLASER" if form == "carmen-flaser" else "ROBOTLASER")
     elif form == "map_server":

@@ -317,7 +317,7 @@ def to_ros1(store, content, stamp):
 @pytest.mark.parametrize(
     ("messages", "complaint"),
     [
-        ([("/odom", 0.0, odometry(0.0, 0.0))], "no scans in this ROS bag; odometry from /odom"),
+        ([("/odom", 0.0, odometry(0.0, 0.0))], "no scans in this ROS bag; scans from nowhere, odometry from /odom"),
         ([("/scan", 0.0, scan(0.0))], "no topic of type nav_msgs/msg/Odometry"),
         ([*plain(), ("/a", 1.0, odometry(1.0, 1.0)), ("/front", 1.0, scan(1.0))], None),
         ([("/a", 0.0, scan(0.0)), ("/b", 0.0, scan(0.0)), *plain()[:3]], "several topics with scans of one lidar, none is /scan: /a, /b"),
