@@ -16,12 +16,11 @@ RAYS = 1080
 """Rays from each viewpoint, a third of a degree apart: closer than a cell of 5 cm up to 8.6 m away."""
 _SECTOR = 0.1
 """Headings this close show the same [rad]."""
-EVERYTHING = LidarView()
 _AT_ONCE = 64
 
 
 def observable_cells(
-    truth: OccupancyGrid, robot_poses: ArrayLike, *, lidar: LidarView = EVERYTHING, spacing: float = 0.5
+    truth: OccupancyGrid, robot_poses: ArrayLike, *, lidar: LidarView, spacing: float = 0.5
 ) -> NDArray[np.bool_]:
     """Cells seen from the true poses `T_world_robot` (n, 3), (rows, cols): free ones in sight, walls that end a ray.
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from eval.map_alignment import best_rigid_alignment
 from eval.map_error import TOLERANCES, MapError, map_error
 from eval.map_server import read_map
 from eval.map_structure import map_structure
-from eval.observability import EVERYTHING, observable_cells
+from eval.observability import observable_cells
 from eval.outcome import Evidence, evidence_from_relations, evidence_from_truth, judge
 from eval.relations import PairErrors, RelationError, Relations, read_relations, relation_error
 from eval.trajectory import Trajectory
@@ -41,6 +41,9 @@ LOW_SHARE = 0.9
 ASTRAY_M, ASTRAY_DEG = 1.0, 10.0
 """A map that must be moved or turned by more to fit is told to lie beside its trajectory."""
 
+ALL = LidarView()
+"""Stands for a lidar that is unknown."""
+
 Metrics = dict[str, Any]
 
 
@@ -54,9 +57,9 @@ class Reference:
     """Hand-checked relative poses."""
     grid: OccupancyGrid | None = None
     """The true map: 1 occupied, 0 free, NaN what no lidar can see (`eval.grids.true_grid`)."""
-    lidar: LidarView | None = None
-    """What the lidar sees: true cells that were never in its view are asked of no map. None = unknown: everything in
-    sight of the true path counts, which the notes say."""
+    lidars: Sequence[LidarView] = ()
+    """What the lidars see: true cells that were never in their view are asked of no map. None of them = unknown:
+    everything in sight of the true path counts, which the notes say."""
 
 
 def score(
@@ -115,11 +118,11 @@ def score_files(
     grid: str | os.PathLike[str] | None = None,
     *,
     relations: str | os.PathLike[str] | None = None,
-    lidar: LidarView | None = None,
+    lidars: Sequence[LidarView] = (),
 ) -> Metrics:
     """Score any system's output against a dataset or run directory (`truth.tum`, `truth_map.yaml`) or a relations file.
 
-    trajectory: TUM, one pose per scan or more. grid: map_server `.yaml`. lidar: by default that of the run, where the
+    trajectory: TUM, one pose per scan or more. grid: map_server `.yaml`. lidars: by default those of the run, where the
     directory is one.
     Raises ValueError where the directory holds no truth and no relations are given, and as `score` and the readers.
     """
@@ -134,23 +137,22 @@ def score_files(
             trajectory=read_tum(truth_file) if truth_file.exists() else None,
             relations=read_relations(relations) if relations is not None else None,
             grid=read_map(truth_map_file) if truth_map_file.exists() else None,
-            lidar=lidar if lidar is not None else _lidar_of_run(folder),
+            lidars=lidars or _lidars_of_run(folder),
         ),
         grid=read_map(grid) if grid is not None else None,
     )
 
 
-def _lidar_of_run(folder: Path) -> LidarView | None:
-    """The lidar that a run was scored with; None where the directory is no finished run or does not say."""
+def _lidars_of_run(folder: Path) -> Sequence[LidarView]:
+    """The lidars that a run was scored with; none where the directory is no finished run or does not say."""
     path = folder / "metrics.json"
     if not path.is_file():
-        return None
+        return ()
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        stated = document.get("map", {}).get("lidar")
-        return None if stated is None else LidarView.from_metrics(stated)
-    except (ValueError, AttributeError) as error:
-        raise ValueError(f"{path}: map.lidar: {error}") from None
+        return [LidarView.from_metrics(stated) for stated in document.get("map", {}).get("lidars", [])]
+    except (ValueError, AttributeError, TypeError) as error:
+        raise ValueError(f"{path}: map.lidars: {error}") from None
 
 
 def _trajectory_metrics(matched: Association) -> Metrics:
@@ -253,9 +255,9 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
     else:
         alignment, how = absolute_error(matched, "se2").alignment.T_reference_estimate, "se2"
         assert reference.trajectory is not None
-        lidar = reference.lidar if reference.lidar is not None else EVERYTHING
-        observable = observable_cells(truth, reference.trajectory.poses, lidar=lidar)
-        if reference.lidar is None:
+        seen = [observable_cells(truth, reference.trajectory.poses, lidar=lidar) for lidar in reference.lidars or [ALL]]
+        observable = np.logical_or.reduce(seen)
+        if not reference.lidars:
             notes.append("the lidar is unknown: every cell in sight of the true path counts as observable")
         if not observable.any():
             notes.append("the true path sees not one cell of the true map: are they in one frame?")
@@ -266,7 +268,7 @@ def _map_metrics(grid: OccupancyGrid, reference: Reference, matched: Association
         **metrics,
         "alignment": how,
         "observable_cells": int(observable.sum()),
-        "lidar": reference.lidar.metrics if reference.lidar is not None else None,
+        "lidars": [lidar.metrics for lidar in reference.lidars],
         **_map_error_metrics(map_error(grid, truth, alignment, observable)),
         "best_rigid": {
             "T_truth_map": best,

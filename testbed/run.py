@@ -14,7 +14,6 @@ import numpy as np
 
 from eval.diagnosis import find
 from eval.finding_file import write_finding
-from eval.lidar_view import LidarView
 from eval.relations import Relations
 from eval.scoring import Reference, score
 from slam.beams import rays_of
@@ -24,6 +23,7 @@ from slam.occupancy import OccupancyGrid
 from testbed.estimation import Estimate, Estimation
 from testbed.frame import Frame
 from testbed.interruption import deferred_interruption
+from testbed.lidar_views import lidar_views
 from testbed.rundir import RunDirectory, result_hash
 from testbed.simulation import Simulation
 from testbed.views import NullView, Snapshot, View
@@ -194,7 +194,7 @@ def metrics_of(
             trajectory=estimation.trajectory_at_scans("truth"),
             relations=job.relations,
             grid=job.truth_map,
-            lidar=LidarView.of(frame.scan for frame in estimation.frames if frame.scan is not None),
+            lidars=lidar_views(estimation.frames),
         ),
         odometry=estimation.trajectory_at_scans("odometry"),
         dense=estimate.dense,

@@ -18,6 +18,7 @@ from testbed.cli.console import console
 from testbed.cli.status import GATE_FAILED
 from testbed.cli.summary import headline_table
 from testbed.formats import open_log
+from testbed.lidar_views import lidar_views
 
 
 def score(
@@ -50,7 +51,7 @@ def score(
         Exit with 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
     """
     limits = [Limit.parse(text) for text in fail_if]
-    metrics = score_files(dataset, trajectory, map_, relations=relations, lidar=_lidar(dataset) if map_ else None)
+    metrics = score_files(dataset, trajectory, map_, relations=relations, lidars=_lidars(dataset) if map_ else ())
     text = json.dumps(metrics, indent=2, allow_nan=False) + "\n"
     if out is None:
         sys.stdout.write(text)
@@ -67,9 +68,7 @@ def score(
     return GATE_FAILED if broken else 0
 
 
-def _lidar(dataset: Path) -> LidarView | None:
-    """The lidar of a dataset's recording; None where the directory holds no recording."""
+def _lidars(dataset: Path) -> tuple[LidarView, ...]:
+    """The lidars of a dataset's recording; none where the directory holds no recording."""
     recordings = [dataset] if (dataset / "metadata.yaml").is_file() else sorted(dataset.glob("*.log.gz"))
-    if len(recordings) != 1:
-        return None
-    return LidarView.of(frame.scan for frame in open_log(recordings[0]).frames if frame.scan is not None)
+    return lidar_views(open_log(recordings[0]).frames) if len(recordings) == 1 else ()

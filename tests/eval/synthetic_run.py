@@ -16,6 +16,7 @@ import tomli_w
 from eval.diagnosis import find
 from eval.finding_file import write_finding
 from eval.grids import cell_centres
+from eval.lidar_view import LidarView
 from eval.map_server import write_map
 from eval.observability import observable_cells
 from eval.relations import Relations
@@ -97,6 +98,7 @@ def write_run(
         reference=Reference(
             trajectory=true,
             grid=true_map if truth else None,
+            lidars=(LidarView(),),
             relations=known,
         ),
         odometry=trajectories["odometry"],
@@ -106,7 +108,9 @@ def write_run(
     )
     finding = find(trajectories["estimate"], truth=true, relations=known, steps=steps)
     if finding is not None:
-        seen = cell_centres(true_map, true_map.occupied & observable_cells(true_map, poses[finding.scan]))
+        seen = cell_centres(
+            true_map, true_map.occupied & observable_cells(true_map, poses[finding.scan], lidar=LidarView())
+        )
         write_finding(folder / "finding.json", finding, transform_points(inverse(poses[finding.scan]), seen))
     (folder / "metrics.json").write_text(json.dumps(metrics, allow_nan=False))
     return folder

@@ -30,7 +30,7 @@ def scan(first_deg: float, last_deg: float, beams: int, *, range_max: float = 10
 
 
 def test_from_inside_an_empty_room_all_of_it_is_seen_and_nothing_else():
-    seen = observable_cells(TRUTH, [[3.0, 2.0, 0.0]])
+    seen = observable_cells(TRUTH, [[3.0, 2.0, 0.0]], lidar=LidarView())
     corners = np.zeros_like(seen)
     corners[np.ix_([19, 100], [19, 140])] = True
     np.testing.assert_array_equal(seen | corners, TRUTH.known)
@@ -38,7 +38,7 @@ def test_from_inside_an_empty_room_all_of_it_is_seen_and_nothing_else():
 
 def test_a_wall_hides_what_is_behind_it_and_range_ends_sight():
     divided = with_wall(TRUTH, slice(20, 100), 80)
-    seen = observable_cells(divided, [[1.0, 2.0, 0.0]])
+    seen = observable_cells(divided, [[1.0, 2.0, 0.0]], lidar=LidarView())
     assert not seen[20:100, 81:].any()
     assert seen[20:100, 20:81].all()
     near = observable_cells(TRUTH, [[3.0, 2.0, 0.0]], lidar=LidarView(range_max=1.0))
@@ -48,7 +48,7 @@ def test_a_wall_hides_what_is_behind_it_and_range_ends_sight():
 
 
 def test_positions_off_the_map_or_in_a_wall_see_nothing():
-    assert not observable_cells(TRUTH, [[100.0, 0.0, 0.0], [-0.025, 2.0, 0.0]]).any()
+    assert not observable_cells(TRUTH, [[100.0, 0.0, 0.0], [-0.025, 2.0, 0.0]], lidar=LidarView()).any()
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, np.pi / 2, -2.5])
@@ -76,7 +76,7 @@ def test_a_lidar_on_a_mount_looks_from_there():
     beyond = np.zeros_like(TRUTH.free)
     beyond[79:81, 81:140] = True
     straight_on = [1.0, 2.0, 0.0]
-    assert not observable_cells(divided, [straight_on])[beyond].all()
+    assert not observable_cells(divided, [straight_on], lidar=LidarView())[beyond].all()
     assert observable_cells(divided, [straight_on], lidar=LidarView(mount=(0.0, 1.0, 0.0)))[beyond].all()
 
 

@@ -2,12 +2,14 @@
 """The dict of all measures: right keys, plain values, honest notes, and never a good score by accident."""
 
 import json
+import shutil
 import time
 
 import numpy as np
 import pytest
 
 from eval.association import AssociationError
+from eval.lidar_view import LidarView
 from eval.map_server import read_map, write_map
 from eval.relations import Relations, RelationsError
 from eval.scoring import Reference, score, score_files
@@ -83,6 +85,38 @@ def test_scoring_the_files_of_a_run_gives_the_figures_of_the_run(run):
     for key in ("iou", "wall_distance_m", "double_wall_rate", "coverage"):
         assert again["map"][key] == pytest.approx(metrics["map"][key], abs=2e-3), key
     assert again["map"]["log_loss"] == pytest.approx(metrics["map"]["log_loss"], rel=0.1)  # grey levels
+
+
+def test_cells_that_no_lidar_looked_at_are_asked_of_no_map(run):
+    truth, true_map = read_tum(run / "truth.tum"), read_map(run / "truth_map.yaml")
+    ahead, behind = LidarView(first=-0.5, width=1.0, range_max=4.0), LidarView(first=2.6, width=1.0, range_max=4.0)
+
+    def cells(*lidars):
+        reference = Reference(trajectory=truth[:160], grid=true_map, lidars=lidars)
+        metrics = score(truth[:160], reference=reference, grid=true_map)
+        return metrics["map"]["observable_cells"], metrics["notes"], metrics["map"]["lidars"]
+
+    one, two, both = cells(ahead)[0], cells(behind)[0], cells(ahead, behind)[0]
+    everything, notes, stated = cells()
+    assert max(one, two) < both < everything
+    assert both < one + two
+    assert stated == []
+    assert any("the lidar is unknown" in note for note in notes)
+    assert cells(ahead)[1:] == ([], [ahead.metrics])
+
+
+def test_a_dataset_is_scored_with_the_lidar_of_its_run(run, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(run, folder)
+    metrics = json.loads((folder / "metrics.json").read_text())
+    metrics["map"]["lidars"] = [LidarView(range_max=1.5).metrics]
+    (folder / "metrics.json").write_text(json.dumps(metrics))
+    near = score_files(folder, folder / "estimate.tum", folder / "map.yaml")["map"]
+    assert near["lidars"] == metrics["map"]["lidars"]
+    assert near["observable_cells"] < metrics["map"]["observable_cells"]
+    (folder / "metrics.json").write_text('{"map": {"lidars": [{}]}}')
+    with pytest.raises(ValueError, match=r"metrics\.json: map\.lidars"):
+        score_files(folder, folder / "estimate.tum", folder / "map.yaml")
 
 
 def test_a_moved_estimate_with_its_map_scores_the_same(run):
