@@ -277,7 +277,7 @@ def descend(grids, particle, guess, start, hits, model, prior, iterations, pose,
             solve(L, step)
         else:
             step *= 0.5
-        if abs(step[0]) < 2e-4 and abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4:
+        if abs(step[0]) < 1e-3 and abs(step[1]) < 1e-3 and abs(step[2]) < 5e-4:
             break
         x, y, theta = pose[0] - step[0], pose[1] - step[1], pose[2] - step[2]
     return best, best_near

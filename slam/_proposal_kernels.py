@@ -36,6 +36,8 @@ class Search(NamedTuple):
     """Further starting points seen from the predicted pose, (n, 3)."""
     coarse: BeamModel
     """Beam model with a wide basin, by which starting points are compared."""
+    coarse_hits: NDArray[np.float64]
+    """Some of the hits, evenly chosen, for that comparison, (n, 2)."""
     fail_share: float
     """Share of the hits near a wall below which matching has failed."""
     second_share: float
@@ -73,19 +75,19 @@ def from_guess(guess, along, across, turn, out):
 
 
 @kernel
-def best_start(grids, particle, guess, hits, prior, search, distances, pose):
+def best_start(grids, particle, guess, prior, search, distances, pose):
     """Start pose (3,) of the lowest cost under the coarse beam model; the predicted pose itself where none is better.
 
     Returns whether it is another one than the predicted pose.
     """
     other = np.empty(3)
     pose[:] = guess
-    lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], hits, search.coarse, distances)
+    lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], search.coarse_hits, search.coarse, distances)
     lowest += motion_cost(prior, guess, guess[0], guess[1], guess[2])
     moved = False
     for k in range(search.starts.shape[0]):
         from_guess(guess, search.starts[k, 0], search.starts[k, 1], search.starts[k, 2], other)
-        cost = scan_cost(grids, particle, other[0], other[1], other[2], hits, search.coarse, distances)
+        cost = scan_cost(grids, particle, other[0], other[1], other[2], search.coarse_hits, search.coarse, distances)
         cost += motion_cost(prior, guess, other[0], other[1], other[2])
         if cost < lowest:
             lowest = cost
@@ -101,7 +103,7 @@ def match(grids, particle, guess, hits, model, prior, search, distances, pose, L
     Returns the cost and the share of the hits near a wall; pose (3,) and L (3, 3) as in `descend`.
     """
     start = np.empty(3)
-    moved = best_start(grids, particle, guess, hits, prior, search, distances, start)
+    moved = best_start(grids, particle, guess, prior, search, distances, start)
     cost, near = descend(grids, particle, guess, guess, hits, model, prior, search.iterations, pose, L)
     if moved:
         other, other_L = np.empty(3), np.empty((3, 3))

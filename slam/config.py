@@ -101,6 +101,8 @@ class MatchConfig:
     """Distance of these starting poses [m]."""
     coarse_share: float = 0.3
     """Share of the beam weight with which starting poses are compared to the odometry."""
+    coarse_beams: int = 60
+    """Hits by which they are compared at least, where the scan has that many: every k-th one."""
     weight_share: float = 0.012
     """Share of log eta that goes into the particles' weights (1 / ogain): two maps of one place differ by their own
     noise far more than eta knows, and at full weight the particles that could close the next loop die of it."""
@@ -110,7 +112,7 @@ class MatchConfig:
     def __post_init__(self) -> None:
         _positive(self, "hit_sigma", "beam_weight", "outlier_distance", "search_step")
         _at_least(self, 0.0, "search_reach", "coarse_share", "weight_share", "min_matched_share")
-        _at_least(self, 1, "iterations")
+        _at_least(self, 1, "iterations", "coarse_beams")
 
 
 @dataclass(frozen=True, kw_only=True)
