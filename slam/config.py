@@ -166,8 +166,12 @@ class GateConfig:
 class RefineConfig:
     """The final pass over a recording; never used inside the filter."""
 
-    rounds: int = 5
-    """How often the map is drawn anew."""
+    rounds: int = 10
+    """How often the map is drawn anew, at most."""
+    settled: float = 0.0003
+    """The pass ends when a round moves the poses by less than this, mean over the poses [m] and [rad]."""
+    overshoot: float = 1.5
+    """Each round moves the poses this many times as far as the optimum against its map is away."""
     iterations: int = 3
     """Gauss-Newton steps against each map."""
     hit_sigma: float = 0.02
@@ -187,6 +191,13 @@ class RefineConfig:
     )
     """Motion model between neighbouring frames, which lie closer together than the updates of the filter: less error
     at rest, more per metre and radian, since errors of many short steps partly cancel."""
+
+    def __post_init__(self) -> None:
+        _at_least(self, 1, "rounds", "iterations")
+        _at_least(self, 0.0, "settled")
+        _positive(self, "hit_sigma", "outlier_distance", "occupied_share")
+        if not 1.0 <= self.overshoot < 2.0:
+            raise ValueError(f"RefineConfig.overshoot must be in [1, 2), got {self.overshoot}")
 
 
 @dataclass(frozen=True, kw_only=True)
