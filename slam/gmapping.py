@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
-from slam._match_kernels import BeamModel
+from slam._match_kernels import BeamModel, Evidence
 from slam._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Draws, Proposed, Search, propose
 from slam._ray_kernels import Rays
 from slam.ancestry import Ancestry
@@ -227,9 +227,7 @@ class GMapping:
             n,
             self.maps.grids,
             se2.compose(self._poses, motion),
-            hits,
-            beam_model(cfg.match, cfg.map),
-            motion_prior(motion, cfg.motion),
+            Evidence(hits, beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion)),
             search_of(motion, hits, cfg),
             draws,
             out,
@@ -332,8 +330,8 @@ def beam_model(match: MatchConfig, grid: MapConfig) -> BeamModel:
 
 
 def search_of(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> Search:
-    """Settings of the search for one displacement (3,) and hits (K, 2) of the scan: the starting points lie along the heading, where odometry
-    fails when wheels slip or a change of direction goes unnoticed."""
+    """Settings of the search for one displacement (3,) and the hits (K, 2) of a scan: the starting points lie along
+    the heading, where odometry fails when wheels slip or a change of direction goes unnoticed."""
     match = config.match
     reach = min(max(0.5 * match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1]))), match.search_reach)
     steps = math.ceil(reach / match.search_step)
