@@ -53,6 +53,15 @@ class MotionPrior(NamedTuple):
     """Log of share times the Gaussian's normalisation, (2,)."""
 
 
+class Evidence(NamedTuple):
+    """What the new pose is judged by, the same for all particles: p(z | m, x) p(x | x', u) but for map and x'."""
+
+    hits: NDArray[np.float64]
+    """End points of the scan in the robot's frame [m], (K, 2)."""
+    beams: BeamModel
+    prior: MotionPrior
+
+
 @kernel
 def wall_distances(grids, particle, x, y, theta, hits, far, out):
     """Distance vectors from the nearest pieces of wall to the end points of a scan taken at the pose (x, y, theta).
@@ -251,12 +260,14 @@ def solve(L, x):
 
 
 @kernel
-def descend(grids, particle, guess, start, hits, model, prior, iterations, pose, L):
+def descend(grids, particle, guess, start, evidence, iterations, pose, L):
     """Local minimum of the cost from `start` (3,) by Gauss-Newton with step halving.
 
-    pose (3,) out: the optimum;  L (3, 3) out: Cholesky factor of the Hessian there
+    The last step, of less than a millimetre, is taken unseen, and the cost after it is that of the quadratic form.
+    pose (3,) out: the optimum;  L (3, 3) out: Cholesky factor of the Hessian before the last step
     Returns the cost and the number of end points near a wall.
     """
+    hits, model, prior = evidence
     H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
     distances = np.empty((4, hits.shape[0]))
     x, y, theta = start[0], start[1], start[2]
@@ -268,7 +279,8 @@ def descend(grids, particle, guess, start, hits, model, prior, iterations, pose,
         cost = linearise_motion(prior, guess, x, y, theta, H, g)
         scan, near = linearise(grids, particle, x, y, theta, hits, model, distances, H, g)
         cost += scan
-        if cost < best - 1e-6:
+        improved = cost < best - 1e-6
+        if improved:
             best, best_near = cost, near
             pose[0], pose[1], pose[2] = x, y, theta
             if not cholesky(H, L):
@@ -277,7 +289,11 @@ def descend(grids, particle, guess, start, hits, model, prior, iterations, pose,
             solve(L, step)
         else:
             step *= 0.5
-        if abs(step[0]) < 2e-4 and abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4:
+        if abs(step[0]) < 1e-3 and abs(step[1]) < 1e-3 and abs(step[2]) < 5e-4:
+            if improved:
+                for a in range(3):
+                    pose[a] -= step[a]
+                    best -= 0.5 * g[a] * step[a]
             break
         x, y, theta = pose[0] - step[0], pose[1] - step[1], pose[2] - step[2]
     return best, best_near

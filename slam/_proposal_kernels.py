@@ -36,12 +36,25 @@ class Search(NamedTuple):
     """Further starting points seen from the predicted pose, (n, 3)."""
     coarse: BeamModel
     """Beam model with a wide basin, by which starting points are compared."""
+    coarse_hits: NDArray[np.float64]
+    """Some of the hits, evenly chosen, for that comparison, (n, 2)."""
     fail_share: float
     """Share of the hits near a wall below which matching has failed."""
     second_share: float
     """Share of the second component of the motion prior."""
     spread: float
     """Standard deviation of the K poses in units of the Laplace approximation's."""
+
+
+class Laplace(NamedTuple):
+    """Gaussian about an optimum of the cost, from which the K poses are drawn."""
+
+    optimum: NDArray[np.float64]
+    """(3,)."""
+    factor: NDArray[np.float64]
+    """Cholesky factor of the Hessian there, (3, 3)."""
+    spread: float
+    """Standard deviation in units of the Laplace approximation's."""
 
 
 class Proposed(NamedTuple):
@@ -73,19 +86,19 @@ def from_guess(guess, along, across, turn, out):
 
 
 @kernel
-def best_start(grids, particle, guess, hits, prior, search, distances, pose):
+def best_start(grids, particle, guess, prior, search, distances, pose):
     """Start pose (3,) of the lowest cost under the coarse beam model; the predicted pose itself where none is better.
 
     Returns whether it is another one than the predicted pose.
     """
     other = np.empty(3)
     pose[:] = guess
-    lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], hits, search.coarse, distances)
+    lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], search.coarse_hits, search.coarse, distances)
     lowest += motion_cost(prior, guess, guess[0], guess[1], guess[2])
     moved = False
     for k in range(search.starts.shape[0]):
         from_guess(guess, search.starts[k, 0], search.starts[k, 1], search.starts[k, 2], other)
-        cost = scan_cost(grids, particle, other[0], other[1], other[2], hits, search.coarse, distances)
+        cost = scan_cost(grids, particle, other[0], other[1], other[2], search.coarse_hits, search.coarse, distances)
         cost += motion_cost(prior, guess, other[0], other[1], other[2])
         if cost < lowest:
             lowest = cost
@@ -95,24 +108,22 @@ def best_start(grids, particle, guess, hits, prior, search, distances, pose):
 
 
 @kernel
-def match(grids, particle, guess, hits, model, prior, search, distances, pose, L):
+def match(grids, particle, guess, evidence, search, distances, pose, L):
     """Lowest local minimum of the cost: from the predicted pose and, where another start looks better, from there too.
 
     Returns the cost and the share of the hits near a wall; pose (3,) and L (3, 3) as in `descend`.
     """
     start = np.empty(3)
-    moved = best_start(grids, particle, guess, hits, prior, search, distances, start)
-    cost, near = descend(grids, particle, guess, guess, hits, model, prior, search.iterations, pose, L)
+    moved = best_start(grids, particle, guess, evidence.prior, search, distances, start)
+    cost, near = descend(grids, particle, guess, guess, evidence, search.iterations, pose, L)
     if moved:
         other, other_L = np.empty(3), np.empty((3, 3))
-        other_cost, other_near = descend(
-            grids, particle, guess, start, hits, model, prior, search.iterations, other, other_L
-        )
+        other_cost, other_near = descend(grids, particle, guess, start, evidence, search.iterations, other, other_L)
         if other_cost < cost:
             cost, near = other_cost, other_near
             pose[:] = other
             L[:] = other_L
-    return cost, near / max(hits.shape[0], 1)
+    return cost, near / max(evidence.hits.shape[0], 1)
 
 
 @kernel
@@ -142,58 +153,56 @@ def offset_of(L, z, scale, out):
 
 
 @kernel
-def fit_gaussian(grids, particle, guess, hits, model, prior, optimum, L, near, spread, mean, covariance):
+def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, mean, covariance):
     """Gaussian through K weighted poses about the optimum (T-RO 2007, equations 16 to 18).
 
     The paper draws the poses evenly in an interval; here they come from q, the Laplace approximation widened by
     `spread`, and each is weighted by product / q, which estimates the same integral with far less variance.
-    optimum (3,), L (3, 3) from `descend`;  near (K, 3) standard normal variates
-    mean (3,), covariance (3, 3) out.  Returns log eta, eta the integral of p(z | m, x) p(x | x', u).
+    near (K, 3) standard normal variates;  samples (K, 3) out: the poses;  mean (3,), covariance (3, 3) out
+    Returns log eta, eta the integral of p(z | m, x) p(x | x', u).
     """
-    samples = near.shape[0]
-    offsets, logs, distances = np.empty((samples, 3)), np.empty(samples), np.empty((4, hits.shape[0]))
+    hits, model, prior = evidence
+    optimum, L, spread = laplace
+    count = near.shape[0]
+    logs, distances = np.empty(count), np.empty((4, hits.shape[0]))
     log_q = np.log(L[0, 0]) + np.log(L[1, 1]) + np.log(L[2, 2]) - 1.5 * LOG_2PI - 3.0 * np.log(spread)
     top = -np.inf
-    for j in range(samples):
-        offset_of(L, near[j], spread, offsets[j])
-        x, y, theta = optimum[0] + offsets[j, 0], optimum[1] + offsets[j, 1], optimum[2] + offsets[j, 2]
+    for j in range(count):
+        offset = samples[j]  # from the optimum, for now
+        offset_of(L, near[j], spread, offset)
+        x, y, theta = optimum[0] + offset[0], optimum[1] + offset[1], optimum[2] + offset[2]
         cost = scan_cost(grids, particle, x, y, theta, hits, model, distances)
         cost += motion_cost(prior, guess, x, y, theta)
         z2 = near[j, 0] ** 2 + near[j, 1] ** 2 + near[j, 2] ** 2
         logs[j] = -cost - log_q + 0.5 * z2
         top = max(top, logs[j])
     total = 0.0
-    centre = np.zeros(3)
-    for j in range(samples):
+    mean[:] = 0.0
+    for j in range(count):
         logs[j] = np.exp(logs[j] - top)
         total += logs[j]
         for a in range(3):
-            centre[a] += logs[j] * offsets[j, a]
-    centre /= total
+            mean[a] += logs[j] * samples[j, a]
+    mean /= total
     covariance[:] = 0.0
-    for j in range(samples):
+    for j in range(count):
         for a in range(3):
             for b in range(3):
-                covariance[a, b] += logs[j] / total * (offsets[j, a] - centre[a]) * (offsets[j, b] - centre[b])
-    for a in range(3):
-        mean[a] = optimum[a] + centre[a]
-    mean[2] = wrapped(mean[2])
-    return top + np.log(total / samples)
-
-
-@kernel
-def place_samples(optimum, L, near, spread, samples):
-    """The poses samples (K, 3) at which `fit_gaussian` weighs the product, from the same variates near (K, 3)."""
-    for j in range(near.shape[0]):
-        offset_of(L, near[j], spread, samples[j])
+                covariance[a, b] += logs[j] / total * (samples[j, a] - mean[a]) * (samples[j, b] - mean[b])
+    for j in range(count):
         for a in range(3):
             samples[j, a] += optimum[a]
         samples[j, 2] = wrapped(samples[j, 2])
+    for a in range(3):
+        mean[a] += optimum[a]
+    mean[2] = wrapped(mean[2])
+    return top + np.log(total / count)
 
 
 @kernel
-def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out):
+def propose(start, stop, grids, guesses, evidence, search, draws, out):
     """New poses of particles [start, stop) and what they add to the log-weights; guesses (particles, 3)."""
+    hits, model, prior = evidence
     pose, L, factor, offset = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     distances = np.empty((4, hits.shape[0]))
     for i in range(start, stop):
@@ -202,7 +211,7 @@ def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out)
         out.matched[i] = 0.0
         out.samples[i] = np.nan
         if search.kind != MOTION:
-            _, out.matched[i] = match(grids, i, guess, hits, model, prior, search, distances, pose, L)
+            _, out.matched[i] = match(grids, i, guess, evidence, search, distances, pose, L)
             out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
         if search.kind == MOTION or out.failed[i]:
             sample_motion(guess, prior, draws, i, search.second_share, out.pose[i])
@@ -228,9 +237,9 @@ def propose(start, stop, grids, guesses, hits, model, prior, search, draws, out)
                 out.covariance[i, a] = offset
             out.log_gain[i] = -scan_cost(grids, i, pose[0], pose[1], pose[2], hits, model, distances)
         else:
-            place_samples(pose, L, draws.near, search.spread, out.samples[i])
+            laplace = Laplace(pose, L, search.spread)
             out.log_gain[i] = fit_gaussian(
-                grids, i, guess, hits, model, prior, pose, L, draws.near, search.spread, out.mean[i], out.covariance[i]
+                grids, i, guess, evidence, laplace, draws.near, out.samples[i], out.mean[i], out.covariance[i]
             )
             if cholesky(out.covariance[i], factor):
                 for a in range(3):

@@ -83,7 +83,8 @@ def count_misses(table, counts, segments, doubtful):
         side_x, side_y = (1 if x1 > x0 else 0), (1 if y1 > y0 else 0)
         per_x = 1.0 / (x1 - x0) if left_x > 0 else 0.0
         per_y = 1.0 / (y1 - y0) if left_y > 0 else 0.0
-        time_x, time_y = (cx + side_x - x0) * per_x, (cy + side_y - y0) * per_y
+        border_x, border_y = float(cx + side_x), float(cy + side_y)  # as floats: no conversion in the loop
+        time_x, time_y = (border_x - x0) * per_x, (border_y - y0) * per_y
         for _ in range(left_x + left_y):
             tile, k = tile_at(table, cx, cy), in_tile(cx, cy)
             word = counts[tile, k]
@@ -97,9 +98,11 @@ def count_misses(table, counts, segments, doubtful):
             if left_y == 0 or (left_x > 0 and time_x < time_y):
                 cx += step_x
                 left_x -= 1
-                time_x = (cx + side_x - x0) * per_x
+                border_x += step_x
+                time_x = (border_x - x0) * per_x
             else:
                 cy += step_y
                 left_y -= 1
-                time_y = (cy + side_y - y0) * per_y
+                border_y += step_y
+                time_y = (border_y - y0) * per_y
     return n

@@ -101,6 +101,8 @@ class MatchConfig:
     """Distance of these starting poses [m]."""
     coarse_share: float = 0.3
     """Share of the beam weight with which starting poses are compared to the odometry."""
+    coarse_beams: int = 60
+    """Hits by which they are compared at least, where the scan has that many: every k-th one."""
     weight_share: float = 0.012
     """Share of log eta that goes into the particles' weights (1 / ogain): two maps of one place differ by their own
     noise far more than eta knows, and at full weight the particles that could close the next loop die of it."""
@@ -110,7 +112,7 @@ class MatchConfig:
     def __post_init__(self) -> None:
         _positive(self, "hit_sigma", "beam_weight", "outlier_distance", "search_step")
         _at_least(self, 0.0, "search_reach", "coarse_share", "weight_share", "min_matched_share")
-        _at_least(self, 1, "iterations")
+        _at_least(self, 1, "iterations", "coarse_beams")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,8 +166,12 @@ class GateConfig:
 class RefineConfig:
     """The final pass over a recording; never used inside the filter."""
 
-    rounds: int = 5
-    """How often the map is drawn anew."""
+    rounds: int = 10
+    """How often the map is drawn anew, at most."""
+    settled: float = 0.0003
+    """The pass ends when a round moves the poses by less than this, mean over the poses [m] and [rad]."""
+    overshoot: float = 1.5
+    """Each round moves the poses this many times as far as the optimum against its map is away."""
     iterations: int = 3
     """Gauss-Newton steps against each map."""
     hit_sigma: float = 0.02
@@ -185,6 +191,13 @@ class RefineConfig:
     )
     """Motion model between neighbouring frames, which lie closer together than the updates of the filter: less error
     at rest, more per metre and radian, since errors of many short steps partly cancel."""
+
+    def __post_init__(self) -> None:
+        _at_least(self, 1, "rounds", "iterations")
+        _at_least(self, 0.0, "settled")
+        _positive(self, "hit_sigma", "outlier_distance", "occupied_share")
+        if not 1.0 <= self.overshoot < 2.0:
+            raise ValueError(f"RefineConfig.overshoot must be in [1, 2), got {self.overshoot}")
 
 
 @dataclass(frozen=True, kw_only=True)

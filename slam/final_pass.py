@@ -78,11 +78,18 @@ def refine(
     workers = Threads(threads)
     chain = _Chain(np.asarray(odometry, dtype=np.float64), rays, config, workers)
     crisp = replace(config.map, occupied_share=config.refine.occupied_share)
-    poses = np.array(initial, dtype=np.float64)
+    start = np.array(initial, dtype=np.float64)
     for _ in range(config.refine.rounds):
-        maps = _map_of(poses, rays, crisp, workers)
+        maps = _map_of(start, rays, crisp, workers)
+        poses = start
         for _ in range(config.refine.iterations):
             poses = chain.improved(poses, maps)
+        step = poses - start
+        step[:, 2] = se2.wrap_angle(step[:, 2])
+        if np.abs(step).mean(axis=0).max() < config.refine.settled:
+            break
+        # Map and poses hold each other back: one after the other they would creep to where both agree.
+        start = start + config.refine.overshoot * step
     return Refined(poses=poses, map=_map_of(poses, rays, config.map, workers).occupancy(0))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
-from slam._match_kernels import BeamModel
+from slam._match_kernels import BeamModel, Evidence
 from slam._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Draws, Proposed, Search, propose
 from slam._ray_kernels import Rays
 from slam.ancestry import Ancestry
@@ -207,6 +207,7 @@ class GMapping:
     def _propose(self, motion: se2.Pose, rays: Rays) -> Proposed:
         """Lines 4 to 21 of Algorithm 1 for all particles: match, sample, fit, draw, weigh."""
         cfg, n = self.config, self.config.particles
+        hits = np.ascontiguousarray(rays.ends[rays.hit])
         draws = Draws(
             near=self._rng.standard_normal((cfg.proposal.samples, 3)),
             pose=self._rng.standard_normal((n, 3)),
@@ -226,10 +227,8 @@ class GMapping:
             n,
             self.maps.grids,
             se2.compose(self._poses, motion),
-            np.ascontiguousarray(rays.ends[rays.hit]),
-            beam_model(cfg.match, cfg.map),
-            motion_prior(motion, cfg.motion),
-            search_of(motion, cfg),
+            Evidence(hits, beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion)),
+            search_of(motion, hits, cfg),
             draws,
             out,
         )
@@ -330,13 +329,14 @@ def beam_model(match: MatchConfig, grid: MapConfig) -> BeamModel:
     )
 
 
-def search_of(motion: se2.Pose, config: FilterConfig) -> Search:
-    """Settings of the search for one displacement (3,): the starting points lie along the heading, where odometry
-    fails when wheels slip or a change of direction goes unnoticed."""
+def search_of(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> Search:
+    """Settings of the search for one displacement (3,) and the hits (K, 2) of a scan: the starting points lie along
+    the heading, where odometry fails when wheels slip or a change of direction goes unnoticed."""
     match = config.match
     reach = min(max(0.5 * match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1]))), match.search_reach)
     steps = math.ceil(reach / match.search_step)
     shifts = np.arange(-steps, steps + 1) * match.search_step
+    few = np.ascontiguousarray(hits[:: max(1, len(hits) // match.coarse_beams)])
     starts = np.zeros((2 * steps, 3))
     starts[:, 0] = shifts[shifts != 0.0]
     return Search(
@@ -346,9 +346,10 @@ def search_of(motion: se2.Pose, config: FilterConfig) -> Search:
         coarse=BeamModel(
             per_sigma2=match.hit_sigma**-2.0,
             per_outlier2=config.map.field_radius**-2.0,
-            weight=match.beam_weight * match.coarse_share,
+            weight=match.beam_weight * match.coarse_share * len(hits) / max(len(few), 1),
             far=config.map.field_radius,
         ),
+        coarse_hits=few,
         fail_share=match.min_matched_share,
         second_share=config.motion.failure_share,
         spread=1.2,

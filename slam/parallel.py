@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from itertools import pairwise
 from typing import Any
 
@@ -22,7 +22,7 @@ class Threads:
         self.count = _cores() if count is None else count
         if self.count < 1:
             raise ValueError(f"threads must be at least 1, got {self.count}")
-        self._pool = ThreadPoolExecutor(self.count) if self.count > 1 else None
+        self._pool = ThreadPoolExecutor(self.count - 1) if self.count > 1 else None
 
     def run(self, kernel: Callable[..., object], rows: int, *arguments: Any) -> None:
         """Call the kernel for rows [0, rows), split evenly."""
@@ -31,7 +31,12 @@ class Threads:
             return
         parts = min(self.count, rows)
         borders = [rows * k // parts for k in range(parts + 1)]
-        futures = [self._pool.submit(kernel, start, stop, *arguments) for start, stop in pairwise(borders)]
+        first, *others = pairwise(borders)
+        futures = [self._pool.submit(kernel, start, stop, *arguments) for start, stop in others]
+        try:
+            kernel(*first, *arguments)  # this thread works too
+        finally:
+            wait(futures)
         for future in futures:
             future.result()
 

@@ -105,11 +105,11 @@ class ParticleMaps:
         size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
         first = self._corner >> SHIFT if size.all() else low
         new_first, last = np.minimum(first, low), np.maximum(first + size - 1, high)
-        if not np.prod(last - new_first + 1) <= LARGEST_TABLE:  # also where a reading or pose is not finite
-            width, height = (last - new_first + 1) * tile
+        columns, rows = (last - new_first + 1).tolist()
+        if not columns * rows <= LARGEST_TABLE:  # also where a reading or pose is not finite
             raise ValueError(
-                f"the map would span {width:.3g} x {height:.3g} m, more than {LARGEST_TABLE} tiles of {tile:g} m: "
-                "is there a jump in the odometry, or a reading beyond all range?"
+                f"the map would span {columns * tile:.3g} x {rows * tile:.3g} m, more than {LARGEST_TABLE} tiles "
+                f"of {tile:g} m: is there a jump in the odometry, or a reading beyond all range?"
             )
         left, below = (int(n) for n in first - new_first)
         right, above = (int(n) for n in last - (first + size - 1))

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
+from slam._match_kernels import Evidence
 from slam._proposal_kernels import IMPROVED, match
 from slam.beams import rays_of
 from slam.config import GateConfig, ResampleConfig
@@ -61,13 +62,13 @@ def test_match(benchmark, particles, beams):
     stage = Stage(particles, beams)
     config, grids = stage.mapper.config, stage.mapper.maps.grids
     hits = np.ascontiguousarray(stage.rays.ends[stage.rays.hit])
-    model, prior = beam_model(config.match, config.map), motion_prior(STEP, config.motion)
-    search, distances = search_of(np.array(STEP), config), np.empty((4, len(hits)))
+    evidence = Evidence(hits, beam_model(config.match, config.map), motion_prior(STEP, config.motion))
+    search, distances = search_of(np.array(STEP), hits, config), np.empty((4, len(hits)))
     pose, L = np.empty(3), np.empty((3, 3))
 
     def match_all():
         for i in range(particles):
-            match(grids, i, stage.guesses[i], hits, model, prior, search, distances, pose, L)
+            match(grids, i, stage.guesses[i], evidence, search, distances, pose, L)
 
     assert search.kind == IMPROVED
     benchmark(match_all)

@@ -112,7 +112,7 @@ class ReferenceFilter:
         count = math.ceil(reach / match.search_step)
         shifts = [k * match.search_step for k in range(-count, count + 1) if k != 0]
         starts = [density.guess, *(se2.compose(density.guess, (shift, 0.0, 0.0)) for shift in shifts)]
-        start = min(starts, key=lambda pose: density.scan(pose, self.coarse) + density.prior(pose))
+        start = min(starts, key=lambda pose: density.coarse(pose, self.coarse) + density.prior(pose))
         found = [density.descend(density.guess, match.iterations)]
         if start is not density.guess:
             found.append(density.descend(start, match.iterations))
@@ -145,9 +145,15 @@ class Density:
         self.guess = se2.compose(particle.pose, motion)
         self.sigma = sigmas(motion, owner.config.motion)
         self.failure_share = owner.config.motion.failure_share
+        self.coarse_beams = owner.config.match.coarse_beams
 
-    def scan(self, pose, beams=None):
-        return (beams or self.beams).cost(self.map, pose, self.hits)
+    def scan(self, pose):
+        return self.beams.cost(self.map, pose, self.hits)
+
+    def coarse(self, pose, beams):
+        """The same by every k-th hit, which stands for k."""
+        few = self.hits[:: max(1, len(self.hits) // self.coarse_beams)]
+        return beams.cost(self.map, pose, few) * len(self.hits) / len(few)
 
     def prior(self, pose):
         return motion_cost(se2.between(self.guess, pose), self.sigma, self.failure_share)
@@ -175,13 +181,16 @@ class Density:
         pose, step = start, np.zeros(3)
         for _ in range(iterations):
             cost = self.cost(pose)
-            if cost < best - 1e-6:
+            improved = cost < best - 1e-6
+            if improved:
                 H, g = self.linearised(pose)
                 best, best_pose, best_H = cost, pose, H
                 step = np.linalg.solve(H, g)
             else:
                 step = 0.5 * step
-            if np.all(np.abs(step) < (2e-4, 2e-4, 1e-4)):
+            if np.all(np.abs(step) < (1e-3, 1e-3, 5e-4)):
+                if improved:
+                    best, best_pose = best - 0.5 * g @ step, best_pose - step
                 break
             pose = best_pose - step
         return best, best_pose, best_H

@@ -33,6 +33,7 @@ MATCH = MatchConfig(
     search_reach=0.8,
     search_step=0.1,
     coarse_share=0.3,
+    coarse_beams=15,
     weight_share=0.5,
     iterations=20,
 )

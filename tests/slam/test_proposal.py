@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam._match_kernels import BeamModel, MotionPrior, descend, motion_cost, scan_cost
+from slam._match_kernels import BeamModel, Evidence, MotionPrior, descend, motion_cost, scan_cost
 from slam._proposal_kernels import (
     IMPROVED,
     MOTION,
     SCAN_MATCH,
     Draws,
+    Laplace,
     Proposed,
     Search,
     fit_gaussian,
@@ -45,7 +46,7 @@ def room():
 
 def optimum_of(grids, guess, hits, model, prior):
     pose, L = np.empty(3), np.empty((3, 3))
-    descend(grids, 0, guess, guess, hits, model, prior, 30, pose, L)
+    descend(grids, 0, guess, guess, Evidence(hits, model, prior), 30, pose, L)
     return pose, L
 
 
@@ -79,13 +80,13 @@ def case(request, room):
     guess = se2.compose(truth, off)
     prior = motion_prior((0.3, 0.0, 0.12), config)
     optimum, L = optimum_of(grids, guess, hits, model, prior)
-    arguments = (grids, 0, guess, hits, model, prior, optimum, L)
+    arguments = (grids, 0, guess, Evidence(hits, model, prior), Laplace(optimum, L, SPREAD))
     return arguments, integral(grids, guess, hits, model, prior, optimum, L)
 
 
 def fitted(arguments, near):
-    mean, covariance = np.empty(3), np.empty((3, 3))
-    return fit_gaussian(*arguments, near, SPREAD, mean, covariance), mean, covariance
+    samples, mean, covariance = np.empty_like(near), np.empty(3), np.empty((3, 3))
+    return fit_gaussian(*arguments, near, samples, mean, covariance), mean, covariance
 
 
 def test_with_many_samples_eta_is_the_integral_and_the_gaussian_has_its_moments(case):
@@ -127,8 +128,8 @@ def proposed(grids, hits, guesses, kind, *, prior, seed=0, failure_share=0.0, mo
         np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan),
         np.full(n, np.nan), np.zeros(n, bool), np.zeros((n, 20, 3)),
     )  # fmt: skip
-    search = Search(kind, 20, np.zeros((0, 3)), model, fail_share, failure_share, SPREAD)
-    propose(0, n, grids, guesses, hits, model, prior, search, draws, out)
+    search = Search(kind, 20, np.zeros((0, 3)), model, hits, fail_share, failure_share, SPREAD)
+    propose(0, n, grids, guesses, Evidence(hits, model, prior), search, draws, out)
     return out, draws
 
 
@@ -171,7 +172,9 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
     out, draws = proposed(grids, hits, guesses, IMPROVED, prior=prior)
     for i in range(n):
         optimum, L = optimum_of(grids, guesses[i], hits, MODEL, prior)
-        log_eta, mean, covariance = fitted((grids, i, guesses[i], hits, MODEL, prior, optimum, L), draws.near)
+        log_eta, mean, covariance = fitted(
+            (grids, i, guesses[i], Evidence(hits, MODEL, prior), Laplace(optimum, L, SPREAD)), draws.near
+        )
         assert out.log_gain[i] == pytest.approx(log_eta, abs=1e-3)
         expected = mean + np.linalg.cholesky(covariance) @ draws.pose[i]
         np.testing.assert_allclose(out.pose[i], expected, atol=1e-4)
