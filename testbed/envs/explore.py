@@ -25,7 +25,8 @@ from testbed.envs.robot_io import RobotIO
 from testbed.envs.settings import EnvironmentSettings
 from testbed.exploration.belief import Belief
 from testbed.frame import Frame
-from testbed.simulation.robot_group import Readings
+from testbed.simulation.robot_group import Outfit, Readings
+from worlds import TrueMap
 
 _SPREAD_LIMIT = np.array([10.0, 10.0, np.pi])
 """Standard deviations are told up to this [m, m, rad]."""
@@ -99,7 +100,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._group.place(0, place.terrain, start, seed=int(self.np_random.integers(2**63)))
         filter_seed = np.random.SeedSequence(int(self.np_random.integers(2**63)))
         self._mapper = GMapping(self._filter, seed=filter_seed, threads=1)
-        self._score, self._T_world_map = MapScore(place.true_map), start
+        self._place, self._score, self._T_world_map = place, MapScore(place.true_map), start
         self._odometry, self._stamp = np.zeros((1, 3)), 0.0
         self._mapped = Mapped(0.0, 0.0, 0.0)
         self._screen.begin(place, start)
@@ -146,6 +147,16 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
     def T_world_map(self) -> Pose:
         """Where that frame truly is, (3,): for scores, not for policies."""
         return self._T_world_map.copy()
+
+    @property
+    def true_map(self) -> TrueMap:
+        """The world of this episode: for scores, not for policies."""
+        return self._place.true_map
+
+    @property
+    def outfit(self) -> Outfit:
+        """The robot and its sensors."""
+        return self._outfit
 
     def render(self) -> NDArray[np.uint8] | None:
         """The estimated map from above, (height, width, 3), for "rgb_array"; None otherwise."""

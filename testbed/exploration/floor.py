@@ -25,6 +25,9 @@ _DEAREST = 4.0
 _START_REACH = 0.5
 """A robot that stands where it does not fit, as far as the map knows, plans from the nearest cell within this [m]."""
 
+_EVEN = 0.5
+"""P(occupied) below which a part of a cell counts as free: one beam has passed it, more than speaks against it."""
+
 Cell = tuple[int, int]
 
 
@@ -47,7 +50,7 @@ class Floor:
         known = ~np.isnan(blocks)
         seen: NDArray[np.bool_] = np.any(known, axis=(1, 3))
         walls: NDArray[np.bool_] = np.any(blocks > OccupancyGrid.OCCUPIED, axis=(1, 3))
-        clear: NDArray[np.bool_] = np.any(blocks < OccupancyGrid.FREE, axis=(1, 3))
+        clear: NDArray[np.bool_] = np.any(blocks < _EVEN, axis=(1, 3))
         self.occupied = walls
         """Cells with a wall in them."""
         self.free = clear & ~walls
