@@ -80,7 +80,7 @@ def write_run(
     true_map = ring()
     grid = _estimated_map(true_map, poses[0], broken, rng)
     true = Trajectory(stamps, poses) if truth else None
-    steps = _steps(stamps, estimate, poses if truth else None, rng)
+    steps = steps_of(stamps, estimate, poses if truth else None, rng)
 
     trajectories = {"estimate": Trajectory(stamps, estimate), "odometry": Trajectory(stamps, odometry), "truth": true}
     for name, trajectory in trajectories.items():
@@ -135,7 +135,8 @@ def _estimated_map(truth: OccupancyGrid, first: Pose, broken: bool, rng: np.rand
     return OccupancyGrid(probability=p, resolution=truth.resolution, origin=(float(x), float(y), float(theta)))
 
 
-def _steps(stamps: Any, estimate: Pose, poses: Pose | None, rng: np.random.Generator) -> dict[str, Any]:
+def steps_of(stamps: Any, estimate: Pose, poses: Pose | None, rng: np.random.Generator) -> dict[str, Any]:
+    """The table of steps of a run with these stamps (n,), poses (n, 3) and true poses, where known."""
     n = len(stamps)
     updated = np.arange(n) % 5 == 0
     fall = (np.arange(n) // 5) % 24

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: MIT
 """Filter health: an honest covariance is found honest, an overconfident one is not; counts are counts."""
 
+import json
+import math
+
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from scipy.stats import chi2
 
 from eval.consistency import chi_square, coalescence_spans, consistency, filter_health, nees
 from slam.se2 import compose, wrap_angle
+from testbed.cli import main
 
 N = 4000
+COV_X, COV_Y, COV_T = ("xx", "xy", "xt"), ("xy", "yy", "yt"), ("xt", "yt", "tt")
 
 
 def table(covariance, stated, seed: int = 0, world=(0.0, 0.0, 0.0)) -> dict:
@@ -95,3 +101,36 @@ def test_health_counts_updates_only():
     assert filter_health(steps | {"updated": [False] * 4}) is None
     with pytest.raises(ValueError, match="no column 'ess'"):
         filter_health({key: value for key, value in steps.items() if key != "ess"})
+
+
+@pytest.mark.slow
+def test_the_figures_of_a_real_run_are_those_of_a_calculation_by_hand(tmp_path):
+    """Row by row from the files, with plain formulas and scipy's quantiles."""
+    with pytest.raises(SystemExit):
+        main(
+            ["run", "office", "--backend", "fast", "--particles", "10", "--duration", "25", "--out", f"{tmp_path}/run"]
+        )
+    rows = [row for row in pq.read_table(tmp_path / "run" / "steps.parquet").to_pylist() if row["updated"]]
+    stated = json.loads((tmp_path / "run" / "metrics.json").read_text())["filter"]
+    first = rows[0]
+    turn = first["theta"] - first["true_theta"]
+    values = []
+    for row in rows:
+        dx, dy = row["true_x"] - first["true_x"], row["true_y"] - first["true_y"]
+        error = [
+            row["x"] - first["x"] - (math.cos(turn) * dx - math.sin(turn) * dy),
+            row["y"] - first["y"] - (math.sin(turn) * dx + math.cos(turn) * dy),
+            math.remainder(row["theta"] - row["true_theta"] - turn, 2.0 * math.pi),
+        ]
+        covariance = np.array([[row[f"cov_{name}"] for name in names] for names in (COV_X, COV_Y, COV_T)])
+        if np.linalg.eigvalsh(covariance)[0] > 1e-8:
+            values.append(float(error @ np.linalg.inv(covariance) @ error))
+    k = len(values)
+    honest = stated["consistency"]
+    assert honest["steps"] == k > 50
+    assert honest["nees_mean"] == pytest.approx(np.mean(values), rel=1e-6)
+    assert honest["nees_band"] == pytest.approx([chi2.ppf(0.025, 3 * k) / k, chi2.ppf(0.975, 3 * k) / k])
+    assert honest["inside_share"] == pytest.approx(np.mean(np.array(values) < chi2.ppf(0.95, 3)))
+    assert stated["mean_ess"] == pytest.approx(np.mean([row["ess"] for row in rows]))
+    assert stated["resamplings"] == sum(row["resampled"] for row in rows)
+    assert stated["match_failures"] == sum(row["match_failures"] for row in rows)
