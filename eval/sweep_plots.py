@@ -38,7 +38,7 @@ def accuracy(summary: SweepSummary) -> Figure:
             groups = _groups(summary, p, k)
             runs = unit.factor * table.error[p, k]
             ax.plot(
-                np.repeat(x[:, None], runs.shape[1], axis=1), runs, "o", ms=2.6, mew=0, alpha=0.25, color=_colour(k)
+                np.repeat(x[:, None], runs.shape[1], axis=1), runs, "o", ms=2.6, mew=0, alpha=0.35, color=_colour(k)
             )
             _line(ax, x, [unit.factor * g.median.value for g in groups], line, k)
             low, high = ([unit.factor * getattr(g.median, end) for g in groups] for end in ("low", "high"))
@@ -110,7 +110,7 @@ def honesty(summary: SweepSummary) -> Figure:
             x = _beside(table, k)
             runs = inside[p, k]
             ax.plot(
-                np.repeat(x[:, None], runs.shape[1], axis=1), runs, "o", ms=2.6, mew=0, alpha=0.25, color=_colour(k)
+                np.repeat(x[:, None], runs.shape[1], axis=1), runs, "o", ms=2.6, mew=0, alpha=0.35, color=_colour(k)
             )
             _line(ax, x, [100.0 * g.inside_share for g in _groups(summary, p, k)], line, k)
         _count_axis(ax, table)

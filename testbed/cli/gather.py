@@ -10,10 +10,11 @@ from eval.sweep_summary import worst_runs
 from eval.sweep_table import read_sweep
 from testbed.cli.console import announce_compilation, console, progress_line, results
 from testbed.cli.status import GATE_FAILED
+from testbed.sweep.compute import check_inputs
 from testbed.sweep.errors import SweepError
 from testbed.sweep.gather import gather as gather_tables
 from testbed.sweep.store import SweepDirectory
-from testbed.sweep.worst import record
+from testbed.sweep.worst import is_recorded, record
 
 NAMED = 20
 """Cells without a result that are named one by one."""
@@ -54,13 +55,16 @@ def gather_and_report(directory: SweepDirectory, *, worst: bool) -> int:
 def _record_worst(directory: SweepDirectory) -> None:
     """Carry out the worst runs again; that this cannot be done is no reason to go without a report."""
     cells = {cell.key: cell for cell in directory.manifest.cells()}
-    announce_compilation()
     for run in worst_runs(read_sweep(directory.path)):
         cell = cells[run.key]
+        if is_recorded(directory, cell):
+            continue
         try:
+            check_inputs(cell)
+            announce_compilation()
             with progress_line() as watcher:
                 same = record(directory, cell, watcher)
-        except SweepError as error:
+        except (SweepError, OSError) as error:
             console.print(f"the worst runs are not recorded: {error}", soft_wrap=True, markup=False)
             return
         if not same:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,11 @@ import numpy as np
 from testbed.formats import open_log
 from testbed.sweep.cell import Cell
 from testbed.sweep.errors import SweepError
-from testbed.sweep.settings import RunSettings
+from testbed.sweep.settings import RunSettings, Value
 from testbed.sweep.spec import LogSource, SweepSpec
 
+_YAML = (".yaml", ".yml")
+"""Endings of ROS maps, whose image is a file beside."""
 _WITHOUT_PARTICLES = 5.0
 """Simulating, scoring and starting cost as much as this many particles (measured, docs/sweep.md)."""
 _PROPOSAL_COSTS = {"improved": 1.0, "scan-match": 0.7, "motion": 0.7}
@@ -40,28 +42,32 @@ def input_digests(spec: SweepSpec) -> dict[str, str]:
 
     Raises OSError where one cannot be read.
     """
-    paths: set[str] = set()
-    for log in spec.logs:
-        paths |= {path for path in (log.log, log.relations, log.truth) if path is not None}
+    paths = {path for log in spec.logs for path in (log.log, log.relations, log.truth) if path is not None}
     for world in spec.worlds:
         for line in spec.lines():
             paths |= {str(path) for path in RunSettings.of(line.settings).simulator.files(world)}
-    maps = {str(image) for path in paths if path.endswith((".yaml", ".yml")) for image in _map_images(Path(path))}
-    return {path: file_digest(path) for path in sorted(paths | maps)}
+    return {path: file_digest(path) for path in sorted(paths)}
 
 
-def _map_images(yaml_file: Path) -> list[Path]:
-    """Pictures beside a ROS map's `.yaml`: which of them it names is the reader's business."""
-    return [path for path in sorted(yaml_file.parent.iterdir()) if path.suffix in {".pgm", ".png"}]
+def _read_by(source: Mapping[str, Any], settings: Mapping[str, Value], inputs: Mapping[str, str]) -> dict[str, str]:
+    """Which of the inputs a cell reads: what it names, and the image of a ROS map that it names.
+
+    By their names alone: the cells of a sweep are the same where its input files are not at hand.
+    """
+    words = {
+        word.strip() for v in (*source.values(), *settings.values()) if isinstance(v, str) for word in v.split(",")
+    }
+    maps = {Path(word).parent for word in words if word.endswith(_YAML)}
+    return {path: d for path, d in inputs.items() if path in words or (_is_image(path) and Path(path).parent in maps)}
+
+
+def _is_image(path: str) -> bool:
+    return Path(path).suffix in {".pgm", ".png"}
 
 
 def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
     """All cells in the order of the tables: places, lines, particle counts, seeds."""
-    sources: list[tuple[str, dict[str, Any]]] = [(Path(world).stem, {"world": world}) for world in spec.worlds]
-    sources += [(log.name, log.model_dump(exclude_none=True)) for log in spec.logs]
-    names = [name for name, _ in sources]
-    if len(set(names)) < len(names):
-        raise SweepError(f"two places of one name: {', '.join(names)}; expected different names of files")
+    lines = spec.lines()
     return [
         Cell(
             place=name,
@@ -70,23 +76,24 @@ def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
             settings=line.settings,
             particles=particles,
             seed=seed,
-            inputs={path: inputs[path] for path in _read_by(source, line.settings.values(), inputs)},
+            inputs=_read_by(source, line.settings, inputs),
             code=code,
         )
-        for name, source in sources
-        for line in spec.lines()
+        for name, source in _sources(spec)
+        for line in lines
         for particles in spec.particles
         for seed in spec.seeds
     ]
 
 
-def _read_by(source: Mapping[str, Any], settings: Iterable[Any], inputs: Mapping[str, str]) -> list[str]:
-    """Files that one cell reads: those it names, and the pictures beside a map."""
-    words = {word for value in (*source.values(), *settings) if isinstance(value, str) for word in value.split(",")}
-    named = [path for path in inputs if path in words]
-    folders = {Path(path).parent for path in named if path.endswith((".yaml", ".yml"))}
-    pictures = [path for path in inputs if path.endswith((".pgm", ".png")) and Path(path).parent in folders]
-    return sorted({*named, *pictures})
+def _sources(spec: SweepSpec) -> list[tuple[str, dict[str, Any]]]:
+    """Name and source of each place."""
+    sources: list[tuple[str, dict[str, Any]]] = [(Path(world).stem, {"world": world}) for world in spec.worlds]
+    sources += [(log.name, log.model_dump(exclude_none=True)) for log in spec.logs]
+    names = [name for name, _ in sources]
+    if len(set(names)) < len(names):
+        raise SweepError(f"two places of one name: {', '.join(names)}; expected different names of files")
+    return sources
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,13 @@ Value = bool | int | float | str
 """Of a setting."""
 _Config = TypeVar("_Config")
 
-NOT_SETTINGS = {"filter.particles": "particles"}
-"""Settings that have a place of their own in a sweep."""
+_TOUR_ONLY = "all cells of a seed share one drive, which is a tour"
+NOT_SETTINGS = {
+    "filter.particles": "is given as 'particles', not as a setting",
+    "driver.kind": _TOUR_ONLY,
+    "commands": _TOUR_ONLY,
+}
+"""Options of `testbed run` that are no settings of a sweep, and why."""
 FILES = ("robot", "lidar")
 """Settings that may name a file of the user's own."""
 
@@ -54,7 +59,7 @@ def checked(name: str, value: object, *, recorded: bool) -> Value:
     Raises SweepError for an unknown name (with the nearest ones) and for a value of the wrong kind.
     """
     if name in NOT_SETTINGS:
-        raise SweepError(f"{name}: is given as {NOT_SETTINGS[name]!r}, not as a setting")
+        raise SweepError(f"{name}: {NOT_SETTINGS[name]}")
     if name not in known():
         near = difflib.get_close_matches(name, known(), n=3, cutoff=0.4) or ["robot", "odometry.grade", "filter.…"]
         raise SweepError(f"{name}: unknown setting, expected such as {', '.join(near)}")

@@ -8,28 +8,30 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 from eval.report import write_report
 from testbed.provenance import settings_as_markdown
 from testbed.run import Watcher, execute
 from testbed.rundir import RunDirectory
 from testbed.sweep.cell import Cell
-from testbed.sweep.compute import check_inputs, job_of
+from testbed.sweep.compute import job_of
 from testbed.sweep.recordings import recording_of
 from testbed.sweep.store import SweepDirectory
 from testbed.views import Scene, ViewOptions, open_view
 
 
+def is_recorded(directory: SweepDirectory, cell: Cell) -> bool:
+    """Whether the run of a cell is there already."""
+    return (_folder(directory, cell) / "report.html").is_file()
+
+
 def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
-    """Leave the run of a cell below `worst/` as `testbed run` does; one that is there already is kept.
+    """Leave the run of a cell below `worst/` as `testbed run` does.
 
     Returns whether it came out as in the sweep, bit for bit: other processors may round differently.
-    Raises SweepError where code or input files are not those of the sweep any more.
     """
-    folder = directory.path / "worst" / cell.key
-    if (folder / "report.html").is_file():
-        return True
-    check_inputs(cell)
+    folder = _folder(directory, cell)
     shutil.rmtree(folder, ignore_errors=True)
     job = replace(job_of(cell, recording_of(cell)), threads=None)
     run = RunDirectory.create(folder)
@@ -43,3 +45,7 @@ def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
     write_report(folder)
     swept = directory.result(cell.key)
     return swept is not None and metrics["result_hash"] == swept.metrics["result_hash"]
+
+
+def _folder(directory: SweepDirectory, cell: Cell) -> Path:
+    return directory.path / "worst" / cell.key

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Specifications: what they expand to, and what is said of wrong ones."""
 
+import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -104,6 +106,18 @@ def test_shipped_presets_are_valid_and_the_study_is_the_one_promised():
     study = specs["particles"]
     assert (len(study.worlds), len(study.seeds), study.particles) == (6, 10, (1, 2, 5, 10, 20, 50, 100))
     assert [line.name for line in study.lines()] == ["improved", "scan-match", "motion"]
+
+
+def test_the_examples_of_the_documentation_are_valid():
+    text = (Path(__file__).parents[3] / "docs" / "sweep.md").read_text(encoding="utf-8")
+    first, second = (tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL))
+    assert len(spec_of(first).lines()) == 4
+    assert spec_of(second).key_measure == "relations.trans_mean_m"
+
+
+def test_only_tours_can_be_shared_by_all_cells():
+    with pytest.raises(SweepError, match="share one drive"):
+        checked("driver.kind", "explore", recorded=False)
 
 
 def test_a_file_that_is_no_specification_is_named(tmp_path):
