@@ -40,8 +40,10 @@ def occupied_overlap(
 ) -> Overlap:
     """Agreement of occupied cells; both maps on the same cells (`eval.grids.resample`).
 
-    A cell is right within `tolerance` cells in x and y. True walls that are not `observable` (rows, cols) are asked
-    of nobody and held against nobody; `outside` counts the map's occupied cells off the truth, all wrong.
+    Precision P = right / claimed cells, recall R = found / true cells, F1 = 2 P R / (P + R), IoU = F1 / (2 - F1). No
+    unit, 0 to 1, more is better. A cell is right within `tolerance` cells in x and y (as Martin, Fowlkes and Malik,
+    PAMI 26(5), 2004, score contours). True walls that are not `observable` (rows, cols) are asked of nobody and held
+    against nobody; `outside` counts the map's occupied cells off the truth, all wrong.
     Trap: at tolerance 0 a shift of half a cell halves the figure: read it with 1 and 2, and beside the wall distance.
     """
     return _overlap(grid.occupied, truth.occupied, observable, tolerance, outside)
@@ -50,14 +52,15 @@ def occupied_overlap(
 def free_overlap(
     grid: OccupancyGrid, truth: OccupancyGrid, observable: NDArray[np.bool_], *, tolerance: int = 0, outside: int = 0
 ) -> Overlap:
-    """As `occupied_overlap`, of free cells. Trap: large rooms make it high whatever the walls look like."""
+    """As `occupied_overlap`, of free cells: 0 to 1. Trap: large rooms make it high whatever the walls look like."""
     return _overlap(grid.free, truth.free, observable, tolerance, outside)
 
 
 def coverage(grid: OccupancyGrid, observable: NDArray[np.bool_]) -> float | None:
-    """Share of the observable cells that the map knows, 0 to 1; None where nothing is observable.
+    """Known / all observable cells, no unit, 0 to 1; None where nothing is observable.
 
-    Measures exploration and lost scans, not accuracy: it stands beside every score of known cells.
+    Trap: measures exploration and lost scans, not accuracy: a map that is wrong everywhere can cover everything. It
+    stands beside every score of known cells.
     """
     return float(grid.known[observable].mean()) if observable.any() else None
 

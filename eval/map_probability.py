@@ -32,7 +32,7 @@ class ProbabilityScore:
     """Scores of P(occupied) against the truth; unknown cells count as 0.5."""
 
     log_loss: float
-    """-mean(ln P(truth)) [nats], 0 (sure and right) to 6.2; 0.693 for a map that knows nothing."""
+    """-mean(ln P(truth)) [nats], 0 (sure and right) to 6.2; 0.693 for a map that knows nothing (Good 1952)."""
     brier: float
     """mean (P - truth)^2, 0 to 1; 0.25 for a map that knows nothing (Brier 1950)."""
     auc: float | None

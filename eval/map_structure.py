@@ -25,12 +25,16 @@ class MapStructure:
     occupied_share: float
     """Occupied / known cells, 0 to 1. Trap: more furniture seen raises it as double walls do."""
     corners: int
-    """Corners of walls. Trap: rough walls have corners as well."""
+    """Number of corners of walls, 0 and up. Traps: rough walls have corners as well; those within about ten cells of
+    each other are one."""
     enclosed_areas: int
-    """Areas of at least `MIN_AREA` shut in by walls, the rooms themselves included."""
+    """Number of areas of at least `MIN_AREA` shut in by walls, 0 and up. Trap: closed rooms count, and one hole opens
+    them."""
     entropy_bits: float
-    """Mean entropy of the known cells, 0 to 1 bit. Trap: blind to a bent map, can prefer the worse one: never alone."""
+    """Mean of -p log2 p - (1 - p) log2 (1 - p) over the known cells, 0 to 1 bit. Trap: blind to a bent map, can prefer
+    the worse one: never alone."""
     known_area_m2: float
+    """Area of the known cells [m^2]. Trap: a beam through a window adds to it."""
 
 
 def map_structure(grid: OccupancyGrid) -> MapStructure | None:

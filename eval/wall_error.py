@@ -53,8 +53,9 @@ def wall_distances(
 ) -> tuple[WallDistance, WallDistance] | None:
     """Distance of each occupied cell of the map to the nearest true one, and of each observable true one to the map's.
 
-    Nearest neighbour between cell centres, exact under rotation. Unit m, range 0 and up; a perfect map on other cells
-    still shows about a quarter of a cell. None where the map or the truth has no wall. Source: Santos, Portugal,
+    Nearest neighbour between cell centres, exact under rotation; of the distances the mean, the mean without the worst
+    tenth, and the 95th percentile. Unit m, range 0 and up; a perfect map on other cells still shows about a quarter of
+    a cell. None where the map or the truth has no wall. Source: Santos, Portugal,
     Rocha, SSRR 2013, both ways. Trap: one way alone does not notice missing (first) or invented walls (second).
     """
     found = transform_points(T_truth_grid, cell_centres(grid, grid.occupied))
@@ -74,9 +75,10 @@ def wall_profile(
     Each cut runs from -`REACH` to +`REACH` in half cells; walls are two where free ground lies between them: specks
     that noise leaves within and behind a wall have none before them. A place is double if the map has more walls on
     the cut than the truth, which is looked at two cells further, so that a wall at the edge is not held against the
-    map; the thickness is that of the wall nearest to the true one. None where there is no straight wall. Measures
-    "ghosting" after bad loop closures; no published measure is known to us. Trap: ghosts nearer than a cell show as
-    thickness, those beyond `REACH` not at all (the wall distance sees them).
+    map; the thickness is that of the wall nearest to the true one. None where there is no straight wall. Rates have no
+    unit, 0 to 1; thickness in m, from half a cell up. Measures "ghosting" after bad loop closures; no published measure
+    is known to us. Trap: ghosts nearer than a cell show as thickness, those beyond `REACH` not at all (the wall
+    distance sees them).
     """
     wall, normal = _straight_walls(truth, observable)
     if len(wall) == 0:

@@ -172,7 +172,66 @@ def test_what_lies_off_the_true_map_counts_by_its_area(resolution):
     assert map_error(half, TRUTH, IDENTITY, EVERYWHERE).occupied[0].precision == pytest.approx(0.5)
 
 
+SURE = -np.log(1.0 - CLIP)
+WALLS, CELLS = int(TRUTH.occupied.sum()), int(EVERYWHERE.sum())
+
+
+def test_each_fault_costs_what_its_cells_cost_by_every_score_of_probabilities():
+    missing = with_wall(TRUTH, slice(20, 100), 19, np.nan)
+    erased = with_wall(TRUTH, slice(20, 100), 19, 0.0)
+    invented = with_wall(TRUTH, slice(20, 100), 80)
+    shifted = with_wall(erased, slice(20, 100), 20)
+    for grid, unknown, wrong, auc in (
+        (missing, 80, 0, 1.0),
+        (erased, 0, 80, 1.0 - 0.5 * 80 / WALLS),  # a wall cell ties with every free one
+        (invented, 0, 80, 1.0 - 0.5 * 80 / (CELLS - WALLS)),
+        (shifted, 0, 160, None),
+    ):
+        found = probability_score(grid, TRUTH, EVERYWHERE)
+        right = CELLS - unknown - wrong
+        assert found.log_loss == pytest.approx((unknown * np.log(2) - wrong * np.log(CLIP) + right * SURE) / CELLS)
+        assert found.brier == pytest.approx((unknown / 4 + wrong * (1 - CLIP) ** 2 + right * CLIP**2) / CELLS)
+        if auc is not None:
+            assert found.auc == pytest.approx(auc)
+    # Where the map says wall, 404 of 484 cells are one: the gap weighs as much as the cells that state it.
+    gap = abs((1.0 - CLIP) - WALLS / (WALLS + 80)) * (WALLS + 80) + CLIP * (CELLS - WALLS - 80)
+    assert probability_score(invented, TRUTH, EVERYWHERE).calibration_error == pytest.approx(gap / CELLS)
+
+
+def test_a_missing_wall_lowers_coverage_by_its_cells_and_free_cells_know_nothing_of_it():
+    missing = with_wall(TRUTH, slice(20, 100), 19, np.nan)
+    assert coverage(missing, EVERYWHERE) == pytest.approx(1.0 - 80 / CELLS)
+    assert free_overlap(missing, TRUTH, EVERYWHERE).f1 == 1.0
+    invented = with_wall(TRUTH, slice(20, 100), 80)
+    assert coverage(invented, EVERYWHERE) == 1.0
+    free = CELLS - WALLS
+    assert free_overlap(invented, TRUTH, EVERYWHERE).iou == pytest.approx((free - 80) / free)
+
+
+def test_without_truth_a_second_wall_shows_as_more_of_everything():
+    plain, doubled = map_structure(TRUTH), map_structure(with_wall(TRUTH, slice(20, 100), 33))
+    assert doubled.occupied_share > plain.occupied_share
+    assert doubled.corners == plain.corners + 2
+    assert doubled.enclosed_areas == plain.enclosed_areas + 1  # 0.65 m x 4 m between the walls
+
+
 # --- the whole map: turned, finer, coarser, far away
+
+
+@pytest.mark.parametrize("degrees", [2.0, -5.0])
+def test_a_wall_turned_about_its_middle_is_off_by_a_quarter_of_its_length_times_the_sine(degrees):
+    truth = with_wall(like_truth(np.zeros((80, 80))), 40, slice(10, 70))  # 3 m long
+    x, y = cell_centres(truth, truth.occupied).mean(axis=0)
+    T = compose(compose([x, y, np.radians(degrees)], [0.0, 0.0, 0.0]), [-x, -y, 0.0])
+    turned = moved(truth, tuple(T))
+    expected = 0.25 * 3.0 * np.sin(np.radians(abs(degrees)))
+    there, back = wall_distances(turned, truth, IDENTITY, truth.known)
+    # To the nearest of cell centres 5 cm apart, not to a line: up to half a cell to the side.
+    assert there.mean == pytest.approx(expected, rel=0.12)
+    assert back.mean == pytest.approx(expected, rel=0.12)
+    assert there.p95 == pytest.approx(0.95 * 1.5 * np.sin(np.radians(abs(degrees))), rel=0.1)
+    whole, _ = wall_distances(turned, truth, inverse(T), truth.known)
+    assert whole.mean < 1e-9
 
 
 @pytest.mark.parametrize("turn", [0.3, 0.785, 1.2])
