@@ -36,7 +36,7 @@ class ProbabilityScore:
     brier: float
     """mean (P - truth)^2, 0 to 1; 0.25 for a map that knows nothing (Brier 1950)."""
     auc: float | None
-    """Chance that an occupied cell has a higher P than a free one, 0.5 (guessed) to 1; None with one kind only."""
+    """Chance that an occupied cell has a higher P than a free one, 0 to 1, 0.5 = guessed; None with one kind only."""
     calibration_error: float
     """Expected calibration error: mean |stated - observed| weighted by cells, 0 to 1 (Naeini et al., AAAI 2015)."""
     calibration: tuple[CalibrationBin, ...]
