@@ -18,11 +18,15 @@ _TOLERANCE = 1
 """Walls may be off by so many cells of the true map."""
 
 
+_EVEN = 0.5
+"""P(occupied) of a cell of which the map says nothing."""
+
+
 class Mapped(NamedTuple):
     """What a map shows correctly."""
 
     floor: float
-    """Free cells that are floor [m²]."""
+    """Cells that are rather free than not, and are floor [m²]."""
     walls: float
     """Occupied cells beside or on a wall [m²]."""
     coverage: float
@@ -41,7 +45,7 @@ class MapScore:
     def mapped(self, grid: OccupancyGrid, T_world_map: Pose) -> Mapped:
         """What `grid` shows correctly when its frame stands at `T_world_map` (3,), where the robot truly began."""
         cell = grid.resolution**2
-        floor = self._count(grid, grid.free, self._truth.free, T_world_map) * cell
+        floor = self._count(grid, grid.probability < _EVEN, self._truth.free, T_world_map) * cell
         walls = self._count(grid, grid.occupied, self._near_walls, T_world_map) * cell
         return Mapped(floor, walls, min(floor / self._floor_area, 1.0))
 
