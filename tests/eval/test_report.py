@@ -111,6 +111,20 @@ def test_the_broken_run_is_called_broken_and_its_first_bad_scan_is_named(texts):
     assert "Where it went wrong" not in Page(texts["good"]).headings
 
 
+def drawn(text: str, title: str) -> str:
+    """The SVG of a plot."""
+    source = re.search(rf'<img src="data:image/svg\+xml;base64,([^"]+)" alt="{title}', text)[1]
+    return base64.b64decode(source).decode()
+
+
+def test_the_bad_scan_is_drawn_where_it_was_thought_and_known_to_be(texts):
+    broken, log = drawn(texts["broken"], "Around scan"), drawn(texts["log"], "Around scan")
+    for label in ("true path", "estimated path", "scan, as estimated", "scan, where it truly was"):
+        assert label in broken
+    assert "scan, as estimated" in log
+    assert "truly" not in log
+
+
 def test_what_comes_from_files_is_escaped(texts):
     assert "some &lt;processor&gt;" in texts["good"]
 
