@@ -6,6 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, get_args, get_type_hints
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 def _positive(owner: object, *names: str) -> None:
     for name in names:
@@ -160,6 +163,14 @@ class GateConfig:
 
     def __post_init__(self) -> None:
         _at_least(self, 0.0, "distance", "angle", "seconds")
+
+    def opens(self, motion: NDArray[np.float64], seconds: float) -> bool:
+        """Whether a scan is taken in after a displacement `motion` (3,) [m, m, rad] and a time since the last one."""
+        return bool(
+            np.hypot(motion[0], motion[1]) >= self.distance
+            or abs(motion[2]) >= self.angle
+            or (self.seconds > 0.0 and seconds >= self.seconds)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

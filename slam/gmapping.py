@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,22 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
-from slam._match_kernels import BeamModel, Evidence
-from slam._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Draws, Proposed, Search, propose
+from slam._match_kernels import Evidence
+from slam._proposal_kernels import Proposed
 from slam._ray_kernels import Rays
 from slam.ancestry import Ancestry
 from slam.beams import rays_of
-from slam.config import FilterConfig, GateConfig, MapConfig, MatchConfig
+from slam.config import FilterConfig
 from slam.motion import motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.parallel import Threads
 from slam.particle_maps import ParticleMaps
+from slam.proposal import beam_model, propose_poses, search_of
 from slam.resampling import SCHEMES
 from slam.revisits import Revisits
 from slam.scan import Scan
-from slam.weights import Weights
-
-KINDS = {"improved": IMPROVED, "scan-match": SCAN_MATCH, "motion": MOTION}
+from slam.weights import Weights, pose_covariance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,7 +116,7 @@ class GMapping:
         self._scans += 1
         first = self._odometry is None
         motion = np.zeros(3) if self._odometry is None else se2.between(self._odometry, now)
-        if not first and not self._far_enough(motion, scans[0].stamp, self.config.gate):
+        if not first and not self.config.gate.opens(motion, scans[0].stamp - self._stamp):
             return self._report_between(motion)
         rays = rays_of(
             scans,
@@ -132,13 +130,6 @@ class GMapping:
         self._odometry, self._stamp = now, scans[0].stamp
         self._update_scans.append(self._scans - 1)
         return report
-
-    def _far_enough(self, motion: se2.Pose, stamp: float, gate: GateConfig) -> bool:
-        return bool(
-            np.hypot(motion[0], motion[1]) >= gate.distance
-            or abs(motion[2]) >= gate.angle
-            or (gate.seconds > 0.0 and stamp - self._stamp >= gate.seconds)
-        )
 
     def _report_between(self, motion: se2.Pose) -> StepReport:
         """The state carried on by odometry, for a scan that is not taken in."""
@@ -206,33 +197,13 @@ class GMapping:
 
     def _propose(self, motion: se2.Pose, rays: Rays) -> Proposed:
         """Lines 4 to 21 of Algorithm 1 for all particles: match, sample, fit, draw, weigh."""
-        cfg, n = self.config, self.config.particles
+        cfg = self.config
         hits = np.ascontiguousarray(rays.ends[rays.hit])
-        draws = Draws(
-            near=self._rng.standard_normal((cfg.proposal.samples, 3)),
-            pose=self._rng.standard_normal((n, 3)),
-            component=self._rng.uniform(size=n),
+        evidence = Evidence(hits, beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
+        search = search_of(motion, hits, cfg)
+        return propose_poses(
+            self.maps, se2.compose(self._poses, motion), evidence, search, cfg.proposal.samples, self._rng
         )
-        out = Proposed(
-            pose=np.empty((n, 3)),
-            log_gain=np.empty(n),
-            mean=np.empty((n, 3)),
-            covariance=np.zeros((n, 3, 3)),
-            matched=np.empty(n),
-            failed=np.empty(n, np.bool_),
-            samples=np.empty((n, cfg.proposal.samples, 3)),
-        )
-        self._threads.run(
-            propose,
-            n,
-            self.maps.grids,
-            se2.compose(self._poses, motion),
-            Evidence(hits, beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion)),
-            search_of(motion, hits, cfg),
-            draws,
-            out,
-        )
-        return out
 
     def _resample(self, ess: float) -> bool:
         policy, n = self.config.resample, self.config.particles
@@ -265,13 +236,7 @@ class GMapping:
     @property
     def covariance(self) -> NDArray[np.float64]:
         """Covariance (3, 3) of the pose in the map's frame: spread of the particles plus that of their proposals."""
-        weights = self._weights.values
-        heading = np.arctan2(weights @ np.sin(self._poses[:, 2]), weights @ np.cos(self._poses[:, 2]))
-        away = np.column_stack([self._poses[:, :2], se2.wrap_angle(self._poses[:, 2] - heading)])
-        away -= weights @ away
-        proposals = (weights @ self._spread.reshape(len(weights), 9)).reshape(3, 3)
-        covariance: NDArray[np.float64] = (weights[:, None] * away).T @ away + proposals
-        return covariance
+        return pose_covariance(self._poses, self._weights.values, self._spread)
 
     @property
     def update_scans(self) -> NDArray[np.int64]:
@@ -317,40 +282,3 @@ class GMapping:
     def map(self, particle: int | None = None) -> OccupancyGrid:
         """Map of a particle (default: the best)."""
         return self.maps.occupancy(self.best if particle is None else particle)
-
-
-def beam_model(match: MatchConfig, grid: MapConfig) -> BeamModel:
-    """Numbers of the beam end point model from the settings."""
-    return BeamModel(
-        per_sigma2=match.hit_sigma**-2.0,
-        per_outlier2=match.outlier_distance**-2.0,
-        weight=match.beam_weight,
-        far=grid.field_radius,
-    )
-
-
-def search_of(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> Search:
-    """Settings of the search for one displacement (3,) and the hits (K, 2) of a scan: the starting points lie along
-    the heading, where odometry fails when wheels slip or a change of direction goes unnoticed."""
-    match = config.match
-    reach = min(max(0.5 * match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1]))), match.search_reach)
-    steps = math.ceil(reach / match.search_step)
-    shifts = np.arange(-steps, steps + 1) * match.search_step
-    few = np.ascontiguousarray(hits[:: max(1, len(hits) // match.coarse_beams)])
-    starts = np.zeros((2 * steps, 3))
-    starts[:, 0] = shifts[shifts != 0.0]
-    return Search(
-        kind=KINDS[config.proposal.kind],
-        iterations=match.iterations,
-        starts=starts,
-        coarse=BeamModel(
-            per_sigma2=match.hit_sigma**-2.0,
-            per_outlier2=config.map.field_radius**-2.0,
-            weight=match.beam_weight * match.coarse_share * len(hits) / max(len(few), 1),
-            far=config.map.field_radius,
-        ),
-        coarse_hits=few,
-        fail_share=match.min_matched_share,
-        second_share=config.motion.failure_share,
-        spread=1.2,
-    )

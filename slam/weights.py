@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slam import se2
+
 
 @dataclass(frozen=True, eq=False)
 class Weights:
@@ -50,3 +52,16 @@ class Weights:
     def best(self) -> int:
         """Number of the particle of the largest weight; the first at a tie."""
         return int(np.argmax(self.logs))
+
+
+def pose_covariance(poses: se2.Pose, weights: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance (3, 3) of a weighted mixture of Gaussians over poses, in the frame of the poses.
+
+    poses (particles, 3): means;  weights (particles,): their sum is 1;  spread (particles, 3, 3): covariances
+    """
+    heading = np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))
+    away = np.column_stack([poses[:, :2], se2.wrap_angle(poses[:, 2] - heading)])
+    away -= weights @ away
+    within = (weights @ spread.reshape(len(weights), 9)).reshape(3, 3)
+    covariance: NDArray[np.float64] = (weights[:, None] * away).T @ away + within
+    return covariance

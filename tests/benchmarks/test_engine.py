@@ -19,8 +19,8 @@ from slam._match_kernels import Evidence
 from slam._proposal_kernels import IMPROVED, match
 from slam.beams import rays_of
 from slam.config import GateConfig, ResampleConfig
-from slam.gmapping import beam_model, search_of
 from slam.motion import motion_prior
+from slam.proposal import beam_model, search_of
 from slam.resampling import systematic
 from tests.slam.rooms import drive, scan_at
 
