@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,34 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam._ray_kernels import Rays
 from slam.scan import Scan
+
+
+class Readings(NamedTuple):
+    """How the readings of one moment were taken, see `Scan`."""
+
+    hits: int
+    """Within the lidar's range."""
+    no_returns: int
+    """At or beyond its range, infinity included."""
+    invalid: int
+    """NaN, zero, negative or below its range, or without a direction: they say nothing."""
+
+
+def readings_of(scans: Sequence[Scan]) -> Readings:
+    """Count the readings of one or several lidars by kind."""
+    total = hits = no_returns = 0
+    for scan in scans:
+        aimed = _aimed(scan)
+        total += len(scan.ranges)
+        hits += int(np.count_nonzero(scan.hit & aimed))
+        no_returns += int(np.count_nonzero(scan.no_return & aimed))
+    return Readings(hits, no_returns, total - hits - no_returns)
+
+
+def _aimed(scan: Scan) -> NDArray[np.bool_]:
+    """Beams of which direction and time are known, (beams,)."""
+    aimed: NDArray[np.bool_] = np.isfinite(scan.angles)
+    return aimed if scan.time_offsets is None else aimed & np.isfinite(scan.time_offsets)
 
 
 def displacement(twist: ArrayLike, seconds: ArrayLike) -> se2.Pose:
@@ -45,9 +74,7 @@ def rays_of(
 
 
 def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: ArrayLike | None, reference: float) -> Rays:
-    aimed = np.isfinite(scan.angles)
-    if scan.time_offsets is not None:
-        aimed &= np.isfinite(scan.time_offsets)
+    aimed = _aimed(scan)
     hit = scan.hit & aimed & (scan.ranges <= usable_range)
     blank = ~hit & aimed & (scan.no_return | (scan.hit & (scan.ranges > usable_range)))
     used = hit | blank if free_range > 0.0 else hit

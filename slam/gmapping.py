@@ -17,7 +17,7 @@ from slam._match_kernels import Evidence
 from slam._proposal_kernels import Proposed
 from slam._ray_kernels import Rays
 from slam.ancestry import Ancestry
-from slam.beams import rays_of
+from slam.beams import Readings, rays_of, readings_of
 from slam.config import FilterConfig
 from slam.motion import motion_prior
 from slam.occupancy import OccupancyGrid
@@ -42,6 +42,8 @@ class StepReport:
     """Covariance of the pose over the particles in the map's frame, (3, 3)."""
     ess: float
     """Effective sample size before resampling."""
+    readings: Readings
+    """The scan's readings by kind."""
     resampled: bool = False
     """Whether particles were resampled after this scan."""
     matched_share: float = 0.0
@@ -113,11 +115,12 @@ class GMapping:
         if now.shape != (3,) or not np.all(np.isfinite(now)):
             raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {now.tolist()}")
         scans = [scan] if isinstance(scan, Scan) else list(scan)
+        readings = readings_of(scans)
         self._scans += 1
         first = self._odometry is None
         motion = np.zeros(3) if self._odometry is None else se2.between(self._odometry, now)
         if not first and not self.config.gate.opens(motion, scans[0].stamp - self._stamp):
-            return self._report_between(motion)
+            return self._report_between(motion, readings)
         rays = rays_of(
             scans,
             usable_range=self.config.map.usable_range,
@@ -125,13 +128,13 @@ class GMapping:
             twist=twist if self.config.deskew else None,
         )
         if not first and not rays.hit.any():
-            return self._report_between(motion)  # a scan that saw nothing tells nothing
-        report = self._begin(rays) if first else self._update(motion, rays)
+            return self._report_between(motion, readings)  # a scan that saw nothing tells nothing
+        report = self._begin(rays, readings) if first else self._update(motion, rays, readings)
         self._odometry, self._stamp = now, scans[0].stamp
         self._update_scans.append(self._scans - 1)
         return report
 
-    def _report_between(self, motion: se2.Pose) -> StepReport:
+    def _report_between(self, motion: se2.Pose, readings: Readings) -> StepReport:
         """The state carried on by odometry, for a scan that is not taken in."""
         return StepReport(
             updated=False,
@@ -140,10 +143,11 @@ class GMapping:
             ess=self._weights.ess,
             unique_ancestors=self.ancestry.unique_ancestors,
             best=self.best,
+            readings=readings,
             map_bytes=self.maps.bytes_in_use,
         )
 
-    def _begin(self, rays: Rays) -> StepReport:
+    def _begin(self, rays: Rays, readings: Readings) -> StepReport:
         """The first scan: all particles start at the origin and draw it into their maps."""
         started = time.perf_counter()
         self.maps.register(self._poses, rays)
@@ -155,11 +159,12 @@ class GMapping:
             ess=self._weights.ess,
             unique_ancestors=self.ancestry.unique_ancestors,
             best=self.best,
+            readings=readings,
             map_bytes=self.maps.bytes_in_use,
             seconds={"match": 0.0, "map": time.perf_counter() - started, "resample": 0.0},
         )
 
-    def _update(self, motion: se2.Pose, rays: Rays) -> StepReport:
+    def _update(self, motion: se2.Pose, rays: Rays, readings: Readings) -> StepReport:
         """One pass of Algorithm 1."""
         clock = [time.perf_counter()]
         proposed = self._propose(motion, rays)
@@ -189,6 +194,7 @@ class GMapping:
             log_evidence=evidence,
             unique_ancestors=self.ancestry.unique_ancestors,
             best=best,
+            readings=readings,
             map_bytes=self.maps.bytes_in_use,
             loop_closed=self._revisits.arrive(pose, float(np.hypot(motion[0], motion[1]))),
             seconds=dict(zip(("match", "map", "resample"), np.diff(clock).tolist(), strict=True)),

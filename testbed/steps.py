@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from eval.files import write_aside
 from slam import se2
+from slam.beams import Readings
 from slam.gmapping import StepReport
 from slam.se2 import Pose
 from testbed.frame import Frame
 
 FLAGS = ("updated", "resampled", "loop_closed")
-COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes")
+COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *Readings._fields)
 TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
 
 
@@ -53,6 +54,7 @@ class StepTable:
             "match_failures": report.match_failures,
             "log_evidence": report.log_evidence,
             "unique_ancestors": report.unique_ancestors,
+            **report.readings._asdict(),
             "map_bytes": report.map_bytes,
             "loop_closed": report.loop_closed,
             "filter_s": filter_seconds,

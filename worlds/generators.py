@@ -12,11 +12,12 @@ import numpy as np
 import shapely
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
-from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from worlds.check import check_world
-from worlds.elements import Block, Box, Disc, Position, Wall
+from worlds.clutter import MOST_CLUTTER, scatter
+from worlds.elements import Block, Box, Position, Wall
 from worlds.errors import WorldError
 from worlds.graph import closed_walk, lattice_edges, random_graph
 from worlds.world import Start, Tour, World
@@ -61,11 +62,13 @@ def generate(
         raise WorldError(f"unknown kind of world {kind!r}, expected one of {', '.join(KINDS)}")
     if not all(_MIN_SIDE <= side <= _MAX_SIDE for side in size):
         raise WorldError(f"size {size[0]:g} x {size[1]:g} m, expected sides of {_MIN_SIDE:g} to {_MAX_SIDE:g} m")
-    if not 0.0 <= clutter <= 20.0 or loops < 0:
-        raise WorldError(f"clutter {clutter:g} and loops {loops}, expected clutter of 0 to 20 and loops of 0 or more")
+    if not 0.0 <= clutter <= MOST_CLUTTER or loops < 0:
+        raise WorldError(
+            f"clutter {clutter:g} and loops {loops}, expected clutter of 0 to {MOST_CLUTTER:g}, 0 loops or more"
+        )
     rng = np.random.default_rng(seed)
     plan = _PLANS[kind](size, loops, rng)
-    boxes, discs = _clutter(plan, clutter, rng)
+    boxes, discs = scatter(plan.floor, LineString(plan.path).buffer(CLEAR), clutter, rng)
     (x, y), (x_next, y_next) = plan.path[0], plan.path[1]
     world = World(
         name=kind,
@@ -219,34 +222,6 @@ def _door(
         side = 0.8 if a[1] < b[1] else -0.8
         return (x, low_y - side), (x, low_y + side)
     return None
-
-
-def _clutter(plan: _Plan, density: float, rng: Generator) -> tuple[list[Box], list[Disc]]:
-    """Things on the floor and against the walls, out of the tour's way."""
-    kept_clear = LineString(plan.path).buffer(CLEAR)
-    boxes: list[Box] = []
-    discs: list[Disc] = []
-    x_low, y_low, x_high, y_high = plan.floor.bounds
-    outline = plan.floor.boundary
-    for k in range(round(density * plan.floor.area / 10.0)):
-        for _ in range(20):
-            if rng.random() < 0.5:  # against a wall
-                at = outline.interpolate(float(rng.uniform(0.0, outline.length)))
-            else:
-                at = Point(rng.uniform(x_low, x_high), rng.uniform(y_low, y_high))
-            thing = _thing(f"thing {k + 1}", at, rng)
-            if plan.floor.distance(at) < 1e-6 and not kept_clear.intersects(thing.shape()):
-                (boxes if isinstance(thing, Box) else discs).append(thing)  # type: ignore[arg-type]
-                break
-    return boxes, discs
-
-
-def _thing(name: str, at: Point, rng: Generator) -> Box | Disc:
-    if rng.random() < 0.3:
-        return Disc(name=name, x=at.x, y=at.y, radius=float(rng.uniform(0.1, 0.3)))
-    width, depth = rng.uniform(0.2, 1.0, 2).tolist()
-    rotation = float(rng.uniform(-math.pi, math.pi)) if rng.random() < 0.3 else 0.0
-    return Box(name=name, x=at.x, y=at.y, width=width, depth=depth, rotation=rotation)
 
 
 def _merged(path: list[Position]) -> list[Position]:

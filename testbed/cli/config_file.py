@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""`--config FILE.toml`: settings from a file, such as the `config.toml` of an earlier run; the command line wins."""
+"""`--config FILE.toml`: settings from a file, such as the `config.toml` of an earlier run, or from a preset;
+the command line wins."""
 
 from __future__ import annotations
 
@@ -7,6 +8,8 @@ from pathlib import Path
 
 from cyclopts import App, ArgumentCollection
 from cyclopts.config import Toml
+
+from testbed.presets import filter_settings, filters
 
 LARGEST_CONFIG = 1_000_000
 """Bytes."""
@@ -22,8 +25,13 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
     if option is None or not option.tokens:
         return
     path = Path(option.tokens[0].value)
+    if path.name in filters() and not path.exists():
+        path = filter_settings(path.name)
+        option.tokens[0] = option.tokens[0].evolve(value=str(path))
     if not path.is_file():
-        raise ValueError(f"{path}: no such file, expected the settings of a run (config.toml)")
+        raise ValueError(
+            f"{path}: no such file, expected the settings of a run (config.toml) or a preset: {', '.join(filters())}"
+        )
     if path.stat().st_size > LARGEST_CONFIG:
         raise ValueError(f"{path}: larger than {LARGEST_CONFIG} bytes, expected the settings of a run (config.toml)")
     Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)

@@ -36,7 +36,8 @@ class EstimatorOptions:
     refine: bool = True
     """Go over the whole recording once more at the end; the filter's own path stays in filter.tum."""
     config: Path | None = None
-    """TOML file with settings, such as the config.toml of an earlier run; the command line wins."""
+    """TOML file with settings, such as the config.toml of an earlier run, or the preset `gmapping` (the classic
+    parameter values); the command line wins."""
     filter: Annotated[FilterConfig, Parameter(group=FILTER_GROUP)] = field(default_factory=FilterConfig)
     """Settings of the filter."""
 

@@ -34,6 +34,16 @@ def lidars() -> list[str]:
     return _names("lidars")
 
 
+def filters() -> list[str]:
+    """Names of the filter settings that come with the package, sorted."""
+    return _names("filters")
+
+
+def filter_settings(name: str) -> Path:
+    """The TOML file of filter settings of that name."""
+    return Path(str(_folder("filters") / f"{name}.toml"))
+
+
 def load_robot(name_or_path: str | Path) -> RobotPreset:
     """The robot of that name or TOML file. Raises `PresetError`: unknown name, unreadable or wrong file."""
     return _load(RobotPreset, "robot", str(name_or_path))

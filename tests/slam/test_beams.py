@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam import Scan, se2
-from slam.beams import displacement, rays_of
+from slam.beams import Readings, displacement, rays_of, readings_of
 
 READINGS = np.array([1.0, 5.0, 10.0, math.inf, math.nan, -1.0, 0.0, 0.05])
 ANGLES = np.array([0.0, math.pi / 2.0, math.pi, 0.1, 0.2, 0.3, 0.4, 0.5])
@@ -60,6 +60,17 @@ def test_hits_beyond_the_usable_range_are_no_returns():
         rays.ends, [(1.0, 0.0), (0.0, 3.0), (-3.0, 0.0), (3 * math.cos(0.1), 3 * math.sin(0.1))], atol=1e-12
     )
     assert rays.hit.tolist() == [True, False, False, False]
+
+
+def test_readings_are_counted_by_kind():
+    values = [1.0, 2.0, np.inf, 10.0, 12.0, np.nan, 0.0, -1.0, -np.inf, 0.05]
+    angles = np.linspace(0.0, 1.0, len(values))
+    scan = Scan(ranges=np.array(values), angles=angles, range_min=0.1, range_max=10.0)
+    assert readings_of([scan]) == Readings(hits=2, no_returns=3, invalid=5)
+    aimless = Scan(ranges=np.array(values), angles=np.where(angles == 0.0, np.nan, angles), range_max=10.0)
+    assert readings_of([aimless]) == Readings(hits=2, no_returns=3, invalid=5)  # 0.05 for 1.0
+    assert readings_of([scan, aimless]) == Readings(4, 6, 10)
+    assert readings_of([]) == Readings(0, 0, 0)
 
 
 def test_no_returns_clear_no_farther_than_the_lidar_sees():

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -204,6 +205,17 @@ def test_the_config_of_a_run_repeats_it_bit_by_bit(here, mapped, capsys):
     assert call("slam", "--config", mapped / "a" / "config.toml", "--out", "b") == 0
     assert capsys.readouterr().out.splitlines()[-1] == f"report: {here / 'b' / 'report.html'}"
     assert metrics_of(here / "b")["result_hash"] == metrics_of(mapped / "a")["result_hash"]
+
+
+def test_the_classic_settings_have_a_name_and_what_is_typed_wins(here, mapped):
+    assert (
+        call("slam", room_log(here / "room.clf"), "--config", "gmapping", "--particles", "3", "--out", "classic") == 0
+    )
+    settings = tomllib.loads(Path("classic/config.toml").read_text())["settings"]
+    assert settings["filter"]["proposal"]["kind"] == "scan-match"
+    assert settings["filter"]["motion"]["translation_from_rotation"] == 0.2
+    assert settings["filter"]["particles"] == 3
+    assert not Path("classic/filter.tum").exists()  # no final pass
 
 
 def test_what_is_typed_wins_over_the_config_and_truth_may_come_from_a_file(here, mapped):
