@@ -2,6 +2,7 @@
 """What a place is: walls, blocks, start and tour, in TOML files; and the true map drawn from the same geometry."""
 
 from worlds.check import check_world
+from worlds.clutter import add_clutter
 from worlds.difficulty import measure_difficulty
 from worlds.elements import Block, Box, Disc, Opening, Wall
 from worlds.errors import WorldError
@@ -29,6 +30,7 @@ __all__ = [
     "Wall",
     "World",
     "WorldError",
+    "add_clutter",
     "catalogue",
     "check_world",
     "dumps",

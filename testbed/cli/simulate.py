@@ -6,31 +6,63 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import active_children, get_context
 from pathlib import Path
+from typing import Any
 
+from cyclopts import Parameter
 from rich.progress import track
 
 from testbed.cli.console import announce_compilation, console, results
 from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
+from testbed.cli.variants import Variant, variants
 from testbed.dataset import Format, discard_unfinished, is_complete, write_dataset
+from testbed.formats.commands import Command
+from testbed.simulation import SimulationConfig
+from testbed.simulation.simulator import TOUR_CLEARANCE
+from worlds import World, check_world
 
 FAST = replace(SIMULATOR, backend="fast")
 
 
-def simulate(
-    world: str,
-    *,
-    out: Path,
-    seed: int = 0,
-    count: int = 1,
-    workers: int = 1,
-    format: Format = "rosbag2",
-    config: Path | None = None,
-    simulator: SimulatorOptions = FAST,
-) -> None:
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class DatasetOptions:
+    """Which datasets."""
+
+    out: Path
+    """Directory that takes the datasets; those that are there already are kept."""
+    seed: int = 0
+    """Seed of the first dataset; each further one has the next."""
+    count: int = 1
+    """Number of datasets, of each variant."""
+    workers: int = 1
+    """Datasets that are made at the same time."""
+    format: Format = "rosbag2"
+    """rosbag2: directory with an MCAP file that ROS 2 plays and Rerun shows; rosbag2-lean: without the point clouds
+    that Rerun draws, in half the space; rosbag2-sqlite: with a .db3 file; rosbag1: a .bag file; carmen: packed CARMEN
+    log; parquet: a table."""
+    vary: tuple[str, ...] = ()
+    """KEY=A,B,C: the same drives with each of these values of lidar, beams, noise, clutter, odometry.… or layers.…; may
+    be repeated, for all combinations."""
+    variant: str = ""
+    """Part of the datasets' names; --vary sets it."""
+    config: Path | None = None
+    """TOML file with settings, such as the config.toml of a dataset; the command line wins."""
+
+    def __post_init__(self) -> None:
+        if self.count < 1 or self.workers < 1:
+            raise ValueError(f"count and workers must be at least 1, got {self.count} and {self.workers}")
+        if self.variant != Path(self.variant).name:
+            raise ValueError(f"variant must be a part of a name, got {self.variant!r}")
+        if self.out.exists() and not self.out.is_dir():
+            raise ValueError(f"{self.out}: is a file, expected a directory")
+
+
+def simulate(world: str, *, datasets: DatasetOptions, simulator: SimulatorOptions = FAST) -> None:
     """Write synthetic datasets.
 
     Parameters
@@ -38,50 +70,64 @@ def simulate(
     world
         Name from the catalogue (`testbed worlds list`), a TOML file, or a ROS map (`.yaml`).
         A world without a tour gets a tour of all the floor that the robot can reach.
-    out
-        Directory that takes the datasets; those that are there already are kept.
-    seed
-        Seed of the first dataset; each further one has the next.
-    count
-        Number of datasets.
-    workers
-        Datasets that are made at the same time.
-    format
-        rosbag2: directory with an MCAP file that ROS 2 plays and Rerun shows; rosbag2-lean: without the point clouds
-        that Rerun draws, in half the space; carmen: packed CARMEN log.
-    config
-        TOML file with settings, such as the config.toml of a dataset; the command line wins.
     """
-    if count < 1 or workers < 1:
-        raise ValueError(f"count and workers must be at least 1, got {count} and {workers}")
-    place = simulator.place(world)
-    settings = {"world": world, "format": format, **asdict(simulator)}
     if simulator.driver.kind in ("explore", "teleop"):
         raise ValueError(f"--driver {simulator.driver.kind} needs a mapper or a person: use testbed run")
-    simulator.simulation(seed)  # complain before the first dataset, not in a worker
-    jobs = {out / f"{place.name}-{number:04d}": number for number in range(seed, seed + count)}
-    missing = {path: number for path, number in jobs.items() if not is_complete(path)}
-    for path in missing:
-        if path.exists():
-            raise ValueError(f"{path}: exists and is no dataset; choose another --out")
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"{out}: is a file, expected a directory")
+    jobs = [job for variant in variants(simulator, datasets.vary) for job in _jobs(world, datasets, variant)]
+    missing = [job for job in jobs if not is_complete(job.path)]
+    for job in missing:
+        if job.path.exists():
+            raise ValueError(f"{job.path}: exists and is no dataset; choose another --out")
     announce_compilation()
-    out.mkdir(parents=True, exist_ok=True)
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))  # not forked: PyBullet and numba keep threads
-    with pool, _ended_with_us(missing):
+    datasets.out.mkdir(parents=True, exist_ok=True)
+    drives = _carry_out(missing, datasets)
+    results.print(f"{datasets.out}: {len(missing)} datasets written, {len(jobs) - len(missing)} were there already")
+    for trouble in ("collided", "stuck"):
+        if names := sorted(job.path.name for job, drive in drives.items() if drive[trouble]):
+            results.print(f"{len(names)} {trouble}: {', '.join(names[:10])}{' and others' if names[10:] else ''}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """One dataset to make."""
+
+    path: Path
+    place: World
+    config: SimulationConfig
+    settings: dict[str, Any]
+    commands: list[Command] | None
+
+
+def _jobs(world: str, datasets: DatasetOptions, variant: Variant) -> Iterator[_Job]:
+    """The datasets of one variant; complains about settings here, not in a worker."""
+    simulator, name = variant.simulator, variant.name or datasets.variant
+    place, commands = simulator.place(world), simulator.recorded_commands()
+    settings = {"world": world, "format": datasets.format, "variant": name, **asdict(simulator)}
+    check_world(place, footprint_radius=simulator.simulation(datasets.seed).robot.footprint_radius + TOUR_CLEARANCE)
+    for seed in range(datasets.seed, datasets.seed + datasets.count):
+        path = datasets.out / "-".join(part for part in (place.name, f"{seed:04d}", name) if part)
+        yield _Job(path, place, simulator.simulation(seed), settings | {"seed": seed}, commands)
+
+
+def _carry_out(jobs: list[_Job], datasets: DatasetOptions) -> dict[_Job, dict[str, Any]]:
+    """Make all datasets; how each drive went."""
+    context = get_context("spawn")  # not forked: PyBullet and numba keep threads
+    with ProcessPoolExecutor(datasets.workers, mp_context=context) as pool, _ended_with_us(job.path for job in jobs):
         with _ctrl_c_blocked():  # workers inherit this for good: Ctrl-C is the parent's business
-            futures = [
-                pool.submit(
-                    write_dataset, path, place, simulator.simulation(number), settings | {"seed": number}, form=format
-                )
-                for path, number in missing.items()
-            ]
+            futures = {pool.submit(_make, job, datasets.format): job for job in jobs}
         silent = not console.is_terminal
         done = track(as_completed(futures), "simulating", len(futures), console=console, transient=True, disable=silent)
-        for future in done:
-            future.result()
-    results.print(f"{out}: {len(missing)} datasets written, {len(jobs) - len(missing)} were there already")
+        try:
+            return {futures[future]: future.result() for future in done}
+        except BrokenProcessPool:
+            raise ValueError(
+                "a worker was killed, perhaps for want of memory; the same command goes on with what is missing"
+            ) from None
+
+
+def _make(job: _Job, form: Format) -> dict[str, Any]:
+    """Make one dataset, in a worker; how the drive went."""
+    return write_dataset(job.path, job.place, job.config, job.settings, form=form, commands=job.commands)
 
 
 @contextmanager

@@ -15,17 +15,20 @@ from cyclopts import Group, Parameter
 from testbed.cli.console import console
 from testbed.exploration import ExploreDriver, make_explorer
 from testbed.formats.commands import Command, read_commands
-from testbed.presets import load_lidar, load_robot
+from testbed.presets import LidarPreset, load_lidar, load_robot
+from testbed.presets.models import MOST_BEAMS
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
 from testbed.simulation.driver import Driver
 from testbed.simulation.pybullet_backend import import_pybullet
 from testbed.simulation.recorded_driver import RecordedDriver
 from testbed.simulation.simulator import CONTROL_PERIOD, TOUR_CLEARANCE
 from testbed.streams import streams
-from worlds import World, is_map, load, map_image, plan_tour
+from worlds import World, add_clutter, is_map, load, map_image, plan_tour
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
+CLUTTER_CLEARANCE = 0.1
+"""Further room between the robot and what --clutter puts up [m]."""
 
 
 @Parameter(name="*")
@@ -37,6 +40,12 @@ class SimulatorOptions:
     """Name of a robot, or a TOML file."""
     lidar: str = DEFAULT.lidar.name
     """Name of a lidar, or a TOML file; several, separated by commas, for robots with room for them."""
+    beams: int | None = None
+    """Beams in a scan; default: those of the lidar."""
+    noise: float = 1.0
+    """Factor of the random error of ranges."""
+    clutter: float = 0.0
+    """Things put up beside the tour, per 10 m² of floor."""
     backend: Literal["pybullet", "fast"] = "pybullet"
     """pybullet: physics and rays of PyBullet; fast: exact arcs and a ray caster of ours."""
     duration: float | None = None
@@ -53,12 +62,16 @@ class SimulatorOptions:
     def __post_init__(self) -> None:
         if (self.driver.kind == "recorded") != (self.commands is not None):
             raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
+        if not self.noise >= 0.0:
+            raise ValueError(f"noise must not be negative, got {self.noise}")
+        if self.beams is not None and not 1 <= self.beams <= MOST_BEAMS:
+            raise ValueError(f"beams must be 1 to {MOST_BEAMS}, got {self.beams}")
 
     def simulation(self, seed: int) -> SimulationConfig:
         """Settings of the simulator; ValueError where the backend is not installed."""
         if self.backend == "pybullet":
             import_pybullet()
-        lidar, *further = map(load_lidar, self.lidars)
+        lidar, *further = (self._changed(load_lidar(name)) for name in self.lidars)
         return SimulationConfig(
             robot=load_robot(self.robot),
             lidar=lidar,
@@ -76,13 +89,23 @@ class SimulatorOptions:
         """Names or files of the lidars, the main one first."""
         return [name.strip() for name in self.lidar.split(",")]
 
+    def _changed(self, lidar: LidarPreset) -> LidarPreset:
+        """The lidar with the number of beams and the noise asked for."""
+        return lidar.model_copy(
+            update={
+                "beams": lidar.beams if self.beams is None else self.beams,
+                "noise_floor": self.noise * lidar.noise_floor,
+                "noise_share": self.noise * lidar.noise_share,
+            }
+        )
+
     def place(self, world: str) -> World:
         """The world of that name or file; where a tour is to be driven and it has none, it gets one of all the floor
         that the robot can reach."""
-        place = load(world)
-        if place.tour is not None or self.driver.kind != "tour":
-            return place
-        return plan_tour(place, footprint_radius=load_robot(self.robot).footprint_radius + TOUR_CLEARANCE)
+        place, room = load(world), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
+        if place.tour is None and self.driver.kind == "tour":
+            place = plan_tour(place, footprint_radius=room)
+        return add_clutter(place, self.clutter, clearance=room + CLUTTER_CLEARANCE) if self.clutter else place
 
     @contextmanager
     def steering(self, config: SimulationConfig) -> Iterator[Driver | None]:

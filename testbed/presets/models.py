@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+MOST_BEAMS = 100_000
+"""Of one scan."""
+
 Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
@@ -118,7 +121,7 @@ class RobotPreset(_Preset):
 class LidarPreset(_Preset):
     """A planar lidar that turns counter-clockwise at a constant rate."""
 
-    beams: Annotated[int, Field(strict=True, ge=1, le=100_000)]
+    beams: Annotated[int, Field(strict=True, ge=1, le=MOST_BEAMS)]
     """Beams in one scan."""
     field_of_view_deg: Annotated[float, Field(strict=True, gt=0.0, le=360.0)]
     """From the first to the last beam [degrees], symmetric about forward; 360 = a full turn, whose last beam comes
