@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from slam.se2 import Pose, compose, inverse, wrap_angle
 
 Method = Literal["none", "first_pose", "se2"]
+MIN_POSES = 3
+"""With fewer poses any two trajectories fit after alignment, and the error means nothing."""
 
 
 @dataclass(frozen=True, eq=False)

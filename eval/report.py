@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -133,15 +134,12 @@ def _number(value: Any) -> str:
 
 
 def _look(run: RunFiles) -> Sight:
+    errors, rows = None, np.zeros(0, dtype=np.intp)
     if run.estimate is not None and run.truth is not None:
-        try:
+        with suppress(AssociationError):
             matched = associate(run.estimate, run.truth)
-        except AssociationError:
-            pass
-        else:
-            errors = absolute_error(matched, "se2")
-            return Sight(run, errors.alignment.T_reference_estimate, errors, matched.rows)
-    return Sight(run, np.zeros(3), None, np.zeros(0, dtype=np.intp))
+            errors, rows = absolute_error(matched, "se2"), matched.rows
+    return Sight(run, errors.alignment.T_reference_estimate if errors else np.zeros(3), errors, rows)
 
 
 # --- maps and paths
@@ -249,12 +247,10 @@ def _window(finding: Finding, points: NDArray[np.float64]) -> Extent:
             reach = np.clip(reach, 2.0, CROP)
             corners += [place[:2] - reach, place[:2] + reach]
     (left, low), (right, high) = np.min(corners, axis=0), np.max(corners, axis=0)
-    # As wide as a plot is: a strip would be drawn small.
-    more = (
-        max(0.0, 0.5 * (0.75 * (right - left) - (high - low))),
-        max(0.0, 0.5 * ((high - low) / 0.75 - (right - left))),
-    )
-    return float(left - more[1]), float(right + more[1]), float(low - more[0]), float(high + more[0])
+    # In the proportions of a plot: a strip would be drawn small.
+    wider = max(0.0, 0.5 * ((high - low) / 0.75 - (right - left)))
+    higher = max(0.0, 0.5 * (0.75 * (right - left) - (high - low)))
+    return float(left - wider), float(right + wider), float(low - higher), float(high + higher)
 
 
 def _moved(trajectory: Trajectory, T: Pose) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from eval import suspicions
+from eval.alignment import MIN_POSES
 from eval.association import Association, associate, covered_share
 from eval.consistency import Columns, column, consistency, filter_health
 from eval.grids import cell_centres
@@ -166,7 +167,7 @@ def _trajectory_metrics(matched: Association) -> Metrics:
         "poses": len(matched.rows),
         "matched_share": matched.share,
         "length_m": float(matched.reference.distance[-1]),
-        **_absolute(aligned if len(matched.rows) >= suspicions.MIN_POSES else None, "ate", "heading"),
+        **_absolute(aligned if len(matched.rows) >= MIN_POSES else None, "ate", "heading"),
         **_absolute(first, "ate_first_pose", "heading_first_pose"),
         "final_error_m": float(first.translation_errors[-1]),
         "rpe": {name: _relative(error) for name, error in lengths + times if error is not None},
@@ -205,7 +206,7 @@ def _association_notes(matched: Association, covered: float) -> list[str]:
         notes.append(f"only {matched.share:.0%} of the estimate could be compared with the truth")
     if covered < LOW_SHARE:
         notes.append(f"the estimate spans only {covered:.0%} of the true path")
-    if len(matched.rows) < suspicions.MIN_POSES:
+    if len(matched.rows) < MIN_POSES:
         notes.append(f"{len(matched.rows)} matched poses: too few for an alignment that means anything")
     return [*notes, *suspicions.of_pair(matched)]
 

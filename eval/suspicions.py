@@ -6,13 +6,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.alignment import align
+from eval.alignment import MIN_POSES, align
 from eval.association import Association
 from eval.trajectory import Trajectory
 from slam.se2 import Pose, wrap_angle
 
-MIN_POSES = 3
-"""With fewer any two trajectories fit, and nothing can be suspected."""
 OFF_DEG, FITS_DEG = 20.0, 10.0
 """Headings this far off beside positions that fit are suspect; this close once they are read the other way round, they
 were meant so [deg]."""
