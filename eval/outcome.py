@@ -117,7 +117,7 @@ def judge(evidence: Evidence | None, ended: str | None = None) -> Outcome:
             raise ValueError(f"ended: expected one of {', '.join(_ENDS)} or None, got {ended!r}")
         return Outcome(ended, _ENDS[ended])  # type: ignore[arg-type]  # the keys are labels
     if evidence is None:
-        return Outcome("unjudged", "the run came to its end; there is no truth and no relation to judge it by")
+        return Outcome("unjudged", "there is no truth and no relation to judge it by")
     return _first_rule(evidence)
 
 

@@ -157,7 +157,7 @@ def scan_over_map(
         for scan in scans:
             ends = transform_points(scan.pose, scan.points)
             ax.plot(ends[:, 0], ends[:, 1], "o", ms=2.4, mew=0.0, color=scan.colour, label=scan.label, zorder=6)
-            nose = transform_points(scan.pose, [[0.35, 0.0]])[0]
+            nose = transform_points(scan.pose, [[0.07 * (window[1] - window[0]), 0.0]])[0]
             ax.annotate(
                 "",
                 xy=(nose[0], nose[1]),

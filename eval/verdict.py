@@ -19,7 +19,7 @@ LEADS: dict[str, tuple[str, Mood]] = {
     "timeout": ("The time was over before the robot was done.", "bad"),
     "interrupted": ("The run was stopped by hand; this is what was there.", "none"),
     "failed": ("The run broke off with an error; this is what was there.", "bad"),
-    "unjudged": ("The run came to its end; there is nothing known to judge it by.", "none"),
+    "unjudged": ("The run came to its end.", "none"),
 }
 """First sentence and mood for each outcome (`eval.outcome`)."""
 
