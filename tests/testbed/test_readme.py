@@ -4,6 +4,7 @@
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,13 +25,25 @@ def my_robot():
         yield np.array([x, 0.0, 0.0]), np.minimum(to_x, to_y)
 
 
+EXAMPLES = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+
+
 def test_the_library_example_runs_and_finds_the_way(capsys):
-    (example,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
     names = {"my_robot": my_robot}
-    exec(compile(example, "README.md", "exec"), names)
+    exec(compile(EXAMPLES[0], "README.md", "exec"), names)
     np.testing.assert_allclose(names["path"][-1], [3.8, 0.0, 0.0], atol=0.05)
     assert names["grid"].occupied.any()
     assert len(capsys.readouterr().out.splitlines()) == 20
+
+
+def test_the_gymnasium_example_maps_a_world_it_has_never_seen(capsys):
+    assert len(EXAMPLES) == 2
+    assert EXAMPLES[1].count("\n") <= 30
+    names: dict[str, Any] = {}
+    exec(compile(EXAMPLES[1], "README.md", "exec"), names)
+    assert "of the floor mapped, collided: False" in capsys.readouterr().out
+    assert names["info"]["coverage"] > 0.9
+    assert names["rewards"].shape == (64,)
 
 
 def test_every_dependency_is_explained():
