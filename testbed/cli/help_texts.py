@@ -97,6 +97,14 @@ testbed worlds generate maze --seed 7 --out maze.toml
 testbed worlds import floor.yaml --out floor.toml
 ```
 """,
+    "presets": """Robots and lidars, and how good their odometry is.
+
+```
+testbed presets list
+testbed presets show create3
+testbed presets umbmark
+```
+""",
     "warmup": """Compile the kernels now instead of in the first run.
 
 Useful while a container image is built. The machine code is kept in `~/.cache/slam-testbed`, or `$TESTBED_CACHE`.

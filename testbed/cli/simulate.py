@@ -22,8 +22,8 @@ from testbed.cli.variants import Variant, variants
 from testbed.dataset import Format, discard_unfinished, is_complete, write_dataset
 from testbed.formats.commands import Command
 from testbed.simulation import SimulationConfig
-from testbed.simulation.simulator import TOUR_CLEARANCE
-from worlds import World, check_world
+from testbed.simulation.simulator import check_fits
+from worlds import World
 
 FAST = replace(SIMULATOR, backend="fast")
 
@@ -103,7 +103,7 @@ def _jobs(world: str, datasets: DatasetOptions, variant: Variant) -> Iterator[_J
     simulator, name = variant.simulator, variant.name or datasets.variant
     place, commands = simulator.place(world), simulator.recorded_commands()
     settings = {"world": world, "format": datasets.format, "variant": name, **asdict(simulator)}
-    check_world(place, footprint_radius=simulator.simulation(datasets.seed).robot.footprint_radius + TOUR_CLEARANCE)
+    check_fits(place, simulator.simulation(datasets.seed).robot)
     for seed in range(datasets.seed, datasets.seed + datasets.count):
         path = datasets.out / "-".join(part for part in (place.name, f"{seed:04d}", name) if part)
         yield _Job(path, place, simulator.simulation(seed), settings | {"seed": seed}, commands)

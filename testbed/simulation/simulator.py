@@ -79,7 +79,7 @@ class Simulation(Iterator[Frame]):
 
     def __init__(self, world: World, config: SimulationConfig, driver: Driver | None = None) -> None:
         """Raises `WorldError` if the robot does not fit through the world's tour, or if there is none to follow."""
-        check_world(world, footprint_radius=config.robot.footprint_radius + TOUR_CLEARANCE)
+        check_fits(world, config.robot)
         if driver is None and world.tour is None:
             raise WorldError(f"world {world.name!r} has no tour, expected [tour] with way points")
         self.world = world
@@ -159,6 +159,15 @@ def simulate(world: World, config: SimulationConfig | None = None, driver: Drive
     world's tour or there is none to follow, `PyBulletMissingError` where PyBullet is asked for but not installed.
     """
     return Simulation(world, config if config is not None else SimulationConfig(), driver)
+
+
+def check_fits(world: World, robot: RobotPreset) -> None:
+    """Raise `WorldError` unless the world is a sound place, and the robot has room at its start and along its tour."""
+    check_world(world)
+    try:
+        check_world(world, footprint_radius=robot.footprint_radius + TOUR_CLEARANCE)
+    except WorldError as error:
+        raise WorldError(f"robot {robot.name!r} does not fit: {error}") from None
 
 
 def _within(limit: float, value: float) -> float:

@@ -335,3 +335,16 @@ def test_an_imported_maps_image_is_hashed_too(tmp_path):
     named = SimulatorOptions().files(str(tmp_path / "floor.yaml"))
     assert [path.name for path in named] == ["floor.yaml", "floor.pgm"]
     assert SimulatorOptions().files("office") == []
+
+
+def test_presets_are_listed_shown_and_driven_round_the_square(capsys):
+    assert call("presets", "list") == 0
+    listed = capsys.readouterr().out
+    assert "create3" in listed
+    assert "rplidar_a2" in listed
+    assert call("presets", "show", "lds01") == 0
+    assert "ROBOTIS e-Manual" in capsys.readouterr().out
+    assert call("presets", "umbmark", "burger", "--runs", "3") == 0
+    good, typical, poor = map(float, capsys.readouterr().out.split()[-3:])
+    assert good < typical < poor
+    assert call("presets", "umbmark", "burger", "--runs", "0") == 2

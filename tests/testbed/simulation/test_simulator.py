@@ -199,7 +199,7 @@ def test_closing_early_frees_the_physics_client():
 def test_worlds_without_a_fitting_tour_are_refused():
     with pytest.raises(WorldError, match="has no tour"):
         simulate(room().model_copy(update={"tour": None}), perfect())
-    with pytest.raises(WorldError, match="the footprint"):
+    with pytest.raises(WorldError, match=r"robot 'create3' does not fit: .*the footprint"):
         simulate(room(tour=[(4.9, 0)]), perfect())
     with pytest.raises(ValueError, match="duration must be positive"):
         SimulationConfig(duration=0.0)
