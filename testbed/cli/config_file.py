@@ -9,8 +9,6 @@ from pathlib import Path
 from cyclopts import App, ArgumentCollection
 from cyclopts.config import Toml
 
-from testbed.presets import filter_settings, filters
-
 LARGEST_CONFIG = 1_000_000
 """Bytes."""
 
@@ -24,6 +22,8 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
     option = next((argument for argument in arguments if argument.name == "--config"), None)
     if option is None or not option.tokens:
         return
+    from testbed.presets import filter_settings, filters  # here, for `--help` to answer at once
+
     path = Path(option.tokens[0].value)
     if path.name in filters() and not path.exists():
         path = filter_settings(path.name)
