@@ -19,7 +19,7 @@ from slam._ray_kernels import Rays
 from slam.ancestry import Ancestry
 from slam.beams import Readings, rays_of, readings_of
 from slam.config import FilterConfig
-from slam.motion import motion_prior
+from slam.motion import checked_odometry, motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.parallel import Threads
 from slam.particle_maps import ParticleMaps
@@ -109,11 +109,7 @@ class GMapping:
             ValueError: the odometry or the twist is not three finite numbers, or the map would grow beyond all
                 bounds; poses, weights and maps are then as they were before.
         """
-        now = np.asarray(odometry, dtype=np.float64)
-        if twist is not None and not np.all(np.isfinite(twist)):
-            raise ValueError(f"twist must be three finite numbers (vx, vy, omega), got {twist}")
-        if now.shape != (3,) or not np.all(np.isfinite(now)):
-            raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {now.tolist()}")
+        now = checked_odometry(odometry, twist)
         scans = [scan] if isinstance(scan, Scan) else list(scan)
         readings = readings_of(scans)
         self._scans += 1

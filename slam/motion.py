@@ -8,6 +8,17 @@ from numpy.typing import ArrayLike
 
 from slam._match_kernels import MotionPrior
 from slam.config import MotionConfig
+from slam.se2 import Pose
+
+
+def checked_odometry(odometry: ArrayLike, twist: ArrayLike | None) -> Pose:
+    """The odometry (3,) as an array; ValueError where it or the twist (3,) is not three finite numbers."""
+    now = np.asarray(odometry, dtype=np.float64)
+    if twist is not None and not np.all(np.isfinite(twist)):
+        raise ValueError(f"twist must be three finite numbers (vx, vy, omega), got {twist}")
+    if now.shape != (3,) or not np.all(np.isfinite(now)):
+        raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {now.tolist()}")
+    return now
 
 
 def motion_prior(motion: ArrayLike, config: MotionConfig) -> MotionPrior:

@@ -79,3 +79,15 @@ def test_better_schemes_vary_less_than_independent_draws(name):
         return np.var([np.bincount(scheme(w, rng), minlength=20) for _ in range(500)], axis=0).sum()
 
     assert variance(SCHEMES[name]) < 0.8 * variance(SCHEMES["multinomial"])
+
+
+@pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
+@pytest.mark.parametrize("count", [1, 3, 4, 100])
+def test_any_number_of_offspring_has_the_shares_of_the_weights(scheme, count):
+    rng, w = np.random.default_rng(8), np.array([0.45, 0.25, 0.2, 0.1])
+    total = np.zeros(4)
+    for _ in range(2000):
+        ancestors = scheme(w, rng, count)
+        assert len(ancestors) == count
+        total += np.bincount(ancestors, minlength=4)
+    np.testing.assert_allclose(total / (2000 * count), w, atol=0.035)
