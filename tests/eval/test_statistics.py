@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -49,6 +49,7 @@ def test_a_plain_percentile_interval_would_be_too_narrow():
     assert plain / 600 < 0.925 < expanded / 600
 
 
+@settings(deadline=None)
 @given(values)
 def test_an_interval_holds_its_value_and_lies_within_the_data(x):
     for statistic in (np.median, np.mean):
@@ -58,6 +59,7 @@ def test_an_interval_holds_its_value_and_lies_within_the_data(x):
         assert interval.value - slack <= interval.high <= max(x) + slack
 
 
+@settings(deadline=None)
 @given(values, st.floats(0.1, 10.0), st.floats(-10.0, 10.0))
 def test_intervals_move_and_scale_with_the_data(x, scale, shift):
     before = bootstrap_interval(x, np.median)
@@ -120,6 +122,7 @@ def test_wilson_intervals_of_textbooks(failures, runs, low, high):
     assert wilson_interval(failures, runs) == pytest.approx((low, high), abs=5e-5)
 
 
+@settings(deadline=None)
 @given(st.integers(0, 200), st.integers(1, 200))
 def test_wilson_intervals_hold_the_rate_and_agree_with_scipy(failures, runs):
     failures = min(failures, runs)

@@ -49,6 +49,12 @@ def swept(tmp_path_factory, world) -> Path:
     return out
 
 
+@pytest.fixture(autouse=True)
+def without_reports(swept, monkeypatch):
+    """The sweep above has a report; drawing another one in every test would take longer than all else."""
+    monkeypatch.setattr("testbed.cli.gather.write_sweep_report", lambda folder: folder / "sweep.html")
+
+
 @pytest.fixture
 def copied(swept, tmp_path) -> Path:
     """A copy of it that may be changed."""
@@ -236,6 +242,22 @@ def test_a_worker_refuses_cells_of_another_code_version(world):
             worker.compute(room_cell(world, inputs={str(world): "0" * 64}))
     finally:
         worker.stop()
+
+
+@pytest.mark.slow
+def test_the_worst_runs_are_carried_out_again_with_report_and_recording(copied, monkeypatch, capsys):
+    monkeypatch.undo()
+    assert call("gather", copied) == 0
+    assert "differently" not in capsys.readouterr().err
+    rows = {row["key"]: row for row in pq.read_table(copied / "sweep.parquet").to_pylist()}
+    recorded = {path.name: path for path in (copied / "worst").iterdir()}
+    assert {rows[key]["line"] for key in recorded} == {"improved", "motion"}
+    page = (copied / "sweep.html").read_text()
+    for key, path in recorded.items():
+        assert json.loads((path / "metrics.json").read_text())["result_hash"] == rows[key]["result_hash"]
+        assert (path / "recording.rrd").stat().st_size > 10_000
+        assert f'href="worst/{key}/report.html"' in page
+        assert f'href="worst/{key}/recording.rrd"' in page
 
 
 @pytest.mark.slow
