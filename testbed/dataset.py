@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -61,20 +62,35 @@ def write_dataset(
     try:
         drive = _write(aside, world, config, form, commands)
         seal_directory(aside, {"settings": dict(settings), "drive": drive})
-        aside.replace(path)
+        if not is_complete(path):  # a worker that outlived its parent may have made it meanwhile: the same bytes
+            aside.replace(path)
     finally:
         discard_unfinished(path)
     return drive
 
 
 def discard_unfinished(path: Path) -> None:
-    """Remove what a writer of this dataset has left that was killed."""
-    shutil.rmtree(_aside(path).parent, ignore_errors=True)
+    """Remove what writers of this dataset have left: this process, and those that were killed."""
+    for folder in path.parent.glob(f".{path.name}.simulating-*"):
+        writer = folder.name.rpartition("-")[2]
+        if writer.isdecimal() and (int(writer) == os.getpid() or not _is_running(int(writer))):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _aside(path: Path) -> Path:
-    """Where the dataset is while it is written: a folder of its own, since its files are named after the last part."""
-    return path.parent / f".{path.name}.simulating" / path.name
+    """Where this process writes the dataset: a folder of its own, since files are named after its last part, and since
+    a worker may outlive its killed parent while the job has been started again."""
+    return path.parent / f".{path.name}.simulating-{os.getpid()}" / path.name
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # somebody else's
+        return True
+    return True
 
 
 def _write(

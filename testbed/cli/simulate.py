@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +114,8 @@ def _jobs(world: str, datasets: DatasetOptions, variant: Variant) -> Iterator[_J
 def _carry_out(jobs: list[_Job], datasets: DatasetOptions) -> dict[_Job, dict[str, Any]]:
     """Make all datasets; how each drive went."""
     context = get_context("spawn")  # not forked: PyBullet and numba keep threads
-    with ProcessPoolExecutor(datasets.workers, mp_context=context) as pool, _ended_with_us(job.path for job in jobs):
+    pool = ProcessPoolExecutor(datasets.workers, mp_context=context, initializer=_end_with_parent)
+    with pool, _ended_with_us(job.path for job in jobs):
         with _ctrl_c_blocked():  # workers inherit this for good: Ctrl-C is the parent's business
             futures = {pool.submit(_make, job, datasets.format): job for job in jobs}
         silent = not console.is_terminal
@@ -123,6 +126,17 @@ def _carry_out(jobs: list[_Job], datasets: DatasetOptions) -> dict[_Job, dict[st
             raise ValueError(
                 "a worker was killed, perhaps for want of memory; the same command goes on with what is missing"
             ) from None
+
+
+def _end_with_parent() -> None:
+    """In a worker: end at once when the parent is killed, instead of waiting for work for good."""
+
+    def watch() -> None:
+        if (parent := parent_process()) is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _make(job: _Job, form: Format) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from eval.map_server import read_map
 from eval.tum import read_tum
 from testbed import dataset
 from testbed.cli import main
-from testbed.dataset import is_complete, write_dataset
+from testbed.dataset import discard_unfinished, is_complete, write_dataset
 from testbed.formats import LogError, open_log
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import SimulationConfig
@@ -107,8 +107,9 @@ def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
     assert simulate(tmp_path, "--count", "2") == 0
     first = tmp_path / "loop-0000" / "config.toml"
     written = first.stat().st_mtime_ns
-    unfinished = tmp_path / ".loop-0002.simulating"  # as a kill leaves it
-    unfinished.mkdir()
+    killed = subprocess.Popen([sys.executable, "-c", ""])
+    killed.wait()
+    (tmp_path / f".loop-0002.simulating-{killed.pid}").mkdir()  # as a kill leaves it
     assert simulate(tmp_path, "--count", "3", "--workers", "2") == 0
     assert "1 datasets written, 2 were there already" in capsys.readouterr().out
     assert first.stat().st_mtime_ns == written
@@ -119,7 +120,7 @@ def test_ctrl_c_ends_soon_and_leaves_whole_datasets_only(tmp_path):
     command = [sys.executable, "-c", "from testbed.cli import main; main()", "simulate", "office", "--count", "3"]
     job = subprocess.Popen([*command, "--out", tmp_path], stderr=subprocess.PIPE, text=True, start_new_session=True)
     deadline = time.monotonic() + 60
-    while not (tmp_path / ".office-0000.simulating").exists():  # a worker is at work
+    while not list(tmp_path.glob(".office-0000.simulating-*")):  # a worker is at work
         assert time.monotonic() < deadline
         assert job.poll() is None
         time.sleep(0.05)
@@ -138,3 +139,43 @@ def test_other_files_are_left_alone(tmp_path, capsys):
     assert simulate(tmp_path) == 2
     assert "loop-0000: exists and is no dataset" in capsys.readouterr().err
     assert simulate(tmp_path, "--count", "0") == 2
+
+
+def test_a_worker_that_outlived_its_parent_is_let_be(tmp_path):
+    """It writes beside the one that was started again, and whoever is first wins."""
+    path, content = tmp_path / "loop", {}
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as outlived:
+        others = tmp_path / f".loop.simulating-{outlived.pid}" / "loop"
+        others.mkdir(parents=True)
+        write_dataset(path, load("loop"), CONFIG, {})
+        assert others.exists()
+        content = {file.name: file.read_bytes() for file in path.iterdir()}
+        write_dataset(path, load("loop"), CONFIG, {})
+        assert {file.name: file.read_bytes() for file in path.iterdir()} == content
+        outlived.stdin.close()
+    discard_unfinished(path)
+    assert [left.name for left in tmp_path.iterdir()] == ["loop"]
+
+
+@pytest.mark.slow
+def test_a_job_that_was_killed_leaves_no_workers_and_goes_on_to_the_same_bytes(tmp_path):
+    command = [sys.executable, "-c", "from testbed.cli import main; main()", "simulate", "apartment", "--duration", "8"]
+    job = subprocess.Popen([*command, "--count", "4", "--workers", "2", "--out", tmp_path / "a"])
+    deadline = time.monotonic() + 120
+    while not list((tmp_path / "a").glob("apartment-*")):  # one is whole, others are at work
+        assert time.monotonic() < deadline
+        assert job.poll() is None
+        time.sleep(0.02)
+    workers = Path(f"/proc/{job.pid}/task/{job.pid}/children").read_text().split()
+    job.kill()
+    job.wait()
+    while any(Path(f"/proc/{worker}").exists() for worker in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    subprocess.run([*command, "--count", "4", "--workers", "2", "--out", tmp_path / "a"], check=True)
+    names = [f"apartment-{k:04d}" for k in range(4)]
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == names
+    again = tmp_path / "a" / names[2] / "config.toml"
+    subprocess.run([*command[:-3], "--config", again, "--out", tmp_path / "b"], check=True)
+    for file in again.parent.iterdir():
+        assert file.read_bytes() == (tmp_path / "b" / names[2] / file.name).read_bytes()
