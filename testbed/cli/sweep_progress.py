@@ -59,10 +59,12 @@ class SweepProgress:
         return f"{self._done} of {self._count} cells, {rate:.1f} a minute{left}{failed}"
 
     def __rich__(self) -> Group:
-        table = Table(box=None, pad_edge=False, show_header=False)
+        bar = Table.grid()
+        bar.add_row(ProgressBar(self._work, self._worked, width=60))
+        cells = Table.grid(padding=(0, 2))
         for cell, since in list(self._running.values()):
-            table.add_row(Text(str(cell)), f"{time.monotonic() - since:.0f} s", style="dim")
-        return Group(self._line(), ProgressBar(self._work, self._worked, width=60), table)
+            cells.add_row(Text(str(cell)), f"{time.monotonic() - since:.0f} s", style="dim")
+        return Group(self._line(), bar, cells)
 
 
 @contextmanager

@@ -52,4 +52,5 @@ class Cell:
         return asdict(self)
 
     def __str__(self) -> str:
-        return f"{self.place}, {self.line}, {self.particles} particles, seed {self.seed}"
+        particles = "1 particle" if self.particles == 1 else f"{self.particles} particles"
+        return f"{self.place}, {self.line}, {particles}, seed {self.seed}"
