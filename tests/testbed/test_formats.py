@@ -110,3 +110,14 @@ def test_what_is_there_is_not_overwritten(tmp_path, drive):
         write_log(tmp_path / "log", drive, "parquet")
     with pytest.raises(LogError, match=r"ends in \.bag"):
         write_log(tmp_path / "log1", drive, "rosbag1")
+
+
+def test_the_table_in_the_docs_is_true():
+    lines = (Path(__file__).parents[2] / "docs" / "formats.md").read_text().splitlines()
+    begin = next(k for k, line in enumerate(lines) if line.startswith("| | odometry"))
+    parts = [cell.strip() for cell in lines[begin].split("|")[2:-1]]
+    told = {}
+    for line in itertools.takewhile(lambda line: line.startswith("|"), lines[begin + 2 :]):
+        name, *cells = [cell.strip() for cell in line.split("|")[1:-1]]
+        told[name.strip("`")] = {part for part, cell in zip(parts, cells, strict=True) if cell == "x"}
+    assert told == HOLDS
