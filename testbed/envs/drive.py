@@ -55,8 +55,7 @@ class DriveEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise ClosedEnvironmentError("the environment is closed")
         if not self._running:
             raise ResetNeeded("call reset() before step(), and after an episode has ended")
-        targets = self._task.io.targets(np.asarray(action)[None] if np.ndim(action) else action, 1)
-        outcome = self._task.step(targets)
+        outcome = self._task.step(self._task.io.target(action))
         terminated = bool(outcome.terminated[0])
         self._running = not terminated
         self._show()

@@ -114,9 +114,8 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise ClosedEnvironmentError("the environment is closed")
         if not self._running:
             raise ResetNeeded("call reset() before step(), and after an episode has ended")
-        targets = self.io.targets(np.asarray(action)[None] if np.ndim(action) else action, 1)
-        before = self._mapped
-        observation, readings = self._period(targets)
+        target, before = self.io.target(action), self._mapped
+        observation, readings = self._period(target)
         gain = self._mapped.floor + self._mapped.walls - before.floor - before.walls
         collided = bool(readings.contact[0])
         weights = self._reward

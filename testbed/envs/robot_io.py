@@ -35,6 +35,10 @@ class RobotIO:
         }
         """Of the observations that `observe` gives."""
 
+    def target(self, action: Any) -> NDArray[np.float64]:
+        """As `targets` for the action of a single robot, (1, 2)."""
+        return self.targets(np.asarray(action)[None] if np.ndim(action) else action, 1)
+
     def targets(self, actions: Any, robots: int, acting: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """Speed [m/s] and turn rate [rad/s], (robots, 2); zero for robots that are not `acting` (robots,).
 

@@ -2,8 +2,9 @@
 """What PyBullet moves and looks at: a robot among the walls of a world. Scenes are kept and set back.
 
 PyBullet never gives back the memory of a mesh, neither on `resetSimulation` nor on `disconnect` (bullet3#2898, #3319;
-measured: 1.6 kB a wall, every time). A world that is simulated again therefore gets its old scene, with everything at
-rest at the start: the same bits as from a new one, at once instead of after a second of settling.
+measured: 1.6 kB a wall, every time). A world that is simulated again therefore gets its old scene, with the robot at
+rest at the start: the same bits as from a new one, at once instead of after a second of settling. The robot settles at
+the origin before there are walls, and is set from there to any start: scenes do not depend on it.
 """
 
 from __future__ import annotations
@@ -50,7 +51,6 @@ class Scene:
         key: str,
         opaque: NDArray[np.float64],
         glass: NDArray[np.float64],
-        start: Start,
         robot: RobotPreset,
     ) -> None:
         """Build it and let the robot settle for a second; `borrow` is the way to get one.
@@ -64,8 +64,7 @@ class Scene:
             fixedTimeStep=1.0 / STEP_RATE, numSolverIterations=_SOLVER_ITERATIONS, physicsClientId=self._client
         )
         self._add_floor()
-        self._walls = self._add_walls(opaque, _WALLS | _OPAQUE) + self._add_walls(glass, _WALLS)
-        self._robot = self._add_robot(start, robot)
+        self._robot = self._add_robot(robot)
         joints = {p.getJointInfo(self._robot, j, self._client)[1].decode(): j for j in self._joints()}
         self._wheels = [joints[LEFT_WHEEL], joints[RIGHT_WHEEL]]
         self._torques = [_WHEEL_TORQUE_PER_KG * robot.mass * robot.wheel_radius] * 2
@@ -73,11 +72,17 @@ class Scene:
         self.turn_wheels([0.0, 0.0])
         for _ in range(_SETTLE_STEPS):
             self.step()
+        self._settled = p.getBasePositionAndOrientation(self._robot, self._client)
+        self._walls = self._add_walls(opaque, _WALLS | _OPAQUE) + self._add_walls(glass, _WALLS)
         self._rest: int = p.saveState(physicsClientId=self._client)
 
-    def set_back(self) -> None:
-        """Put everything at rest at the start."""
-        self._p.restoreState(self._rest, physicsClientId=self._client)
+    def set_back(self, start: Start) -> None:
+        """Put the robot to rest at the start."""
+        p = self._p
+        p.restoreState(self._rest, physicsClientId=self._client)
+        turned = (0.0, 0.0, math.sin(start.theta / 2.0), math.cos(start.theta / 2.0))
+        position, rotation = p.multiplyTransforms((start.x, start.y, 0.0), turned, *self._settled)
+        p.resetBasePositionAndOrientation(self._robot, position, rotation, physicsClientId=self._client)
 
     def turn_wheels(self, rates: list[float]) -> None:
         """Tell the motors of both wheels the rates to keep [rad/s]."""
@@ -147,13 +152,12 @@ class Scene:
             bodies.append(body)
         return bodies
 
-    def _add_robot(self, start: Start, preset: RobotPreset) -> int:
-        p, half = self._p, start.theta / 2.0
+    def _add_robot(self, preset: RobotPreset) -> int:
+        p = self._p
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "robot.urdf"
             path.write_text(robot_urdf(preset), encoding="utf-8")
-            rotation = (0.0, 0.0, math.sin(half), math.cos(half))
-            robot: int = p.loadURDF(str(path), (start.x, start.y, 0.0), rotation, physicsClientId=self._client)
+            robot: int = p.loadURDF(str(path), physicsClientId=self._client)
         for link in range(-1, p.getNumJoints(robot, self._client)):
             p.setCollisionFilterGroupMask(robot, link, _ROBOT, _WALLS, physicsClientId=self._client)
         return robot
@@ -162,15 +166,15 @@ class Scene:
 def borrow(p: Any, world: World, robot: RobotPreset) -> Scene:
     """A scene with the robot at rest at the start of the world, to be given back; p: the module pybullet."""
     opaque, glass = _wall_quads(world, glass=False), _wall_quads(world, glass=True)
-    content = hashlib.sha256(f"{world.start} {robot} {len(opaque)} {len(glass)}".encode())
+    content = hashlib.sha256(f"{robot} {len(opaque)} {len(glass)}".encode())
     content.update(opaque.tobytes() + glass.tobytes())
     key = content.hexdigest()
     scene = next((idle for idle in _idle if idle.key == key), None)
     if scene is None:
-        scene = Scene(p, key, opaque, glass, world.start, robot)
+        scene = Scene(p, key, opaque, glass, robot)
     else:
         _idle.remove(scene)
-    scene.set_back()
+    scene.set_back(world.start)
     return scene
 
 

@@ -228,6 +228,17 @@ def test_memory_is_flat_over_many_resets(backend, resets):
 
 
 @pytest.mark.slow
+def test_pybullet_episodes_do_not_depend_on_those_before():
+    pytest.importorskip("pybullet")
+    env = make(backend="pybullet")
+    first = episode(env, seed=5, steps=8)
+    for seed in range(6, 12):
+        episode(env, seed, steps=2)
+    assert gym.utils.env_checker.data_equivalence(first, episode(env, seed=5, steps=8), exact=True)
+    env.close()
+
+
+@pytest.mark.slow
 def test_pybullet_environments_work_in_processes_of_their_own():
     pytest.importorskip("pybullet")
     envs = gym.make_vec(
