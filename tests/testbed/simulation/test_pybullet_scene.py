@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slam.se2 import between
 from testbed.presets import load_robot
 from testbed.simulation import SimulationConfig, pybullet_scene, simulate
 from testbed.simulation.backend import STEP_RATE, Limits
@@ -47,10 +48,10 @@ def test_a_scene_that_was_used_gives_the_same_bits_as_a_new_one():
         assert all(np.array_equal(a, b) for a, b in zip(run, runs[0], strict=True))
 
 
-def test_another_world_start_or_robot_is_another_scene_and_few_are_kept():
+def test_another_world_or_robot_is_another_scene_and_few_are_kept():
     robots = [load_robot(name) for name in ("create3", "burger")]
     scenes = []
-    for world in (room(), room(start=(1.0, 0.0, 0.0)), room(half=6.0)):
+    for world in (room(), room(half=4.0), room(half=6.0)):
         for robot in robots:
             backend = PyBulletBackend(world, robot, LIMITS)
             scenes.append(backend._scene)
@@ -58,6 +59,19 @@ def test_another_world_start_or_robot_is_another_scene_and_few_are_kept():
             backend.close()
     assert len(set(map(id, scenes))) == 6
     assert pybullet_scene._idle == scenes[-4:]
+
+
+def test_another_start_is_the_same_scene_with_the_robot_elsewhere():
+    robot, scenes, relative = load_robot("create3"), [], []
+    for start in ((0.0, 0.0, 0.0), (-2.0, 1.0, 2.5)):
+        backend = PyBulletBackend(room(start=start), robot, LIMITS)
+        scenes.append(backend._scene)
+        poses = np.concatenate([backend.drive(0.0, 0.0, 1).poses, backend.drive(0.3, 0.4, 2 * STEP_RATE).poses])
+        np.testing.assert_allclose(poses[0], start, atol=1e-3)
+        relative.append(between(poses[0], poses))
+        backend.close()
+    assert scenes[0] is scenes[1]
+    np.testing.assert_allclose(relative[0], relative[1], atol=2e-3)
 
 
 def resident_memory() -> float:
