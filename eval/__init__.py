@@ -7,6 +7,7 @@
     from eval.gate import check                       # which limits a score breaks
     from eval.report import write_report              # one run directory -> report.html
     from eval.comparison import write_comparison      # several run directories -> comparison.html
+    from eval.sweep_report import write_sweep_report  # the tables of a sweep -> sweep.html, figures, tables for a paper
 
 Import from the modules: a bare `import eval` hides the builtin. This package itself imports nothing.
 """

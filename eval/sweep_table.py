@@ -22,7 +22,7 @@ from eval.verdict import LEADS
 CURVE_GRID = np.linspace(0.02, 1.0, 50)
 """Shares of a run at which its curves are read."""
 CURVES = ("ess", "founders", "nees")
-_TIMINGS = ("filter_s", "cell_s", "us_per_update_per_particle")
+_TIMINGS = ("filter_s", "cell_s")
 
 
 class SweepTableError(ValueError):

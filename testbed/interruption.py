@@ -25,6 +25,19 @@ class Interruption:
 
 
 @contextmanager
+def sigterm_interrupts() -> Iterator[None]:
+    """Let SIGTERM, as batch systems send it, raise KeyboardInterrupt as Ctrl-C does; in the main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@contextmanager
 def deferred_interruption() -> Iterator[Interruption]:
     """Note signals instead of raising KeyboardInterrupt, so that no half-processed frame is left behind.
 

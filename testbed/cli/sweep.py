@@ -19,6 +19,7 @@ from testbed.cli.gather import gather_and_report
 from testbed.cli.options import FLAG
 from testbed.cli.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.sweep_progress import sweep_progress
+from testbed.interruption import sigterm_interrupts
 from testbed.rundir import default_directory
 from testbed.sweep.cluster import run_on_cluster
 from testbed.sweep.errors import SweepError
@@ -180,7 +181,7 @@ def sweep(
         if execution.scheduler is None:
             announce_compilation()
         try:
-            with sweep_progress(cells, costs) as progress:
+            with sigterm_interrupts(), sweep_progress(cells, costs) as progress:
                 execute(directory, cells, execution.executor, progress)
         except KeyboardInterrupt:
             left = len(pending(directory, costs, part))

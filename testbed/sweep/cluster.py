@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
@@ -20,7 +20,7 @@ CONNECT_SECONDS = 10.0
 _of_this_thread = threading.local()
 
 
-def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Iterator[Event]:
+def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Generator[Event, None, None]:
     """Compute cells on the workers of a scheduler, those in front first, and tell of each as it ends.
 
     A cell whose dask worker dies is given to another one, up to dask's `allowed-failures`. Leaving the iteration early

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Protocol
@@ -15,7 +15,7 @@ from testbed.sweep.pool import Event, Finished
 from testbed.sweep.spec import SweepSpec
 from testbed.sweep.store import Manifest, SweepDirectory
 
-Executor = Callable[[Sequence[Cell]], Iterator[Event]]
+Executor = Callable[[Sequence[Cell]], Generator[Event, None, None]]
 """Computes cells, those in front first, and tells of each: `run_locally` or `run_on_cluster` with their settings."""
 
 
@@ -46,8 +46,7 @@ def pending(directory: SweepDirectory, costs: Costs, shard: Shard | None) -> lis
 
 def execute(directory: SweepDirectory, cells: Sequence[Cell], executor: Executor, watcher: Watcher) -> None:
     """Compute cells and keep what comes of them."""
-    events = executor(cells)
-    with closing(events):  # type: ignore[type-var]  # generators close
+    with closing(executor(cells)) as events:  # workers end as soon as nobody waits for them
         for event in events:
             if isinstance(event, Finished):
                 if isinstance(event.outcome, str):

@@ -8,7 +8,7 @@ same sweep gives the same bytes however it was carried out. Times are in `timing
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,7 +63,6 @@ def gather(directory: SweepDirectory) -> Gathered:
         "title": spec.title,
         "measure": spec.key_measure,
         "baseline": spec.baseline or spec.lines()[0].name,
-        "recorded": bool(spec.logs),
         "code": directory.manifest.code,
     }
     for name, table in zip(TABLES, (rows, curves, timings), strict=True):
@@ -77,11 +76,8 @@ def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) ->
     measures = {} if result is None else {k: v for k, v in flat(result.metrics) if not isinstance(v, list)}
     own = {"place": cell.place, "line": cell.line, "particles": cell.particles, "seed": cell.seed}
     state = {"status": status, "reason": reason, "key": key}
-    return own | state | {f"setting.{n}": v for n, v in cell.settings.items()} | _without(measures, own)
-
-
-def _without(measures: Mapping[str, Any], own: Iterable[str]) -> dict[str, Any]:
-    return {name: value for name, value in measures.items() if name not in own}
+    settings = {f"setting.{name}": value for name, value in cell.settings.items()}
+    return own | state | settings | {name: value for name, value in measures.items() if name not in own}
 
 
 def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> None:

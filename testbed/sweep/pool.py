@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -32,7 +32,7 @@ class Finished:
 Event = Started | Finished
 
 
-def run_locally(cells: Sequence[Cell], workers: int, limits: Limits) -> Iterator[Event]:
+def run_locally(cells: Sequence[Cell], workers: int, limits: Limits) -> Generator[Event, None, None]:
     """Compute cells in their order on so many worker processes, and tell of each as it begins and ends.
 
     Where the limits name no memory, each worker may take its share of the machine's. Leaving the iteration early, by

@@ -40,7 +40,7 @@ class RunSettings:
 
     @classmethod
     def of(cls, values: Mapping[str, Value]) -> RunSettings:
-        """The defaults with these values by dotted name; raises SweepError for values that do not go together."""
+        """The defaults with these values by dotted name; raises ValueError for values that do not go together."""
         settings = cls()
         for name, value in values.items():
             settings = _replaced(settings, _path(name), value)

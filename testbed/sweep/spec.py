@@ -21,6 +21,8 @@ LARGEST_FILE = 1_000_000
 LARGEST_SWEEP = 1_000_000
 """Cells."""
 _PRESETS = resources.files("testbed") / "sweep" / "presets"
+BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
+"""What the preset `gate` is compared with (`eval.sweep_gate`)."""
 
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Seed = Annotated[int, Field(strict=True, ge=0)]
@@ -193,10 +195,6 @@ class SweepSpec(BaseModel):
 def presets() -> list[str]:
     """Names of the specifications that come with the package, sorted."""
     return sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml"))
-
-
-BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
-"""What the preset `gate` is compared with (`eval.sweep_gate`)."""
 
 
 def read_preset(name: str) -> dict[str, Any]:

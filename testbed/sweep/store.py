@@ -102,6 +102,7 @@ class SweepDirectory:
             _lock(everybody, fcntl.LOCK_EX if shard is None else fcntl.LOCK_SH, self.path)
             if shard is None:
                 _sign(everybody)
+                self._discard_unfinished()
                 yield
                 return
             everybody.truncate(0)  # whoever signed it has gone
@@ -154,6 +155,11 @@ class SweepDirectory:
             return None
         except (ValueError, KeyError) as error:
             raise SweepError(f"{self._failure(key)}: {error}; remove it") from None
+
+    def _discard_unfinished(self) -> None:
+        """Remove what processes have left that were killed while they wrote a cell."""
+        for folder in (self.path / "cells").glob(".*.tmp"):
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _failure(self, key: str) -> Path:
         return self.path / "failed" / f"{key}.json"

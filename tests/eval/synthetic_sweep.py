@@ -56,7 +56,7 @@ def write_sweep(
             timings.append(
                 {"key": key, "filter_s": seconds, "cell_s": seconds + 0.5, "us_per_update_per_particle": 1.0}
             )
-    about = {"title": "", "measure": measure, "baseline": LINES[0], "code": "0123456789abcdef", "recorded": False}
+    about = {"title": "", "measure": measure, "baseline": LINES[0], "code": "0123456789abcdef"}
     for name, table in (("sweep", rows), ("curves", curves), ("timings", timings)):
         arrow = pa.Table.from_pylist(table).replace_schema_metadata({"sweep": json.dumps(about)})
         pq.write_table(arrow, folder / f"{name}.parquet")

@@ -22,7 +22,7 @@ def clock(monkeypatch):
 
 def test_time_that_remains_follows_the_work_and_failures_are_told(tmp_path, clock, capsys):
     cell = room_cell(room_file(tmp_path))
-    cells = [replace(cell, particles=n) for n in (95, 45, 5)]  # 100, 50 and 10 with what does not depend on particles
+    cells = [replace(cell, particles=n) for n in (91, 41, 1)]  # 100, 50 and 10 with what does not depend on particles
     progress = SweepProgress(cells, Costs({cell.place: 1.0}))
     progress.event(Started(cells[0]))
     progress.event(Started(cells[1]))
