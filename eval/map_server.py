@@ -102,7 +102,7 @@ def _read_document(path: Path) -> dict[str, Any]:
         raise MapFileError(f"{path}: expected a small .yaml file beside the picture, got {path.stat().st_size} bytes")
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise MapFileError(f"{path}: expected a map_server .yaml file: {' '.join(str(error).split())}") from None
     if not isinstance(document, dict):
         raise MapFileError(f"{path}: expected a map_server .yaml file with image, resolution and origin")

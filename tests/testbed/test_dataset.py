@@ -18,6 +18,7 @@ from testbed import dataset
 from testbed.cli import main
 from testbed.dataset import discard_unfinished, is_complete, write_dataset
 from testbed.formats import LogError, open_log
+from testbed.formats.maps import read_map_inside
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import SimulationConfig
 from worlds import load
@@ -179,3 +180,13 @@ def test_a_job_that_was_killed_leaves_no_workers_and_goes_on_to_the_same_bytes(t
     subprocess.run([*command[:-3], "--config", again, "--out", tmp_path / "b"], check=True)
     for file in again.parent.iterdir():
         assert file.read_bytes() == (tmp_path / "b" / names[2] / file.name).read_bytes()
+
+
+def test_a_map_that_names_a_picture_elsewhere_is_refused(made, tmp_path):
+    leading_out = copy(made, tmp_path / "loop")
+    (leading_out / "config.toml").unlink()  # whoever makes such a dataset makes the check sums fit
+    text = (leading_out / "truth_map.yaml").read_text()
+    (tmp_path / "secret.pgm").write_bytes((leading_out / "truth_map.pgm").read_bytes())
+    (leading_out / "truth_map.yaml").write_text(text.replace("truth_map.pgm", "../secret.pgm"))
+    with pytest.raises(ValueError, match="lies outside of the map's folder"):
+        read_map_inside(leading_out / "truth_map.yaml")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from slam import se2
@@ -292,6 +292,35 @@ def test_a_lidar_upside_down_turns_the_other_way(tmp_path):
     np.testing.assert_allclose(read.angles, [0.5, 0.0, -0.5])
 
 
+def test_each_frame_is_a_lidar_and_scans_of_one_frame_count_once(tmp_path):
+    def seen(stamp: float, frame: str):
+        return replace(scan(stamp), header=header(stamp, frame))
+
+    mounts = [("/tf_static", 0.0, static("base_footprint", name, x)) for name, x in (("lidar", 0.2), ("back", -0.3))]
+    others = [("/scan_filtered", 0.5, scan(0.5)), ("/rear/scan", 0.7, seen(0.7, "back"))]
+    log = open_log(bag_of(tmp_path / "bag", plain(*mounts, *others)))
+    scans = [(frame.stamp, frame.lidar, frame.scan.mount[0]) for frame in log.frames if frame.scan is not None]
+    assert scans == [(0.5, "lidar", 0.2), (0.7, "back", pytest.approx(-0.3)), (1.5, "lidar", 0.2)]
+    assert log.notes == (
+        "scans from /rear/scan and /scan, odometry from /odom",
+        "topics left out: /scan_filtered (the same lidar)",
+    )
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_commands_are_those_in_force(tmp_path, stamped):
+    g, zero = "geometry_msgs/msg/", {"x": 0.0, "y": 0.0, "z": 0.0}
+
+    def told(speed: float, stamp: float):
+        linear, angular = (message(g + "Vector3", **zero | {"x": x}) for x in (speed, 0.0))
+        twist = message(g + "Twist", linear=linear, angular=angular)
+        return message(g + "TwistStamped", header=header(stamp, "base"), twist=twist) if stamped else twist
+
+    commands = [("/cmd_vel", t, told(speed, t)) for t, speed in ((0.4, 0.1), (1.2, 0.3))]
+    frames = open_log(bag_of(tmp_path / "bag", plain(*commands))).frames
+    assert [frame.command for frame in frames] == [None, (0.1, 0.0), (0.1, 0.0), (0.3, 0.0), (0.3, 0.0)]
+
+
 def test_ros1_bags_are_read(tmp_path):
     store = get_typestore(Stores.ROS1_NOETIC)
     with Writer1(tmp_path / "old.bag") as writer:
@@ -339,6 +368,19 @@ def test_bags_without_sense_are_named_with_the_place(tmp_path, messages, complai
         open_log(path)
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_topics_of_unknown_types_are_counted_and_left_out(tmp_path):
+    known = get_typestore(Stores.ROS2_JAZZY)
+    known.register(get_types_from_msg("float64 level", "our_msgs/msg/Battery"))
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, content in [("/odom", odometry(0.0, 0.0)), ("/scan", scan(0.0))]:
+            connection = writer.add_connection(topic, content.__msgtype__, typestore=STORE)
+            writer.write(connection, 0, STORE.serialize_cdr(content, content.__msgtype__))
+        battery = writer.add_connection("/battery", "our_msgs/msg/Battery", typestore=known)
+        raw = known.serialize_cdr(known.types["our_msgs/msg/Battery"](level=0.5), "our_msgs/msg/Battery")
+        writer.write(battery, 0, raw)
+    assert "topics left out: /battery (our_msgs/msg/Battery, 1 messages)" in open_log(tmp_path / "bag").notes
 
 
 def test_scans_outside_of_the_odometry_are_counted(tmp_path):
