@@ -68,9 +68,7 @@ class Scenario:
         place = self._wished_place(options["world"]) if options.get("world") is not None else None
         if options.get("start") is None:
             return Wish(place)
-        start = np.array(options["start"], dtype=np.float64)
-        if start.shape != (3,) or not np.isfinite(start).all():
-            raise Error(f"start must be three finite numbers (x, y, theta), got {options['start']!r}")
+        start = _pose(options["start"])
         if place is None and isinstance(self._world, GeneratedWorlds):
             raise Error("start needs the option world too: the number of a generated one")
         self._check_start(place or self._fixed, start)
@@ -126,3 +124,14 @@ class Scenario:
             raise WorldError(f"world {world.name!r}: no place with room for the robot {self._robot.name!r}")
         starts = (np.column_stack([cols, rows]) + 0.5) * _CELL + np.array(floor.origin[:2])
         return Place(Terrain(still, height), true_map(still, height=height), starts)
+
+
+def _pose(start: Any) -> Pose:
+    """A pose (3,) from what a user gave; raises gymnasium's `Error` for anything else."""
+    try:
+        pose = np.array(start, dtype=np.float64)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape != (3,) or not np.isfinite(pose).all():
+        raise Error(f"option start: expected three finite numbers (x, y, theta), got {start!r}")
+    return pose

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The floor as a robot that plans sees it: coarse cells of the estimated map, where it fits, and ways between them."""
+"""The floor as a robot that plans sees it: coarse cells of the estimated map, where it fits, and ways between them.
+
+Plans are made while the robot drives, on maps with unknown cells, and so by a compiled search; tours of known worlds
+are planned once, by `worlds.plan_tour`.
+"""
 
 from __future__ import annotations
 

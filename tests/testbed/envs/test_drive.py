@@ -133,6 +133,7 @@ def test_steps_before_reset_and_after_close_are_refused():
     [
         ({"world": "atlantis"}, "atlantis"), ({"world": 3}, "option world"), ({"wrold": "loop"}, "wrold"),
         ({"start": (0.0, 0.0)}, "three finite numbers"), ({"start": (np.nan, 0.0, 0.0)}, "three finite numbers"),
+        ({"start": "here"}, "three finite numbers"),
         ({"start": (4.95, 0.0, 0.0)}, "option start"), ({"start": (50.0, 0.0, 0.0)}, "option start"),
     ],
 )  # fmt: skip
