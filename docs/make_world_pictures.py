@@ -38,14 +38,15 @@ def draw(world: worlds.World, path: Path) -> None:
 def main() -> None:
     """Draw all, print the table."""
     FOLDER.mkdir(exist_ok=True)
-    print("| world | what it is | area m² | free | loops | tour m | observability | corridor | symmetry |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("| | world | what it is | area m² | free | loops | tour m | observability | corridor | symmetry |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
     for name in worlds.catalogue():
         world = worlds.load(name)
         draw(world, FOLDER / f"{name}.png")
         d = world.difficulty
         assert d is not None
         print(
+            f'| <img src="worlds/{name}.png" width="160" alt="{name}"> '
             f"| [{name}](worlds/{name}.png) | {world.description} | {d.area:.0f} | {d.free_share:.2f} | {d.loops} "
             f"| {d.tour_length:.0f} | {d.observability:.2f} | {d.corridor_share:.2f} | {d.symmetry:.2f} |"
         )

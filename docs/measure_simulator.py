@@ -69,4 +69,4 @@ if __name__ == "__main__":
     whole_loop("fast", 120.0)
     whole_loop("pybullet", 30.0)
     memory("fast", 1000)
-    memory("pybullet", 50)
+    memory("pybullet", 1000)
