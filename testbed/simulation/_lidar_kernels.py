@@ -95,7 +95,7 @@ def read_beams(distances, cos_incidence, uniform, normal, optics, device):
         reading = _with_edge(distances, i, uniform[0, i], optics)
         if cos_incidence[i] < optics.grazing:
             reading = np.inf
-        path, fate = min(reading, optics.range_max), uniform[1, i]
+        path, fate = min(reading, distances[i], optics.range_max), uniform[1, i]  # dust lies before what was met
         short = -np.expm1(-optics.short_return_rate * path)
         if fate < short:
             reading = fate / short * path

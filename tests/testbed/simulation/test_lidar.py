@@ -74,6 +74,15 @@ def test_short_returns_come_from_anywhere_along_the_beam():
     assert np.isfinite(nothing_there).mean() == pytest.approx(-math.expm1(-0.05 * 10.0), rel=0.1)
 
 
+def test_short_returns_never_come_from_behind_a_surface_that_sends_nothing_back():
+    both = dataclasses.replace(LidarLayers.none(), grazing=True, short_returns=True)
+    lidar = Lidar(PRESET, Mount(), both, np.random.default_rng(0))
+    readings = np.concatenate([scan(lidar, np.full(1000, 3.0), math.radians(1.0)) for _ in range(20)])
+    short = readings[np.isfinite(readings)]
+    assert short.size > 1000
+    assert short.max() < 3.0
+
+
 def test_mixed_pixels_lie_between_the_two_surfaces_of_an_edge_only():
     stairs = np.where(np.arange(1000) % 10 < 5, 2.0, 4.0)
     readings = ranges("mixed_pixels", stairs, scans=100)
