@@ -79,7 +79,10 @@ def write_bag(
     with renamed_when_whole(path) as aside:
         with _rosbag1(aside) if storage == "rosbag1" else _rosbag2(aside, storage) as bag:
             make = Messages(bag.types)
-            _put_all(make, bag.put, frames, mounts, truth_map, robot_urdf, cloud)
+            try:
+                _put_all(make, bag.put, frames, mounts, truth_map, robot_urdf, cloud)
+            except LogError as error:
+                raise LogError(f"{path}: {error}") from None
             if storage != "mcap":
                 bag.put(SEAL_TOPIC, frames[-1].stamp, make.text(bag.total.text))
         if storage == "mcap":

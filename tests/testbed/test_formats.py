@@ -4,6 +4,7 @@
 import itertools
 import math
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,25 @@ def test_what_is_there_is_not_overwritten(tmp_path, drive):
         write_log(tmp_path / "log", drive, "parquet")
     with pytest.raises(LogError, match=r"ends in \.bag"):
         write_log(tmp_path / "log1", drive, "rosbag1")
+
+
+@pytest.mark.parametrize(
+    ("form", "change", "complaint"),
+    [
+        ("rosbag2", {"angles": ANGLES**3}, "frame 1: LaserScan needs beams evenly spaced"),
+        ("rosbag1", {"mount": (1.0, 1.0, 0.0)}, "scans of one lidar (laser) mounted at different places"),
+        ("carmen", {"angles": ANGLES**3}, "frame 1: ROBOTLASER1 needs evenly spaced beams"),
+        ("carmen-flaser", {"mount": (0.0, 1.0, 0.0)}, "FLASER has no place for a lidar mounted at"),
+    ],
+)
+def test_what_a_format_cannot_hold_is_named_with_the_file_and_leaves_nothing(tmp_path, drive, form, change, complaint):
+    frames = list(drive.frames)
+    frames[1] = replace(frames[1], scan=replace(frames[1].scan, **change))
+    out = tmp_path / f"out{SUFFIX.get(form, '')}"
+    with pytest.raises(LogError) as error:
+        write_log(out, replace(drive, frames=frames), form)
+    assert str(error.value).startswith(f"{out}: {complaint}")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_table_in_the_docs_is_true():
