@@ -63,17 +63,16 @@ def main():
         events[strategy].append(event)
         print(strategy, world, seed, row[:, 0].round(2), row[:, 1].round(3), event, file=sys.stderr, flush=True)
     times = " | ".join(f"{time} s" for time in TIMES)
-    print(f"| strategy | {times} | wall error at the end | finished | collided | stuck | backed off |")
-    print("|---" * (len(TIMES) + 6) + "|")
+    print(f"| strategy | {times} | finished | collided | stuck | backed off |")
+    print("|---" * (len(TIMES) + 5) + "|")
     for strategy in STRATEGIES:
-        cells = np.array(rows[strategy])
-        coverage = " | ".join(f"{100 * mean:.0f} %" for mean in cells[:, :, 0].mean(axis=0))
+        means = np.nanmean(rows[strategy], axis=0)
+        scores = " | ".join(f"{100 * coverage:.0f} %, {100 * error:.1f} cm" for coverage, error in means)
         found = events[strategy]
         ends = [event["seconds"] for event in found if event["finished"]]
         finished = f"{len(ends)} of {len(found)}" + (f", after {np.mean(ends):.0f} s" if ends else "")
         counts = " | ".join(str(sum(event[name] for event in found)) for name in ("collided", "stuck", "recoveries"))
-        error = f"{100 * np.nanmean(cells[:, -1, 1]):.1f} cm"
-        print(f"| {strategy} | {coverage} | {error} | {finished} | {counts} |")
+        print(f"| {strategy} | {scores} | {finished} | {counts} |")
 
 
 if __name__ == "__main__":
