@@ -6,8 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from slam import se2
 from slam._ray_kernels import Rays
 from slam.config import MapConfig
 from slam.occupancy import OccupancyGrid
@@ -31,18 +32,38 @@ class FrozenMap:
         Raises:
             ValueError: the map has no walls or no free space, or the field's radius does not suit its resolution.
         """
-        if not grid.occupied.any():
-            raise ValueError(f"the map has no walls: no cell is occupied with more than {OccupancyGrid.OCCUPIED}")
-        if not grid.free.any():
-            raise ValueError(f"the map has no free space: no cell is occupied with less than {OccupancyGrid.FREE}")
+        check_map(grid)
         self.grid = grid
         self.T_map_grid = np.array(grid.origin, dtype=np.float64)
         self.maps = maps_of_walls(wall_faces(grid), replace(config, cell=grid.resolution), threads)
         self.maps.descend(np.zeros(TABLES, dtype=np.int64))
 
-    def distance_to_free(self, point: NDArray[np.float64]) -> float:
-        """Distance [m] from a point (2,), seen from the grid's corner, to the centre of the nearest free cell."""
-        return float(np.hypot(*(free_cells(self.grid) - point).T).min())
+
+def check_map(grid: OccupancyGrid) -> None:
+    """Raise ValueError where a map has no walls or no free space: nothing can be found in it."""
+    if not grid.occupied.any():
+        raise ValueError(f"the map has no walls: expected cells occupied with more than {OccupancyGrid.OCCUPIED}")
+    if not grid.free.any():
+        raise ValueError(f"the map has no free space: expected cells occupied with less than {OccupancyGrid.FREE}")
+
+
+def checked_start(start: ArrayLike, grid: OccupancyGrid, most: float) -> se2.Pose:
+    """A start pose (3,) in the map's frame as an array.
+
+    Raises:
+        ValueError: it is not three finite numbers, or lies more than `most` [m] away from all free cells.
+    """
+    pose = np.asarray(start, dtype=np.float64)
+    if pose.shape != (3,) or not np.all(np.isfinite(pose)):
+        raise ValueError(f"start must be three finite numbers (x, y, theta), got {pose.tolist()}")
+    point = se2.between(grid.origin, pose)[:2]
+    away = float(np.hypot(*(free_cells(grid) - point).T).min())
+    if away > most:
+        raise ValueError(
+            f"start ({pose[0]:g}, {pose[1]:g}) m lies {away:.2f} m outside of the map's free space, "
+            f"expected at most {most:g} m"
+        )
+    return pose
 
 
 def free_cells(grid: OccupancyGrid) -> NDArray[np.float64]:

@@ -72,6 +72,7 @@ class GlobalSearch:
             updated=True,
             pose=poses[weights.best],
             covariance=pose_covariance(chosen, self.weights.values, np.zeros((len(chosen), 3, 3))),
+            particles=len(poses),
             ess=weights.ess,
             readings=readings,
             resampled=True,

@@ -40,6 +40,8 @@ class StepReport:
     """Pose of the best particle at this scan in the map's frame, (3,)."""
     covariance: NDArray[np.float64]
     """Covariance of the pose over the particles in the map's frame, (3, 3)."""
+    particles: int
+    """Number of particles, before resampling."""
     ess: float
     """Effective sample size before resampling."""
     readings: Readings
@@ -136,6 +138,7 @@ class GMapping:
             updated=False,
             pose=se2.compose(self._poses[self.best], motion),
             covariance=self.covariance,
+            particles=self.config.particles,
             ess=self._weights.ess,
             unique_ancestors=self.ancestry.unique_ancestors,
             best=self.best,
@@ -152,6 +155,7 @@ class GMapping:
             updated=True,
             pose=self._poses[self.best].copy(),
             covariance=self.covariance,
+            particles=self.config.particles,
             ess=self._weights.ess,
             unique_ancestors=self.ancestry.unique_ancestors,
             best=self.best,
@@ -183,6 +187,7 @@ class GMapping:
             updated=True,
             pose=pose,
             covariance=covariance,
+            particles=self.config.particles,
             ess=ess,
             resampled=resampled,
             matched_share=min(float(weights @ proposed.matched), 1.0),  # the weights' sum may round above 1

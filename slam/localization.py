@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam.beams import Readings, rays_of, readings_of
 from slam.config import FilterConfig, LocalizationConfig
-from slam.frozen_map import FrozenMap, free_cells
+from slam.frozen_map import FrozenMap, checked_start, free_cells
 from slam.global_search import GlobalSearch
 from slam.gmapping import StepReport
 from slam.map_tracker import MapTracker, Rough
@@ -85,17 +85,9 @@ class Localization:
 
     def _from_start(self, start: ArrayLike) -> MapTracker:
         """Particles at a start in the map's frame (3,)."""
-        pose = np.asarray(start, dtype=np.float64)
-        if pose.shape != (3,) or not np.all(np.isfinite(pose)):
-            raise ValueError(f"start must be three finite numbers (x, y, theta), got {pose.tolist()}")
         rough = Rough(self.settings.start_position, self.settings.start_heading)
+        pose = checked_start(start, self._frozen.grid, 2.0 * rough.position)
         local = se2.between(self._frozen.T_map_grid, pose)
-        away, most = self._frozen.distance_to_free(local[:2]), 2.0 * rough.position
-        if away > most:
-            raise ValueError(
-                f"start ({pose[0]:g}, {pose[1]:g}) m is {away:.2f} m away from the free space of the map, "
-                f"expected at most {most:g} m"
-            )
         return self._tracker(np.tile(local, (self.config.particles, 1)), rough)
 
     def _tracker(self, poses: se2.Pose, rough: Rough) -> MapTracker:
@@ -112,8 +104,9 @@ class Localization:
             pose, covariance = np.append(free.mean(axis=0), 0.0), np.zeros((3, 3))
             covariance[:2, :2] = np.cov(free.T, ddof=0)
             covariance[2, 2] = np.pi**2 / 3.0
+        nothing = Readings(0, 0, 0)
         return self._in_map(
-            StepReport(updated=False, pose=pose, covariance=covariance, ess=1.0, readings=Readings(0, 0, 0))
+            StepReport(updated=False, pose=pose, covariance=covariance, particles=1, ess=1.0, readings=nothing)
         )
 
     def process(
@@ -147,6 +140,7 @@ class Localization:
             updated=False,
             pose=se2.compose(last.pose, motion),
             covariance=last.covariance,
+            particles=last.particles,
             ess=last.ess,
             readings=readings,
             unique_ancestors=last.unique_ancestors,
@@ -207,19 +201,19 @@ class Localization:
         """Numbers of the scans whose poses `path` gives, (updates,); at least one after the first scan."""
         return np.array(self._history()[0], dtype=np.int64)
 
-    def path(self) -> se2.Pose:
-        """Path of the best particle through all scans at which the robot was tracked, (updates, 3)."""
-        return self._history()[1]
+    def path(self, particle: int | None = None) -> se2.Pose:
+        """Path of a particle (default: the best) through all scans at which the robot was tracked, (updates, 3)."""
+        return self._history(particle)[1]
 
-    def map(self) -> OccupancyGrid:
-        """The map, as it was given."""
+    def map(self, particle: int | None = None) -> OccupancyGrid:
+        """The map, as it was given: all particles have the same."""
         return self._frozen.grid
 
-    def _history(self) -> tuple[list[int], se2.Pose]:
+    def _history(self, particle: int | None = None) -> tuple[list[int], se2.Pose]:
         """Scans and poses in the map's frame of all trackers; where there was none, what is known at the last scan."""
         parts = list(self._past)
         if isinstance(self._belief, MapTracker) and self._tracked:
-            parts.append((self._tracked, self._belief.path()))
+            parts.append((self._tracked, self._belief.path(particle)))
         if not parts:
             return [max(self._scans - 1, 0)], self._report.pose[None]
         scans = [number for numbers, _ in parts for number in numbers]

@@ -87,9 +87,9 @@ class MapTracker:
         """Whether one place is left and the map explains what the robot sees there."""
         return self.judged and not self.lost and self.places == 1
 
-    def path(self) -> se2.Pose:
-        """The best particle's path: the mean of its proposal at each update, (updates, 3)."""
-        return self._ancestry.path(self.weights.best)
+    def path(self, particle: int | None = None) -> se2.Pose:
+        """Path of a particle (default: the best): the mean of its proposal at each update, (updates, 3)."""
+        return self._ancestry.path(self.weights.best if particle is None else particle)
 
     def take(self, motion: se2.Pose, hits: NDArray[np.float64], readings: Readings) -> StepReport:
         """Take in a scan with hits (K, 2) [m] in the robot's frame, after a displacement (3,) since the last one."""
@@ -112,6 +112,7 @@ class MapTracker:
             updated=True,
             pose=pose,
             covariance=covariance,
+            particles=len(weights),
             ess=ess,
             readings=readings,
             resampled=resampled,

@@ -15,11 +15,13 @@ from slam import se2
 from slam.config import FilterConfig
 from slam.final_pass import refine
 from slam.gmapping import GMapping, StepReport
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.carrying import carry
 from testbed.frame import Frame
+from testbed.known_map import KnownMap
 from testbed.steps import StepTable
 
 
@@ -48,15 +50,23 @@ class Estimation:
     seed: int | np.random.SeedSequence
     threads: int | None = None
     """Threads of the filter; None = all cores. The result does not depend on it."""
-    mapper: GMapping = field(init=False)
+    known_map: KnownMap | None = None
+    """The map to localise in; None = the map is to be made."""
+    mapper: GMapping | Localization = field(init=False)
     steps: StepTable = field(init=False)
     frames: list[Frame] = field(init=False, default_factory=list)
     _waiting: dict[str, tuple[Pose, Scan]] = field(init=False, default_factory=dict)
     """The newest scan of each lidar since the filter last took scans in, and the odometry (3,) of its time."""
 
     def __post_init__(self) -> None:
-        self.mapper = GMapping(self.config, seed=self.seed, threads=self.threads)
-        self.steps = StepTable(self.config.particles)
+        known = self.known_map
+        if known is None:
+            self.mapper = GMapping(self.config, seed=self.seed, threads=self.threads)
+        else:
+            self.mapper = Localization(
+                known.grid, self.config, known.settings, start=known.start, seed=self.seed, threads=self.threads
+            )
+        self.steps = StepTable(aligned=known is None or not known.has_frame_of_truth)
 
     def process(self, frame: Frame) -> StepReport | None:
         """Take in one frame: its scan goes to the filter; None where it has no scan.

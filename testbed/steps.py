@@ -25,9 +25,11 @@ TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
 
 @dataclass
 class StepTable:
-    """Rows in the order of the scans; errors are those of the online pose, in the frame of the first pose."""
+    """Rows in the order of the scans; errors are those of the online pose, in the frame of the first pose where truth
+    has another frame than the map."""
 
-    particles: int
+    aligned: bool = True
+    """Whether truth is in a frame of its own; if not, it is in the map's."""
     rows: list[dict[str, Any]] = field(default_factory=list)
     _first: tuple[Pose, Pose] | None = None
 
@@ -47,7 +49,7 @@ class StepTable:
             "cov_xt": cov[0, 2],
             "cov_yt": cov[1, 2],
             "cov_tt": cov[2, 2],
-            "particles": self.particles,
+            "particles": report.particles,
             "ess": report.ess,
             "resampled": report.resampled,
             "matched_share": report.matched_share,
@@ -65,11 +67,13 @@ class StepTable:
     def _truth(self, frame: Frame, pose: Pose) -> dict[str, float]:
         if frame.truth is None:
             return dict.fromkeys(TRUTH_COLUMNS, math.nan)
-        if self._first is None:
-            self._first = (pose, frame.truth)
-        # T_world_estimate: both paths start at the same pose
-        first_pose, first_truth = self._first
-        expected = se2.compose(first_truth, se2.between(first_pose, pose))
+        expected = pose
+        if self.aligned:
+            if self._first is None:
+                self._first = (pose, frame.truth)
+            # T_world_estimate: both paths start at the same pose
+            first_pose, first_truth = self._first
+            expected = se2.compose(first_truth, se2.between(first_pose, pose))
         miss = se2.between(frame.truth, expected)
         values = (*frame.truth, np.hypot(miss[0], miss[1]), np.degrees(abs(miss[2])))
         return dict(zip(TRUTH_COLUMNS, map(float, values), strict=True))

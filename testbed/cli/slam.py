@@ -4,20 +4,66 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Annotated, Any
 
-from eval.map_server import read_map
+from cyclopts import Group, Parameter
+
 from eval.relations import read_relations
 from eval.tum import read_tum
+from slam.config import LocalizationConfig
+from slam.occupancy import OccupancyGrid
 from testbed.cli.console import console
 from testbed.cli.ending import carry_out
 from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
 from testbed.formats import open_log
+from testbed.formats.maps import read_map_inside
 from testbed.frame import Frame
+from testbed.known_map import KnownMap
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run import Job
 from testbed.truth import with_truth
 from testbed.views import Scene
+
+LOCALIZATION_GROUP = Group("Localisation (with --map)", sort_key=11)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class MapOptions:
+    """A finished map to localise in."""
+
+    map: Path | None = None
+    """A finished map (map_server .yaml) to localise in: the pose is tracked, the map stays as it is."""
+    start: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
+    """Where the robot starts on it, about: X,Y,DEG in the map's frame [m, deg]; default: unknown."""
+    localization: Annotated[LocalizationConfig, Parameter(group=LOCALIZATION_GROUP)] = field(
+        default_factory=LocalizationConfig
+    )
+    """Settings of the localisation."""
+
+    def __post_init__(self) -> None:
+        if self.map is None and self.start is not None:
+            raise ValueError(f"--start {self.start}: a place on a map, expected --map FILE.yaml beside it")
+
+    def read(self, truth: OccupancyGrid | None) -> KnownMap | None:
+        """The map and the start, checked; None where the log is to be mapped."""
+        return None if self.map is None else KnownMap.read(self.map, self.start, self.localization, truth)
+
+    def settings(self) -> dict[str, Any]:
+        """What of this belongs into `config.toml`."""
+        if self.map is None:
+            return {}
+        return {"map": self.map.resolve(), "start": self.start, "localization": asdict(self.localization)}
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The map's files."""
+        return () if self.map is None else (self.map, self.map.with_suffix(".pgm"))
+
+
+KNOWN_MAP = MapOptions()
 
 
 def slam(
@@ -27,10 +73,11 @@ def slam(
     truth: Path | None = None,
     laser_offset: float | None = None,
     range_max: float | None = None,
+    known_map: MapOptions = KNOWN_MAP,
     estimator: EstimatorOptions = ESTIMATOR,
     output: OutputOptions = OUTPUT,
 ) -> int:
-    """Map a recorded log with the particle filter, and score the result where something is known to compare it with.
+    """Map a recorded log with the particle filter, or localise in a finished map; score it where truth is known.
 
     Parameters
     ----------
@@ -48,7 +95,9 @@ def slam(
     output.check_directory()
     filter_config = estimator.filter_config
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
-    truth_map = log / "truth_map.yaml"  # beside the recording in a dataset of ours
+    truth_file = log / "truth_map.yaml"  # beside the recording in a dataset of ours
+    truth_map = read_map_inside(truth_file) if truth_file.is_file() else None
+    place = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
     frames = recording.frames if truth is None else with_truth(recording.frames, read_tum(truth))
     settings = {
@@ -57,9 +106,10 @@ def slam(
         "truth": truth and truth.resolve(),
         "laser_offset": laser_offset,
         "range_max": range_max,
+        **known_map.settings(),
         **estimator.settings(),
     }
-    inputs = [path for path in (log, relations, truth) if path is not None and path.is_file()]
+    inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
     name = log.name.split(".")[0]
@@ -73,7 +123,8 @@ def slam(
         threads=estimator.threads,
         refine=estimator.refine,
         relations=known_relations,
-        truth_map=read_map(truth_map) if truth_map.is_file() else None,
+        known_map=place,
+        truth_map=truth_map,
         share_done=lambda: done.share,
     )
     scene = Scene(

@@ -10,6 +10,8 @@ from rich.table import Table
 
 HEADLINES = (
     ("trajectory.ate_rmse_m", "trajectory error (ATE)", "{:.3f} m"),
+    ("localization.error_median_m", "error in the map's frame, median", "{:.3f} m"),
+    ("localization.found_after_m", "found after driving", "{:.1f} m"),
     ("trajectory.heading_rmse_deg", "heading error", "{:.2f} deg"),
     ("trajectory.odometry.ate_rmse_m", "odometry's error (ATE)", "{:.3f} m"),
     ("relations.trans_mean_m", "relations, translation", "{:.4f} m"),
@@ -28,6 +30,8 @@ def headline_table(metrics: Mapping[str, Any]) -> Table:
     """The figures of `HEADLINES` that these metrics have."""
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_row("outcome", f"{metrics['outcome']}")
+    if metrics["outcome"] == "lost":
+        table.add_row("why", f"{metrics['outcome_reason']}")
     for key, words, form in HEADLINES:
         value: Any = metrics
         for part in key.split("."):

@@ -244,7 +244,7 @@ class RerunView:
     def _log_events(self, snapshot: Snapshot) -> None:
         lines = [("WARN", note) for note in snapshot.notes]
         if snapshot.step is not None and snapshot.step.updated:
-            state, news = filter_state(snapshot.step, self._scene.particles)
+            state, news = filter_state(snapshot.step)
             self._enter(entities.FILTER_STATE, state)
             lines += news
         robot = styles.COLLIDED if snapshot.collided else styles.DRIVING
@@ -305,7 +305,7 @@ class RerunView:
             self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)
 
 
-def filter_state(step: StepReport, particles: int) -> tuple[str, list[tuple[str, str]]]:
+def filter_state(step: StepReport) -> tuple[str, list[tuple[str, str]]]:
     """The filter's state after a scan that it took in, and (level, text) of what is worth a line in the event log."""
     state, news = styles.MAPPING, []
     if step.resampled:
@@ -315,8 +315,8 @@ def filter_state(step: StepReport, particles: int) -> tuple[str, list[tuple[str,
         state = styles.LOOP_CLOSED
         news.append(("INFO", "loop closed: back at a place left long ago"))
     if step.match_failures:
-        news.append(("WARN", f"match failed for {step.match_failures} of {particles} particles"))
-    if 2 * step.match_failures > particles:
+        news.append(("WARN", f"match failed for {step.match_failures} of {step.particles} particles"))
+    if 2 * step.match_failures > step.particles:
         state = styles.MATCH_FAILED
     return state, news
 
