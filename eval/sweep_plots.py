@@ -37,9 +37,7 @@ def accuracy(summary: SweepSummary) -> Figure:
             x = _beside(table, k)
             groups = _groups(summary, p, k)
             runs = unit.factor * table.error[p, k]
-            ax.plot(
-                np.repeat(x[:, None], runs.shape[1], axis=1), runs, "o", ms=2.6, mew=0, alpha=0.35, color=_colour(k)
-            )
+            _dots(ax, x, runs, k)
             _line(ax, x, [unit.factor * g.median.value for g in groups], line, k)
             low, high = ([unit.factor * getattr(g.median, end) for g in groups] for end in ("low", "high"))
             ax.fill_between(x, low, high, color=_colour(k), alpha=0.15, lw=0)
@@ -109,9 +107,7 @@ def honesty(summary: SweepSummary) -> Figure:
         for k, line in enumerate(table.lines):
             x = _beside(table, k)
             runs = inside[p, k]
-            ax.plot(
-                np.repeat(x[:, None], runs.shape[1], axis=1), runs, "o", ms=2.6, mew=0, alpha=0.35, color=_colour(k)
-            )
+            _dots(ax, x, runs, k)
             _line(ax, x, [100.0 * g.inside_share for g in _groups(summary, p, k)], line, k)
         _count_axis(ax, table)
         ax.set_ylim(-4.0, 104.0)
@@ -190,6 +186,11 @@ def _groups(summary: SweepSummary, p: int, k: int) -> list[Group]:
 
 def _line(ax: Axes, x: Any, values: Any, name: str, k: int) -> None:
     ax.plot(x, values, "o-", ms=4, lw=1.5, color=_colour(k), label=name, zorder=3)
+
+
+def _dots(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int) -> None:
+    """Every run (counts, seeds), faint."""
+    ax.plot(np.repeat(x, runs.shape[1]), runs.ravel(), "o", ms=2.6, mew=0, alpha=0.35, color=_colour(k))
 
 
 def _colour(k: int) -> str:

@@ -236,3 +236,57 @@ class FilterConfig:
 
     def __post_init__(self) -> None:
         _at_least(self, 1, "particles")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalizationConfig:
+    """Localisation in a finished map, beside the settings of the filter; never used while mapping."""
+
+    start_position: float = 0.3
+    """Standard deviation of a given start in x and in y [m]."""
+    start_heading: float = 0.15
+    """Standard deviation of a given start's heading [rad]."""
+    weight_share: float = 0.2
+    """Share of log eta that goes into the weights, in the place of `MatchConfig.weight_share`: all particles see one
+    map, so only the errors that the map and the next scans have in common speak against full weight."""
+    near: float = 0.15
+    """A hit this close to a wall is explained by the map [m]."""
+    least_fit: float = 0.7
+    """The robot is lost where a smaller share of the hits is explained, mean over the last updates."""
+    fit_memory: float = 10.0
+    """Updates over which that mean forgets."""
+    sure: float = 0.99
+    """Weight that must lie in one place before the robot counts as found."""
+    place_position: float = 0.5
+    """Poses this close together are one place [m]; also the side of the bins of KLD-sampling."""
+    place_heading: float = 0.26
+    """Poses whose headings differ by less may be one place [rad]; also the height of these bins."""
+    spread_position: float = 0.3
+    """Unknown start: distance of the first poses [m]."""
+    spread_heading: float = 0.15
+    """Unknown start: angle between the first headings [rad]."""
+    search_sigma: float = 0.25
+    """Spread of end points about a wall while poses are this coarse [m]."""
+    search_radius: float = 1.0
+    """How far from a wall the search feels it [m]."""
+    search_beams: int = 60
+    """Hits that the search looks at, at least, where the scan has that many."""
+    independent_beams: float = 8.0
+    """Independent beams that one scan counts as in the search."""
+    most_poses: int = 50_000
+    """Most particles of the search."""
+    most_candidates: int = 1000
+    """Particles from which on they are matched one by one."""
+    kld_error: float = 0.05
+    """Bound on the divergence between belief and particles [nats] (Fox 2003: epsilon)."""
+    kld_quantile: float = 2.33
+    """Quantile of the normal distribution at the probability with which the bound holds (Fox 2003: z at 1 - delta)."""
+
+    def __post_init__(self) -> None:
+        _positive(self, "start_position", "start_heading", "weight_share", "near", "place_position", "place_heading")
+        _positive(self, "spread_position", "spread_heading", "search_sigma", "search_radius", "independent_beams")
+        _positive(self, "kld_error", "kld_quantile")
+        _at_least(self, 1, "fit_memory", "search_beams", "most_poses", "most_candidates")
+        for name in ("least_fit", "sure"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ValueError(f"LocalizationConfig.{name} must be in (0, 1), got {getattr(self, name)}")

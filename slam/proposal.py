@@ -27,7 +27,8 @@ def propose_poses(
 ) -> Proposed:
     """Match, sample, fit, draw, weigh: particle i starts from `guesses[i]` (particles, 3) and looks at its own map.
 
-    samples: poses drawn about each optimum (K)
+    Where there are fewer maps than particles they must all be alike; particle i then looks at number i modulo their
+    count.  samples: poses drawn about each optimum (K)
     """
     n = len(guesses)
     draws = Draws(
@@ -44,7 +45,12 @@ def propose_poses(
         failed=np.empty(n, np.bool_),
         samples=np.empty((n, samples, 3)),
     )
-    maps.threads.run(propose, n, maps.grids, guesses, evidence, search, draws, out)
+    count = len(maps.grids.table)
+    for first in range(0, n, count):
+        part = slice(first, first + count)
+        drawn = Draws(draws.near, draws.pose[part], draws.component[part])
+        rows = Proposed._make(array[part] for array in out)
+        maps.threads.run(propose, len(rows.pose), maps.grids, guesses[part], evidence, search, drawn, rows)
     return out
 
 

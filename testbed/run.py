@@ -19,10 +19,13 @@ from eval.scoring import Reference, score
 from slam.beams import rays_of
 from slam.config import FilterConfig
 from slam.gmapping import GMapping, StepReport
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from testbed.estimation import Estimate, Estimation
+from testbed.formats.commands import commands_of, write_commands
 from testbed.frame import Frame
 from testbed.interruption import deferred_interruption
+from testbed.known_map import KnownMap, localization_metrics, why_astray
 from testbed.lidar_views import lidar_views
 from testbed.rundir import RunDirectory, result_hash
 from testbed.simulation import Simulation
@@ -57,6 +60,8 @@ class Job:
     """Seed of the filter's random numbers."""
     threads: int | None = None
     """Threads of the filter; None = all cores. Results do not depend on it."""
+    known_map: KnownMap | None = None
+    """The map to localise in; None = the map is to be made."""
     refine: bool = True
     """Whether the final pass over all frames is made."""
     truth_map: OccupancyGrid | None = None
@@ -66,7 +71,7 @@ class Job:
     share_done: Callable[[], float | None] = lambda: None
     """How much of the job is behind us, in [0, 1]; None = unknown."""
     observe: Callable[[Frame, StepReport, GMapping], None] = lambda frame, report, mapper: None
-    """Told what the filter made of each scan, before the next frame is asked for: how a mapper steers a robot."""
+    """Told what the mapper made of each scan, before the next frame is asked for: how it steers a robot."""
     collided: Callable[[], bool] = lambda: False
     """Whether the robot has touched something."""
     ended: Callable[[], str | None] = lambda: None
@@ -86,8 +91,8 @@ def execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View | No
 
 def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) -> dict[str, Any]:
     started = time.perf_counter()
-    watcher.stage("mapping")
-    estimation = Estimation(job.filter, job.filter_seed, job.threads)
+    watcher.stage("mapping" if job.known_map is None else "localising")
+    estimation = Estimation(job.filter, job.filter_seed, job.threads, job.known_map)
     with view:
         interrupted = _feed(job, estimation, watcher, view)
         if not len(estimation.scan_frames):
@@ -96,7 +101,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) ->
             return metrics
         filtered = estimation.filtered()
         estimate = filtered
-        if job.refine and not interrupted:
+        if job.refine and job.known_map is None and not interrupted:
             watcher.stage("final pass")
             try:
                 estimate = estimation.refined(filtered)
@@ -118,7 +123,8 @@ def _feed(job: Job, estimation: Estimation, watcher: Watcher, view: View) -> boo
         for frame in job.frames:
             report = estimation.process(frame)
             if report is not None:
-                job.observe(frame, report, estimation.mapper)
+                if isinstance(estimation.mapper, GMapping):
+                    job.observe(frame, report, estimation.mapper)
                 view.show(snapshot(frame, report, estimation.mapper, collided=job.collided()))
                 watcher.step(frame.stamp, job.share_done(), estimation.steps.last_error)
             if interruption.requested:
@@ -126,7 +132,7 @@ def _feed(job: Job, estimation: Estimation, watcher: Watcher, view: View) -> boo
     return False
 
 
-def snapshot(frame: Frame, report: StepReport, mapper: GMapping, *, collided: bool = False) -> Snapshot:
+def snapshot(frame: Frame, report: StepReport, mapper: GMapping | Localization, *, collided: bool = False) -> Snapshot:
     """What a view is shown of one scan, straight after the filter was given it."""
     samples = None if report.proposed is None else report.proposed.samples[report.best]
     if samples is not None and np.isnan(samples).any():  # none were drawn: matching failed, or another proposal
@@ -157,6 +163,8 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
         trajectory = estimation.trajectory_at_scans(name)
         if trajectory is not None:
             directory.write_trajectory(f"{name}.tum", trajectory)
+    if commands := commands_of(estimation.frames):
+        write_commands(directory / "commands.csv", commands)
     directory.write_map("map", estimate.map)
     if job.truth_map is not None:
         directory.write_map("truth_map", job.truth_map)
@@ -188,7 +196,7 @@ def metrics_of(
 
     wall_seconds: time that the estimate took. ended: why the run did not end by itself, see `eval.outcome.judge`.
     """
-    return score(
+    metrics = score(
         estimate.at_scans,
         reference=Reference(
             trajectory=estimation.trajectory_at_scans("truth"),
@@ -198,7 +206,8 @@ def metrics_of(
         ),
         odometry=estimation.trajectory_at_scans("odometry"),
         dense=estimate.dense,
-        grid=None if ended == "interrupted" else estimate.map,  # the dear measures: Ctrl-C must end soon
+        # Ctrl-C must end soon, and these measures are dear; a map that was given is nobody's result
+        grid=None if ended == "interrupted" or job.known_map is not None else estimate.map,
         steps=estimation.steps.columns(),
         ended=ended,
         facts={
@@ -209,6 +218,18 @@ def metrics_of(
             "result_hash": result_hash(estimate.at_scans, estimate.map),
         },
     )
+    return metrics if job.known_map is None else metrics | _localized(job.known_map, estimation, estimate, ended)
+
+
+def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
+    """What `metrics.json` says of a localisation; the outcome where it is not to be trusted."""
+    assert isinstance(estimation.mapper, Localization)
+    truth = estimation.trajectory_at_scans("truth")
+    found = localization_metrics(known, estimation.mapper.whereabouts, estimation.frames, estimate.at_scans, truth)
+    astray = why_astray(found)
+    if ended is not None or astray is None:
+        return {"localization": found}
+    return {"outcome": "lost", "outcome_reason": astray, "localization": found}
 
 
 def drive_ended(simulation: Simulation, duration: float | None) -> str | None:

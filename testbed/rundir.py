@@ -28,6 +28,7 @@ RUN_FILES = (
     "truth.tum",
     "estimate_dense.tum",
     "filter.tum",
+    "commands.csv",
     "map.pgm",
     "map.yaml",
     "truth_map.pgm",

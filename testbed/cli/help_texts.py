@@ -24,6 +24,7 @@ that are there already are kept, so that a job that was cut off can be started a
 ```
 testbed simulate office --out datasets --count 100 --workers 2
 testbed simulate office --out poor --odometry.grade poor --format carmen
+testbed simulate office --out paired --vary lidar=lds01,rplidar_a2
 testbed slam datasets/office-0000
 ```
 """,

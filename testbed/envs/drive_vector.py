@@ -77,9 +77,9 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         options = dict(options or {})
         mask = self._reset_mask(options.pop("reset_mask", None))
         wish = self._task.scenario.wish(options)
-        for robot, own in enumerate(self._seeds(seed)):
-            if mask[robot] and own is not None:
-                self._generators[robot] = seeding.np_random(own)
+        seeded = [None if own is None else seeding.np_random(own) for own in self._seeds(seed)]
+        for robot in np.flatnonzero(mask).tolist():
+            self._generators[robot] = seeded[robot] or self._generators[robot]
         outcome = self._begin(mask, wish)
         return self._told(outcome, mask), self._infos(outcome, mask)
 
@@ -99,18 +99,22 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         truncated = np.zeros_like(terminated) if self._limit is None else (self._elapsed >= self._limit) & ~anew
         reward = np.where(anew, 0.0, outcome.reward)
         self._over = terminated | truncated
+        self._show(anew)
         everyone = np.ones(self.num_envs, np.bool_)
-        if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._over.any():
-            self._show(anew)
-            return self._told(outcome, everyone), reward, terminated, truncated, self._infos(outcome, everyone)
-        infos = self._final_infos(outcome)
+        told, infos = self._told(outcome, everyone), self._infos(outcome, everyone)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
+            told, infos = self._reset_ended(outcome)
+        return told, reward, terminated, truncated, infos
+
+    def _reset_ended(self, outcome: Outcome) -> tuple[Observation, dict[str, Any]]:
+        """Begin new episodes in place of those that have just ended; their last words go into the infos."""
         ended = self._over.copy()
-        self._told(outcome, ~ended)
+        infos = self._final_infos(outcome)
         begun = self._begin(ended, Wish())
-        merged = outcome._replace(
+        mixed = outcome._replace(
             pose=np.where(ended[:, None], begun.pose, outcome.pose), terminated=outcome.terminated & ~ended
         )
-        return self._told(begun, ended), reward, terminated, truncated, infos | self._infos(merged, everyone)
+        return self._told(begun, ended), infos | self._infos(mixed, np.ones(self.num_envs, np.bool_))
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of each world from above, (height, width, 3), for "rgb_array"; None otherwise."""

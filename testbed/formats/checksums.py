@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""SHA-256 of the files of a dataset: neither MCAP nor SQLite would notice a changed byte."""
+"""SHA-256 of the files of a dataset and of the messages of a bag: most formats would not notice a changed byte."""
 
 from __future__ import annotations
 
@@ -15,6 +15,29 @@ from testbed.provenance import dump_toml, versions
 CONFIG = "config.toml"
 LARGEST_CONFIG = 1_000_000
 """Bytes."""
+
+
+SEAL_TOPIC = "/testbed/sha256"
+"""Topic of the last message of a bag: the sum over all others, as a std_msgs/String."""
+
+
+class MessageSum:
+    """Sum of the SHA-256 of all messages of a bag, modulo 2^256: their order does not matter, since messages of one
+    time have none."""
+
+    def __init__(self) -> None:
+        self._sum = 0
+
+    def add(self, topic: str, time: int, raw: bytes | memoryview) -> None:
+        """Take in a message; time [ns], raw: as it is in the bag."""
+        digest = hashlib.sha256(f"{topic} {time} ".encode())
+        digest.update(raw)
+        self._sum += int.from_bytes(digest.digest(), "big")
+
+    @property
+    def text(self) -> str:
+        """The sum as 64 hexadecimal digits."""
+        return f"{self._sum % 2**256:064x}"
 
 
 def checksums_of(directory: Path) -> dict[str, str]:

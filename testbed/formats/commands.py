@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+from eval.files import write_aside
 from testbed.formats import LogError, open_log
+from testbed.frame import Frame
 
 COLUMNS = ("stamp", "speed", "turn_rate")
 """First line of a table of commands."""
@@ -39,14 +41,25 @@ def read_commands(path: str | Path) -> list[Command]:
     if _is_table(path):
         numbered = list(_rows(path))
     else:
-        frames = open_log(path).frames
-        numbered = [(k, Command(f.stamp, *f.command)) for k, f in enumerate(frames) if f.command is not None]
+        numbered = list(enumerate(commands_of(open_log(path, scans_needed=False).frames)))
     if not numbered:
         raise LogError(f"{path}: no commands: expected a log with /cmd_vel, or a table {','.join(COLUMNS)}")
     for (_, before), (number, after) in pairwise(numbered):
         if after.stamp < before.stamp:
             raise LogError(f"{path}:{number}: stamp {after.stamp:g} after {before.stamp:g}, expected increasing stamps")
     return [command for _, command in numbered]
+
+
+def commands_of(frames: Iterable[Frame]) -> list[Command]:
+    """The commands of a recording, as far as they are known."""
+    return [Command(frame.stamp, *frame.command) for frame in frames if frame.command is not None]
+
+
+def write_commands(path: str | Path, commands: Iterable[Command]) -> None:
+    """Write a table that `read_commands` reads back to the last digit; aside and renamed."""
+    rows = "".join(f"{stamp!r},{speed!r},{turn_rate!r}\n" for stamp, speed, turn_rate in commands)
+    with write_aside(path) as aside:
+        aside.write_text(f"{','.join(COLUMNS)}\n{rows}", encoding="utf-8")
 
 
 def _is_table(path: Path) -> bool:

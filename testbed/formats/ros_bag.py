@@ -23,7 +23,7 @@ from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose
-from testbed.formats.checksums import verify
+from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.mcap_checksums import verify_mcap
 from testbed.formats.transforms import Transforms, planar_pose
@@ -140,11 +140,22 @@ def _read_messages(path: Path, content: _Content) -> None:
         raise LogError(f"{metadata}: larger than {LARGEST_METADATA} bytes")
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         wanted = _choose_topics(path, reader, content)
-        for connection, time, raw in reader.messages(connections=wanted):
+        topics = {connection.topic for connection in wanted}
+        sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
+        for connection, time, raw in reader.messages(connections=reader.connections if sealed else wanted):
+            if connection.topic == SEAL_TOPIC:
+                seal = str(getattr(reader.deserialize(raw, connection.msgtype), "data", ""))
+                continue
+            if sealed:
+                total.add(connection.topic, time, raw)
+            if connection.topic not in topics:
+                continue
             content.messages += 1
             if connection.msgtype == TRANSFORM_TYPE and "static" not in connection.topic:
                 continue  # moving joints are no mount
             _take(path, content, connection, time, reader.deserialize(raw, connection.msgtype))
+        if sealed and seal != total.text:
+            raise LogError(f"{path}: damaged bag: its messages differ from the SHA-256 in {SEAL_TOPIC}")
 
 
 def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
@@ -166,7 +177,7 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
         content.topics["map"] = true_maps[0]
     taken = {*content.topics.values(), *content.scans, *(by_type["std_msgs/msg/String"] & {DESCRIPTION})}
     wanted = [c for c in reader.connections if c.topic in taken or c.msgtype == TRANSFORM_TYPE]
-    derived = {f"{topic}_cloud" for topic in content.scans}
+    derived = {SEAL_TOPIC, *(f"{topic}_cloud" for topic in content.scans)}
     content.others = sorted(
         {
             f"{c.topic} ({c.msgtype}, {c.msgcount} messages)"

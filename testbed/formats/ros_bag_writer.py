@@ -3,7 +3,8 @@
 
 Topics: `/scan`, `/odom`, `/cmd_vel` where the commands are known, `/tf` (odom to base_link), `/tf_static` (base_link to
 laser and to the robot's parts), `/robot_description` and, where truth is known, `/ground_truth/odom`,
-`/ground_truth/map` and `/ground_truth/tf` (map to odom). Frames by REP 105: map, odom, base_link, laser. Of several
+`/ground_truth/map` and `/ground_truth/tf` (map to odom). Bags that have no check sums of their own end with one on
+`/testbed/sha256`. Frames by REP 105: map, odom, base_link, laser. Of several
 lidars, each has a frame of its own and a topic `/scan_` with the frame's name.
 
 Viewers such as Rerun draw neither LaserScan nor Odometry: for them the hits are there once more as a point cloud,
@@ -17,7 +18,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from slam import se2
 from slam.occupancy import OccupancyGrid
 from testbed.formats.aside import renamed_when_whole
 from testbed.formats.beams import same_mount
+from testbed.formats.checksums import SEAL_TOPIC, MessageSum
 from testbed.formats.log import LogError
 from testbed.formats.mcap_checksums import seal
 from testbed.formats.ros_messages import Joint, Messages, joints_of, nanoseconds, planar_joint
@@ -39,6 +41,16 @@ LATCHED = ("/tf_static", "/robot_description", "/ground_truth/map")
 
 Put = Callable[[str, float, Any], None]
 """Writes a message: topic, time [s], message."""
+
+
+class _Bag(NamedTuple):
+    """A bag that is being written."""
+
+    types: Any
+    """Message types by name."""
+    put: Put
+    total: MessageSum
+    """Of what was put so far."""
 
 
 def write_bag(
@@ -65,8 +77,11 @@ def write_bag(
         raise LogError(f"{path}: exists")
     mounts = _mounts(path, frames)
     with renamed_when_whole(path) as aside:
-        with _rosbag1(aside) if storage == "rosbag1" else _rosbag2(aside, storage) as (types, put):
-            _put_all(Messages(types), put, frames, mounts, truth_map, robot_urdf, cloud)
+        with _rosbag1(aside) if storage == "rosbag1" else _rosbag2(aside, storage) as bag:
+            make = Messages(bag.types)
+            _put_all(make, bag.put, frames, mounts, truth_map, robot_urdf, cloud)
+            if storage != "mcap":
+                bag.put(SEAL_TOPIC, frames[-1].stamp, make.text(bag.total.text))
         if storage == "mcap":
             seal(aside / f"{aside.name}.mcap")
 
@@ -102,14 +117,15 @@ def scan_topics(lidars: Sequence[str]) -> dict[str, str]:
 
 
 @contextmanager
-def _rosbag2(path: Path, storage: Literal["mcap", "sqlite"]) -> Iterator[tuple[Any, Put]]:
-    """Types of ROS 2 and a function that writes to a new rosbag2 directory."""
+def _rosbag2(path: Path, storage: Literal["mcap", "sqlite"]) -> Iterator[_Bag]:
+    """A new rosbag2 directory."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
     connections: dict[str, Any] = {}
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+    total = MessageSum()
     with Writer(path, version=9, storage_plugin=plugin) as writer:
 
         def put(topic: str, stamp: float, message: Any) -> None:
@@ -117,20 +133,23 @@ def _rosbag2(path: Path, storage: Literal["mcap", "sqlite"]) -> Iterator[tuple[A
             if topic not in connections:
                 qos = [_latched()] if topic in LATCHED else []
                 connections[topic] = writer.add_connection(topic, kind, typestore=store, offered_qos_profiles=qos)
-            writer.write(connections[topic], nanoseconds(stamp), store.serialize_cdr(message, kind))
+            raw = store.serialize_cdr(message, kind)
+            total.add(topic, nanoseconds(stamp), raw)
+            writer.write(connections[topic], nanoseconds(stamp), raw)
 
-        yield store.types, put
+        yield _Bag(store.types, put, total)
 
 
 @contextmanager
-def _rosbag1(path: Path) -> Iterator[tuple[Any, Put]]:
-    """Types of ROS 1 and a function that writes to a new bag; packed by bzip2, whose check sums tell damage."""
+def _rosbag1(path: Path) -> Iterator[_Bag]:
+    """A new ROS 1 bag; packed by bzip2, whose check sums tell damage."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
     connections: dict[str, Any] = {}
+    total = MessageSum()
     writer = Writer(path)
     writer.set_compression(Writer.CompressionFormat.BZ2)
     with writer:
@@ -140,9 +159,11 @@ def _rosbag1(path: Path) -> Iterator[tuple[Any, Put]]:
             if topic not in connections:
                 latching = int(topic in LATCHED)
                 connections[topic] = writer.add_connection(topic, kind, typestore=store, latching=latching)
-            writer.write(connections[topic], nanoseconds(stamp), store.serialize_ros1(message, kind))
+            raw = store.serialize_ros1(message, kind)
+            total.add(topic, nanoseconds(stamp), raw)
+            writer.write(connections[topic], nanoseconds(stamp), raw)
 
-        yield store.types, put
+        yield _Bag(store.types, put, total)
 
 
 def _put_all(

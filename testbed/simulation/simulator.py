@@ -144,8 +144,7 @@ class Simulation(Iterator[Frame]):
     def _command(self, x: float, y: float, theta: float) -> tuple[float, float]:
         """What the driver wants, within the limits of the robot."""
         driver, robot = self.config.driver, self.config.robot
-        stopping_distance = 0.5 * driver.speed**2 / driver.acceleration
-        if self.movers and self.movers.in_the_way(x, y, theta, stopping_distance):
+        if self.movers and self.movers.in_the_way(x, y, theta, 0.5 * driver.speed**2 / driver.acceleration):
             speed, turn_rate = self.driver.wait(self.time)
         else:
             speed, turn_rate = self.driver.command(self.time, x, y, theta)
@@ -252,9 +251,8 @@ class _Sensors:
             device.advance()
             if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has told it
                 self._next_odometry += 1
-        self.truth.forget_before(time - self._keep)
-        self._odometry.forget_before(time - self._keep)
-        self._movers.forget_before(time - self._keep)
+            for history in (self.truth, self._odometry, self._movers):
+                history.forget_before(time - self._keep)
 
     def odometry_frames(self, before: float) -> Iterator[Frame]:
         """Frames without a scan that were not given yet, up to a time [s]."""

@@ -58,11 +58,11 @@ def compute(cell: Cell) -> CellResult:
 
 
 def job_of(cell: Cell, recording: Recording) -> Job:
-    """The job of `testbed run` or `testbed slam` with the settings of the cell."""
+    """The job of `testbed run` or `testbed slam` with the settings of the cell; without a document, to be measured."""
     settings = RunSettings.of(cell.settings)
     return Job(
         frames=recording.frames,
-        document={"settings": cell.document()},
+        document={},
         seed=cell.seed,
         filter=replace(settings.filter, particles=cell.particles),
         filter_seed=streams(cell.seed).filter,

@@ -7,16 +7,19 @@ Cells keep figures only; being pure functions, they can be looked at whenever so
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 from eval.report import write_report
-from testbed.provenance import settings_as_markdown
+from testbed.cli.options import EstimatorOptions
+from testbed.provenance import config_document, settings_as_markdown
 from testbed.run import Watcher, execute
 from testbed.rundir import RunDirectory
 from testbed.sweep.cell import Cell
 from testbed.sweep.compute import job_of
 from testbed.sweep.recordings import recording_of
+from testbed.sweep.settings import RunSettings
 from testbed.sweep.store import SweepDirectory
 from testbed.views import Scene, ViewOptions, open_view
 
@@ -33,11 +36,11 @@ def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
     """
     folder = _folder(directory, cell)
     shutil.rmtree(folder, ignore_errors=True)
-    job = replace(job_of(cell, recording_of(cell)), threads=None)
+    job = replace(job_of(cell, recording_of(cell)), document=_document(cell), threads=None)
     run = RunDirectory.create(folder)
     scene = Scene(
         title=str(cell),
-        settings=settings_as_markdown({"command": f"testbed gather {directory.path}", **job.document}),
+        settings=settings_as_markdown(job.document),
         particles=cell.particles,
         true_map=job.truth_map,
     )
@@ -45,6 +48,16 @@ def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
     write_report(folder)
     swept = directory.result(cell.key)
     return swept is not None and metrics["result_hash"] == swept.metrics["result_hash"]
+
+
+def _document(cell: Cell) -> dict[str, Any]:
+    """Content of `config.toml`, with which `testbed run --config` or `testbed slam --config` repeats the run."""
+    settings = RunSettings.of(cell.settings)
+    estimator = EstimatorOptions(
+        particles=cell.particles, seed=cell.seed, refine=settings.refine, filter=settings.filter
+    )
+    simulator = asdict(settings.simulator) if "world" in cell.source else {}
+    return config_document({**cell.source, **simulator, **estimator.settings()}, map(Path, cell.inputs))
 
 
 def _folder(directory: SweepDirectory, cell: Cell) -> Path:

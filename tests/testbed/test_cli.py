@@ -196,7 +196,7 @@ def test_slam_writes_a_whole_run(mapped):
     metrics = metrics_of(mapped / "a")
     assert (metrics["outcome"], metrics["seed"], metrics["particles"], metrics["scans"]) == ("ok", 7, 3, 5)
     assert metrics["trajectory"]["ate_rmse_m"] < 0.02
-    absent = {"truth_map.pgm", "truth_map.yaml"}  # nobody knows the true map of a log
+    absent = {"truth_map.pgm", "truth_map.yaml", "commands.csv"}  # nobody knows them of a log
     absent.add("finding.json")  # less than a metre of path: no stretch to judge
     assert {path.name for path in (mapped / "a").iterdir()} == set(RUN_FILES) - absent
 

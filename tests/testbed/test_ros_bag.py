@@ -320,7 +320,7 @@ def to_ros1(store, content, stamp):
         ([("/odom", 0.0, odometry(0.0, 0.0))], "no scans in this ROS bag; scans from nowhere, odometry from /odom"),
         ([("/scan", 0.0, scan(0.0))], "no topic of type nav_msgs/msg/Odometry"),
         ([*plain(), ("/a", 1.0, odometry(1.0, 1.0)), ("/front", 1.0, scan(1.0))], None),
-        ([("/a", 0.0, scan(0.0)), ("/b", 0.0, scan(0.0)), *plain()[:3]], "several topics with scans of one lidar, none is /scan: /a, /b"),
+        ([("/a", 0.0, scan(0.0)), ("/b", 0.0, scan(0.0)), *plain()[:3]], "scans of one lidar, none is /scan: /a, /b"),
         ([*plain()[:3], ("/scan", 1e6, scan(1e6))], "the clocks of scans and odometry do not meet"),
         ([*plain(), ("/odom", 3.0, odometry(3.0, math.nan))], r"message 6 \(/odom\): expected a finite pose"),
         ([*plain(), ("/odom", 3.0, odometry(3.0, 0.0, quaternion(w=0.0)))], "unit quaternion"),

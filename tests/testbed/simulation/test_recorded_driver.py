@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbed.formats import LogError
-from testbed.formats.commands import Command, read_commands
+from testbed.formats.commands import Command, commands_of, read_commands, write_commands
 from testbed.simulation import LidarLayers, SimulationConfig, simulate
 from testbed.simulation.recorded_driver import RecordedDriver
 from testbed.simulation.simulator import CONTROL_PERIOD
@@ -20,10 +20,6 @@ CONFIG = SimulationConfig(backend="fast", duration=20.0)
 def frames(world, config, driver=None):
     with simulate(world, config, driver) as simulation:
         return list(simulation)
-
-
-def commands_of(recorded):
-    return [Command(frame.stamp, *frame.command) for frame in recorded]
 
 
 @pytest.mark.parametrize("layers", [LidarLayers(), LidarLayers.none()])
@@ -64,6 +60,12 @@ def test_commands_beyond_the_robot_are_cut_and_collisions_are_told():
         commands = {frame.command for frame in simulation}
     assert commands == {(0.46, 0.0)}
     assert simulation.collided
+
+
+def test_tables_come_back_to_the_last_digit(tmp_path):
+    commands = [Command(0.1 * k, 1.0 / (k + 3), -(2.0**-k)) for k in range(9)]
+    write_commands(tmp_path / "commands.csv", commands)
+    assert read_commands(tmp_path / "commands.csv") == commands
 
 
 def test_tables_are_read(tmp_path):

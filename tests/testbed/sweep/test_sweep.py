@@ -258,6 +258,8 @@ def test_the_worst_runs_are_carried_out_again_with_report_and_recording(copied, 
         assert (path / "recording.rrd").stat().st_size > 10_000
         assert f'href="worst/{key}/report.html"' in page
         assert f'href="worst/{key}/recording.rrd"' in page
+    assert call("run", "--config", path / "config.toml", "--out", copied / "again") == 0
+    assert json.loads((copied / "again" / "metrics.json").read_text())["result_hash"] == rows[key]["result_hash"]
 
 
 @pytest.mark.slow
