@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Compiled parts of the field of nearest walls, kept up to date where cells become walls or cease to be.
 
-A word holds the offset to the nearest wall cell: bits 7..13 dy + 64, bits 0..6 dx + 64; 0 = none within the radius.
-Of two walls the one of the lower key (squared distance, then word) is preferred: the closer; at a tie the lower, then
-the left one, so that the field does not depend on the order in which walls come and go. The word 0 reads as an offset
-of (-64, -64), farther than any wall within the radius, so that it needs no case of its own.
+A word says where the nearest wall is: words number the offsets within the field's radius from the farthest, 1, to the
+cell itself; 0 = no wall within the radius. Of two walls the one of the larger word is preferred: the closer; at a tie
+the lower, then the left one, so that the field does not depend on the order in which walls come and go.
 """
 
 from __future__ import annotations
@@ -15,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam._cell_kernels import packed_x, packed_y
-from slam._jit import inlined, kernel
+from slam._jit import kernel
 from slam._tile_kernels import MASK, SHIFT, SIDE, ask_for, in_tile, tile_at
 
 FAR = 0
-LARGEST_OFFSET = 63
+LARGEST_RADIUS = 63
+"""[cells]; with at most 9 cells a word fits a byte."""
 
 
 class Disc(NamedTuple):
@@ -29,6 +29,23 @@ class Disc(NamedTuple):
     """[cells]."""
     half_width: NDArray[np.int64]
     """How far each row reaches to both sides [cells], (2 radius + 1,)."""
+    word: NDArray[np.int64]
+    """Word of the wall at an offset, [dy + radius, dx + radius]; 0 beyond the radius."""
+    offset: NDArray[np.int64]
+    """Offset dx, dy of each word, (words + 1, 2)."""
+
+
+def disc_of(radius: int) -> Disc:
+    """The disc of that radius [cells]."""
+    rows = np.arange(-radius, radius + 1)
+    dx, dy = np.meshgrid(rows, rows)
+    distance2 = dx**2 + dy**2
+    inside = distance2 <= radius**2
+    order = np.lexsort((dx[inside], dy[inside], distance2[inside]))[::-1]
+    offset = np.concatenate([np.zeros((1, 2), np.int64), np.stack([dx[inside], dy[inside]], axis=-1)[order]])
+    word = np.zeros(dx.shape, np.int64)
+    word[offset[1:, 1] + radius, offset[1:, 0] + radius] = np.arange(1, len(offset))
+    return Disc(radius, np.sqrt(radius**2 - rows**2).astype(np.int64), word, offset)
 
 
 @kernel
@@ -46,38 +63,19 @@ def demand_of_changes(start, stop, grids, changes, radius, demand):
         demand.count[particle] = count
 
 
-@inlined
-def word_of(dx, dy):
-    """Field word of the wall at (dx, dy) from a cell."""
-    return ((dy + 64) << 7) | (dx + 64)
-
-
-@inlined
-def key_of(dx, dy):
-    """What walls are compared by."""
-    return ((dx * dx + dy * dy) << 14) | word_of(dx, dy)
-
-
-@inlined
-def key_of_word(word):
-    """The key of what a field word points to."""
-    return key_of((word & 127) - 64, (word >> 7) - 64)
-
-
 @kernel
 def spread_wall(table, nearest, cx, cy, disc):
     """Tell the cells within the field's radius about a new wall at (cx, cy)."""
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
     for y in range(max(cy - disc.radius, 0), min(cy + disc.radius + 1, rows)):
-        half = disc.half_width[y - cy + disc.radius]
+        half, words = disc.half_width[y - cy + disc.radius], disc.word[cy - y + disc.radius]
         x, last = max(cx - half, 0), min(cx + half, columns - 1)
         while x <= last:  # the parts of the row in one tile each
             tile, row = tile_at(table, x, y), (y & MASK) << SHIFT
             stop = min(last, x | MASK) + 1
             while x < stop:
                 k = np.uint64(row | (x & MASK))
-                if key_of(cx - x, cy - y) < key_of_word(np.int64(nearest[tile, k])):
-                    nearest[tile, k] = word_of(cx - x, cy - y)
+                nearest[tile, k] = max(np.int64(nearest[tile, k]), words[np.uint64(cx - x + disc.radius)])
                 x += 1
 
 
@@ -87,13 +85,13 @@ def orphans_of(table, nearest, cx, cy, disc, out):
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
     n = 0
     for y in range(max(cy - disc.radius, 0), min(cy + disc.radius + 1, rows)):
-        half = disc.half_width[y - cy + disc.radius]
+        half, words = disc.half_width[y - cy + disc.radius], disc.word[cy - y + disc.radius]
         x, last = max(cx - half, 0), min(cx + half, columns - 1)
         while x <= last:
             tile, row = tile_at(table, x, y), (y & MASK) << SHIFT
             stop = min(last, x | MASK) + 1
             while x < stop:
-                if nearest[tile, np.uint64(row | (x & MASK))] == word_of(cx - x, cy - y):
+                if nearest[tile, np.uint64(row | (x & MASK))] == words[np.uint64(cx - x + disc.radius)]:
                     out[n, 0], out[n, 1] = x, y
                     n += 1
                 x += 1
@@ -118,15 +116,17 @@ def walls_between(table, walls, left, right, low, high, out):
 
 
 @kernel
-def adopt(table, nearest, orphans, candidates, radius):
+def adopt(table, nearest, orphans, candidates, disc):
     """Point the orphans (n, 2) to the nearest of the walls candidates (2, m), where one is within the radius."""
-    beyond = (radius * radius + 1) << 14
+    radius, words = disc.radius, disc.word
     for j in range(orphans.shape[0]):
-        x, y = orphans[j, 0], orphans[j, 1]
-        best = beyond
+        x, y = orphans[j, 0] - radius, orphans[j, 1] - radius
+        best = 0
         for w in range(candidates.shape[1]):
-            best = min(best, key_of(candidates[0, w] - x, candidates[1, w] - y))
-        nearest[tile_at(table, x, y), in_tile(x, y)] = best & 0x3FFF if best < beyond else FAR
+            dx, dy = candidates[0, w] - x, candidates[1, w] - y
+            if 0 <= dx <= 2 * radius and 0 <= dy <= 2 * radius:
+                best = max(best, words[np.uint64(dy), np.uint64(dx)])
+        nearest[tile_at(table, x + radius, y + radius), in_tile(x + radius, y + radius)] = best
 
 
 @kernel
@@ -154,4 +154,4 @@ def update_fields(start, stop, grids, changes, disc):
                 m = walls_between(
                     table, walls, max(left, 0), min(right, columns - 1), max(low, 0), min(high, rows - 1), candidates
                 )
-                adopt(field_table, nearest, orphans[:n], candidates[:, :m], radius)
+                adopt(field_table, nearest, orphans[:n], candidates[:, :m], disc)

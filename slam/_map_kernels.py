@@ -47,8 +47,10 @@ class Grids(NamedTuple):
     """Surface words, see `_cell_kernels`, (tiles, SIDE * SIDE)."""
     field_table: NDArray[np.int32]
     """Tiles of `nearest`: within the field's radius of walls."""
-    nearest: NDArray[np.uint16]
+    nearest: NDArray[np.uint8] | NDArray[np.uint16]
     """Field words, see `_field_kernels`, (tiles, SIDE * SIDE)."""
+    offset: NDArray[np.int64]
+    """Offset dx, dy of each field word [cells], (words, 2)."""
     corner: NDArray[np.int64]
     """Cell number in x and in y of the tables' corner, counted from the map's origin, (2,)."""
     cell: float

@@ -72,7 +72,7 @@ def wall_distances(grids, particle, x, y, theta, hits, far, out):
     where there is no wall at all it is zero, so that such a beam pulls nowhere.
     """
     surface_table, field_table = grids.surface_table[particle], grids.field_table[particle]
-    surfaces, nearest, cell = grids.surface, grids.nearest, grids.cell
+    surfaces, nearest, offset, cell = grids.surface, grids.nearest, grids.offset, grids.cell
     width, height = float(field_table.shape[1] << SHIFT), float(field_table.shape[0] << SHIFT)
     cos, sin = np.cos(theta) * grids.per_cell, np.sin(theta) * grids.per_cell
     x0, y0 = x * grids.per_cell - grids.corner[0], y * grids.per_cell - grids.corner[1]
@@ -82,10 +82,10 @@ def wall_distances(grids, particle, x, y, theta, hits, far, out):
         across, along, nx, ny = far, 0.0, 0.0, 0.0
         if 0.0 <= u < width and 0.0 <= v < height:
             cx, cy = int(u), int(v)
-            word = np.int64(nearest[tile_at(field_table, cx, cy), in_tile(cx, cy)])
+            word = np.uint64(nearest[tile_at(field_table, cx, cy), in_tile(cx, cy)])
             if word != FAR:
-                cx += (word & 127) - 64
-                cy += (word >> 7) - 64
+                cx += offset[word, 0]
+                cy += offset[word, 1]
                 surface = surfaces[tile_at(surface_table, cx, cy), in_tile(cx, cy)]
                 ex, ey = u - cx - mean_x(surface), v - cy - mean_y(surface)
                 direction = np.uint64(surface & DIRECTION)

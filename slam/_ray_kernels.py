@@ -38,6 +38,25 @@ def rays_in_cells(grids, pose, rays, out):
 
 
 @kernel
+def bounds_of_rays(start, stop, poses, rays, out):
+    """Smallest x, y and largest x, y [m] that robot and rays reach in the map, out (particles, 4), for particles
+    [start, stop); poses (particles, 3)."""
+    origins, ends = rays.origins, rays.ends
+    for particle in range(start, stop):
+        x, y = poses[particle, 0], poses[particle, 1]
+        cos, sin = np.cos(poses[particle, 2]), np.sin(poses[particle, 2])
+        left, right, low, high = x, x, y, y
+        for beam in range(ends.shape[0]):
+            u0 = x + cos * origins[beam, 0] - sin * origins[beam, 1]
+            v0 = y + sin * origins[beam, 0] + cos * origins[beam, 1]
+            u1 = x + cos * ends[beam, 0] - sin * ends[beam, 1]
+            v1 = y + sin * ends[beam, 0] + cos * ends[beam, 1]
+            left, right = min(left, u0, u1), max(right, u0, u1)
+            low, high = min(low, v0, v1), max(high, v0, v1)
+        out[particle, 0], out[particle, 1], out[particle, 2], out[particle, 3] = left, low, right, high
+
+
+@kernel
 def tiles_on_rays(segments, columns, tiles, count, seen):
     """Append the places in the table of all tiles that the segments (beams, 4) cross to tiles (m,), each once.
 

@@ -70,12 +70,25 @@ def clear_demand(demand):
 
 
 @kernel
+def copies_needed(table, references, demand):
+    """How many tiles `make_private` takes from the free ones, at most."""
+    flat = table.reshape(table.shape[0], -1)
+    needed = 0
+    for particle in range(table.shape[0]):
+        for k in range(demand.count[particle]):
+            old = flat[particle, demand.tiles[particle, k]]
+            if old == 0 or references[old] > 1:
+                needed += 1
+    return needed
+
+
+@kernel
 def make_private(table, references, free, free_count, demand, copies):
     """Give every particle tiles of its own where it wants to write; the caller copies the contents.
 
     table (particles, rows, columns) tile numbers;  references (tiles,) owners of each tile
     free (tiles,) stack of unused tile numbers, its first `free_count` are valid; must hold enough
-    copies (sum of demand, 2) out: tile to copy from, tile to copy to, in particle order
+    copies (n, 2) out: tile to copy from, tile to copy to, in particle order
     Returns the number of copies of each particle, (particles,), and the new free_count. Serial, so that tile numbers
     do not depend on the number of threads.
     """

@@ -90,6 +90,9 @@ def refine(
             break
         # Map and poses hold each other back: one after the other they would creep to where both agree.
         start = start + config.refine.overshoot * step
+    # Nothing held the first pose, which defines the frame of the map: the whole is moved back onto it. Had it been
+    # held all along, map and other poses would have left it behind.
+    poses = se2.compose(se2.compose(initial[0], se2.inverse(poses[0])), poses)
     return Refined(poses=poses, map=_map_of(poses, rays, config.map, workers).occupancy(0))
 
 
@@ -126,7 +129,7 @@ class _Chain:
         H, g, cost = np.zeros((len(k), 3, 3)), np.zeros((len(k), 3)), np.empty(len(k))
         self.threads.run(scan_equations, len(k), maps.grids, poses[k], self.first, self.points, self.model, H, g, cost)
         diagonal[k], gradient[k] = H, g
-        diagonal[0] += np.eye(3) * 1e12  # the first pose defines the map's frame
+        diagonal[0] += np.eye(3) * 1e-2  # a step at all, where no scan holds the chain anywhere
         coupling = np.zeros((n - 1, 3, 3))
         add_odometry_steps(self.prior, poses, self.motions, diagonal, coupling, gradient)
         step = np.empty((n, 3))

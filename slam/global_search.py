@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam._field_kernels import LARGEST_OFFSET
+from slam._field_kernels import LARGEST_RADIUS
 from slam._match_kernels import BeamModel
 from slam._search_kernels import score_poses
 from slam.beams import Readings
@@ -42,7 +42,7 @@ class GlobalSearch:
         self._frozen = frozen
         self._grid = frozen.grid
         cell = self._grid.resolution
-        self._radius = min(settings.search_radius, LARGEST_OFFSET * cell)
+        self._radius = min(settings.search_radius, LARGEST_RADIUS * cell)
         wide = replace(config.map, cell=cell, field_radius=self._radius)
         self._maps = maps_of_walls(wall_faces(self._grid), wide, frozen.maps.threads)
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._cell_kernels import VISITS, hits_of
-from slam._field_kernels import LARGEST_OFFSET, Disc, demand_of_changes, update_fields
+from slam._field_kernels import LARGEST_RADIUS, demand_of_changes, disc_of, update_fields
 from slam._map_kernels import Changes, Grids, demand_of_scan, register_scans
-from slam._ray_kernels import Rays
+from slam._ray_kernels import Rays, bounds_of_rays
 from slam._tile_kernels import SHIFT, SIDE
 from slam.config import MapConfig
 from slam.occupancy import OccupancyGrid
@@ -36,19 +35,19 @@ class ParticleMaps:
         """
         self.config = config
         self.threads = threads
-        cells = SIDE * SIDE
-        self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
-        self._surface = TilePool(particles, [(np.uint32, cells)])
-        self._field = TilePool(particles, [(np.uint16, cells)])
-        self._corner = np.zeros(2, np.int64)
         radius = round(config.field_radius / config.cell)
-        if not 1 <= radius <= LARGEST_OFFSET:
+        if not 1 <= radius <= LARGEST_RADIUS:
             raise ValueError(
-                f"MapConfig.field_radius must be 1 to {LARGEST_OFFSET} cells of {config.cell} m, "
+                f"MapConfig.field_radius must be 1 to {LARGEST_RADIUS} cells of {config.cell} m, "
                 f"got {config.field_radius} m"
             )
-        rows = np.arange(-radius, radius + 1)
-        self._disc = Disc(radius, np.sqrt(radius**2 - rows**2).astype(np.int64))
+        self._disc = disc_of(radius)
+        cells = SIDE * SIDE
+        word = np.uint8 if len(self._disc.offset) <= 256 else np.uint16
+        self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
+        self._surface = TilePool(particles, [(np.uint32, cells)])
+        self._field = TilePool(particles, [(word, cells)])
+        self._corner = np.zeros(2, np.int64)
 
     @property
     def _pools(self) -> tuple[TilePool, TilePool, TilePool]:
@@ -66,6 +65,7 @@ class ParticleMaps:
             self._surface.data[0],
             self._field.table,
             self._field.data[0],
+            self._disc.offset,
             self._corner,
             self.config.cell,
             1.0 / self.config.cell,
@@ -97,11 +97,12 @@ class ParticleMaps:
 
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
         """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
-        reach = np.concatenate([rays.ends, rays.origins])
-        far = math.sqrt(2.0) * float(np.max(np.abs(reach), initial=0.0)) + self._disc.radius * self.config.cell
+        margin = self._disc.radius * self.config.cell
         tile = SIDE * self.config.cell
-        low = np.floor((poses[:, :2].min(axis=0) - far) / tile)
-        high = np.floor((poses[:, :2].max(axis=0) + far) / tile)
+        bounds = np.empty((len(poses), 4))
+        self.threads.run(bounds_of_rays, len(poses), poses, rays, bounds)
+        low = np.floor((bounds[:, :2].min(axis=0) - margin) / tile)
+        high = np.floor((bounds[:, 2:].max(axis=0) + margin) / tile)
         size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
         first = self._corner >> SHIFT if size.all() else low
         new_first, last = np.minimum(first, low), np.maximum(first + size - 1, high)

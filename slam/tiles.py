@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from slam._tile_kernels import Demand, clear_demand, copy_tiles, make_private
+from slam._tile_kernels import Demand, clear_demand, copies_needed, copy_tiles, make_private
 from slam.parallel import Threads
 
 WORTH_SHARING = 4096
@@ -58,7 +58,7 @@ class TilePool:
 
     def make_private(self, threads: Threads) -> None:
         """Give the particles copies of their own of all tiles in `demand`, and empty it."""
-        wanted = int(self.demand.count.sum())
+        wanted = copies_needed(self.table, self.references, self.demand)
         if wanted > self._free_count:
             self._grow(wanted - self._free_count)
         copies = np.empty((wanted, 2), np.int32)

@@ -144,4 +144,4 @@ def test_memory_is_that_of_the_tiles_in_use_and_the_tables():
     tables = 3 * 3 * rows * columns * 4
     counts, surface, field = (pool.tiles_in_use for pool in maps._pools)
     assert counts == surface == 3
-    assert maps.bytes_in_use == tables + SIDE * SIDE * (counts * 2 + surface * 4 + field * 2) + SIDE * counts * 2
+    assert maps.bytes_in_use == tables + SIDE * SIDE * (counts * 2 + surface * 4 + field) + SIDE * counts * 2
