@@ -52,7 +52,7 @@ def carried_out(spec: SweepSpec, out: Path, workers: int) -> tuple[float, float]
 def test_overhead_and_throughput(tmp_path):
     """Under 3 % beside the cells' own time on one worker; two workers at least 1.8 times as fast."""
     compile_kernels()
-    spec = spec_of(particles=[20], seeds=24)
+    spec = spec_of(particles=[50], seeds=24)
     one, own = carried_out(spec, tmp_path / "one", 1)
     two, own_of_two = carried_out(spec, tmp_path / "two", 2)
     print(f"\none worker: {one:.1f} s for {own:.1f} s of cells, overhead {100.0 * (one / own - 1.0):.1f} %")
