@@ -10,7 +10,7 @@ set -euo pipefail
 
 SPEC=${SPEC:-study.toml}              # what is to be computed (docs/sweep.md)
 OUT=${OUT:-study}                     # on the common file system
-export TESTBED_CACHE=${TESTBED_CACHE:-${TMPDIR:-/tmp}/slam-testbed-$USER}  # compiled kernels: on the node's own disk
+export TESTBED_CACHE=${TESTBED_CACHE:-${TMPDIR:-/tmp}/slam-testbed-${USER:-$UID}}  # compiled kernels: on the node's own disk
 
 testbed warmup
 testbed sweep "$SPEC" --out "$OUT" \
