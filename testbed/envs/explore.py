@@ -129,7 +129,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         """What an explorer of `testbed.exploration` steers by: the estimate, not the truth."""
         if not self._running:
             raise ResetNeeded("call reset() first")
-        return Belief(stamp=self._stamp, pose=self._pose, scan=self._scan, map=lambda: self._map)
+        return Belief(stamp=self._stamp, pose=self._pose, scans=(self._scan,), map=lambda: self._map)
 
     def action(self, speed: float, turn_rate: float) -> NDArray[np.float32]:
         """The action for a speed [m/s] and a turn rate [rad/s], cut to what the robot can do."""

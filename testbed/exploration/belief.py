@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a driver that steers by the estimate is told: pose and map of the filter, and the last scan. Never the truth."""
+"""What a driver that steers by the estimate is told: pose and map of the filter, the last scans. Never the truth."""
 
 from __future__ import annotations
 
@@ -22,14 +22,17 @@ class Belief:
     """Now [s]."""
     pose: Pose
     """`T_map_robot` of the most likely particle, (3,), carried on by odometry from its scan until now."""
-    scan: Scan
-    """The last scan."""
+    scans: tuple[Scan, ...]
+    """The last scan of each lidar, at least one."""
     map: Callable[[], OccupancyGrid]
     """Gives the most likely map; drawn when it is asked for."""
 
     def obstacles(self) -> NDArray[np.float64]:
-        """Where the beams of the last scan ended, robot's frame [m], (hits, 2)."""
-        scan = self.scan
-        hit = scan.hit
-        ends = scan.ranges[hit, None] * np.column_stack([np.cos(scan.angles[hit]), np.sin(scan.angles[hit])])
-        return transform_points(scan.mount, ends)
+        """Where the beams of the last scans ended, robot's frame [m], (hits, 2)."""
+        return np.concatenate([_ends(scan) for scan in self.scans])
+
+
+def _ends(scan: Scan) -> NDArray[np.float64]:
+    hit = scan.hit
+    ends = scan.ranges[hit, None] * np.column_stack([np.cos(scan.angles[hit]), np.sin(scan.angles[hit])])
+    return transform_points(scan.mount, ends)

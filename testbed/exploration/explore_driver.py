@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from slam.beams import displacement
 from slam.gmapping import GMapping, StepReport
+from slam.scan import Scan
 from slam.se2 import compose
 from testbed.exploration.belief import Belief
 from testbed.exploration.explorer import Explorer
@@ -20,6 +21,7 @@ class ExploreDriver:
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
         self._latest: tuple[Frame, StepReport, GMapping] | None = None
+        self._scans: dict[str, Scan] = {}  # the last one of each lidar
 
     @property
     def finished(self) -> bool:
@@ -39,6 +41,8 @@ class ExploreDriver:
     def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
         """Take in what the filter made of a frame with a scan."""
         self._latest = (frame, report, mapper)
+        if frame.scan is not None:
+            self._scans[frame.lidar] = frame.scan
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
         """Speed [m/s] and turn rate [rad/s] by the estimate, carried on to `stamp` [s] by odometry; the true pose is
@@ -46,11 +50,10 @@ class ExploreDriver:
         if self._latest is None:
             return 0.0, 0.0
         frame, report, mapper = self._latest
-        assert frame.scan is not None
         pose = report.pose
         if frame.twist is not None:
             pose = compose(pose, displacement(frame.twist, stamp - frame.stamp))
-        return self._explorer.command(Belief(stamp=stamp, pose=pose, scan=frame.scan, map=mapper.map))
+        return self._explorer.command(Belief(stamp=stamp, pose=pose, scans=tuple(self._scans.values()), map=mapper.map))
 
     def wait(self, stamp: float) -> tuple[float, float]:
         """Stand still for someone in the way."""

@@ -26,7 +26,7 @@ class FastBackend:
         self._world = world
         self._seen: dict[float, SegmentGrid] = {}  # by height
         self._solid = segment_grid(world.boundary_segments())
-        self._vehicle = Vehicle(robot.wheel_radius, robot.track / 2.0, robot.footprint_radius, *limits)
+        self._vehicle = vehicle_of(robot, limits)
         self._state = np.array([world.start.x, world.start.y, world.start.theta, 0.0, 0.0, 0.0, 0.0])
 
     def drive(self, speed: float, turn_rate: float, steps: int) -> Motion:
@@ -44,6 +44,11 @@ class FastBackend:
 
     def close(self) -> None:
         """Nothing to free."""
+
+
+def vehicle_of(robot: RobotPreset, limits: Limits) -> Vehicle:
+    """What the motion of a robot depends on."""
+    return Vehicle(robot.wheel_radius, robot.track / 2.0, robot.footprint_radius, *limits)
 
 
 def segment_grid(segments: NDArray[np.float64], cell: float = _CELL) -> SegmentGrid:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.simulation._fleet_kernels import Equipment, Numbers, Places, Robots, Surroundings, step_robots
-from testbed.simulation._motion_kernels import Vehicle
 from testbed.simulation._odometry_kernels import ODOMETER
 from testbed.simulation._ray_kernels import SegmentGrid
 from testbed.simulation.backend import STEP_RATE
+from testbed.simulation.fast_backend import vehicle_of
 from testbed.simulation.lidar import BEAM_ROWS, draw_device, optics_of
 from testbed.simulation.odometry import READING_NORMALS, READING_UNIFORMS, believed_wheels, encoders_of
 from testbed.simulation.random_rows import RandomRows
@@ -32,9 +32,7 @@ class Fleet:
             np.zeros((robots, 7)), np.zeros((robots, ODOMETER)), np.ones((robots, 3)), np.zeros((robots, 5))
         )
         self._equipment = Equipment(
-            vehicle=Vehicle(
-                outfit.robot.wheel_radius, outfit.robot.track / 2.0, outfit.robot.footprint_radius, *outfit.limits
-            ),
+            vehicle=vehicle_of(outfit.robot, outfit.limits),
             encoders=encoders_of(outfit.robot, outfit.odometry),
             optics=optics_of(lidar, outfit.lidar_layers),
             angles=lidar.angles(),

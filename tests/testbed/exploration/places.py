@@ -24,5 +24,5 @@ def scan_of(ranges=(np.inf,) * 360):
     return Scan(ranges=np.array(ranges, dtype=float), angles=angles, range_max=12.0)
 
 
-def belief(grid, pose, stamp=0.0, scan=None):
-    return Belief(stamp=stamp, pose=np.array(pose, dtype=float), scan=scan or scan_of(), map=lambda: grid)
+def belief(grid, pose, stamp=0.0, scans=None):
+    return Belief(stamp=stamp, pose=np.array(pose, dtype=float), scans=scans or (scan_of(),), map=lambda: grid)

@@ -181,4 +181,5 @@ def test_the_guard_lets_the_robot_stop_before_what_it_sees(distance):
 
 def test_obstacles_are_seen_from_the_robot_and_not_from_its_lidar():
     scan = dataclasses.replace(scan_of([np.inf, np.inf, 2.0, np.inf]), mount=(0.5, 0.0, math.pi / 2.0))
-    np.testing.assert_allclose(belief(None, (0, 0, 0), scan=scan).obstacles(), [[0.5, 2.0]], atol=1e-12)
+    both = belief(None, (0, 0, 0), scans=(scan, scan_of([np.inf, np.inf, 1.0, np.inf])))
+    np.testing.assert_allclose(both.obstacles(), [[0.5, 2.0], [1.0, 0.0]], atol=1e-12)
