@@ -96,7 +96,7 @@ class Execution:
     time_limit: float = 3600.0
     """Longest time that a cell may take [s]; then it counts as failed."""
     memory_limit: float | None = None
-    """Most memory that a worker may take [MB]; default: its share of nine tenths of the machine's; on a cluster none."""
+    """Most memory that a worker may take [MB]; default: a share of nine tenths of the machine's; on a cluster none."""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:
