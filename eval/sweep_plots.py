@@ -112,7 +112,7 @@ def honesty(summary: SweepSummary) -> Figure:
         _count_axis(ax, table)
         ax.set_ylim(-4.0, 104.0)
 
-    return _panels(table, draw, "particles", "updates with the truth inside [%]")
+    return _panels(table, draw, "particles", "truth inside [% of updates]")
 
 
 def health(summary: SweepSummary, curve: str, label: str) -> Figure:
