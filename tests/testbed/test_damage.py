@@ -11,7 +11,7 @@ from testbed.formats import Log, LogError, open_log
 from testbed.formats.writing import write_log
 from tests.testbed.recordings import FORMS, SUFFIX, assert_same, two_lidar_drive
 
-POSITIONS = 40
+POSITIONS = 24
 """Places that are damaged, in each file."""
 RECORDINGS = {f"{form}{SUFFIX.get(form, '')}": (form,) for form in FORMS}
 """Names of recordings, and the formats that tell what must come back."""

@@ -18,6 +18,9 @@ from testbed.formats.writing import HOLDS, parts_of, write_log
 from testbed.frame import Frame
 from tests.testbed.recordings import ANGLES, FORMS, GRID, MOUNTS, SUFFIX, URDF, assert_same, through, two_lidar_drive
 
+KINDS = [form for form in FORMS if form not in ("rosbag2-lean", "rosbag2-sqlite")]
+"""One of each family."""
+
 pose = st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-3.1, 3.1)).map(np.array)
 single = st.floats(0.125, 7.5, width=32)  # what float32 holds
 reading = st.one_of(single, st.sampled_from([math.inf, math.nan, -math.inf]))
@@ -59,7 +62,7 @@ def logs(draw):
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=5, deadline=None, derandomize=True)
 @given(log=logs())
 def test_a_format_keeps_what_it_can_hold(tmp_path_factory, form, log):
     folder = tmp_path_factory.mktemp("trip")
@@ -67,7 +70,7 @@ def test_a_format_keeps_what_it_can_hold(tmp_path_factory, form, log):
     shutil.rmtree(folder)
 
 
-@pytest.mark.parametrize(("first", "second"), list(itertools.permutations(FORMS, 2)))
+@pytest.mark.parametrize(("first", "second"), list(itertools.permutations(KINDS, 2)))
 def test_a_round_trip_loses_nothing_that_both_formats_hold(tmp_path, drive, first, second):
     assert_same(through(tmp_path, drive, first, second, first), drive, (first, second))
 

@@ -2,6 +2,7 @@
 """Paired variants: one drive, other sensors."""
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,58 +12,57 @@ from testbed.cli.simulator_options import SimulatorOptions
 from testbed.cli.variants import variants
 from testbed.formats import open_log
 
+VARY = ["--vary", "lidar=rplidar_a2,lds01", "--vary", "clutter=0,2"]
+NAMES = [f"office-0000-lidar-{lidar}-clutter-{clutter}" for lidar in ("lds01", "rplidar_a2") for clutter in "02"]
 
-def simulate(out, *options: str) -> int:
+
+def simulate(*arguments: str) -> int:
     with pytest.raises(SystemExit) as end:
-        main(["simulate", "office", "--out", str(out), "--duration", "3", *options])
+        main(["simulate", *arguments])
     return end.value.code
 
 
-def test_variants_share_the_path_and_whatever_did_not_vary(tmp_path, capsys):
-    vary = ["--vary", "lidar=rplidar_a2,lds01", "--vary", "clutter=0,2"]
-    assert simulate(tmp_path, *vary) == 0
-    assert simulate(tmp_path, *vary, "--count", "2") == 0  # goes on where it was
-    assert "4 datasets written, 4 were there already" in capsys.readouterr().out
-    names = [
-        f"office-{seed:04d}-lidar-{lidar}-clutter-{c}"
-        for seed in (0, 1)
-        for lidar in ("lds01", "rplidar_a2")
-        for c in "02"
-    ]
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
-    frames = {name: [f for f in open_log(tmp_path / name).frames if f.stamp < 2.7] for name in names[:4]}
-    poses = {name: {round(f.stamp, 3): (*f.truth, *f.odometry) for f in found} for name, found in frames.items()}
-    first = poses[names[0]]
-    for other in poses.values():
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("made")
+    assert simulate("office", "--out", str(out), "--duration", "2.5", "--format", "rosbag2-lean", *VARY) == 0
+    return out
+
+
+def test_variants_share_the_path_and_whatever_did_not_vary(made):
+    assert sorted(path.name for path in made.iterdir()) == NAMES
+    frames = [[f for f in open_log(made / name).frames if f.stamp < 2.2] for name in NAMES]
+    first, *others = [{round(f.stamp, 3): (*f.truth, *f.odometry) for f in found} for found in frames]
+    for other in others:
         common = sorted(first.keys() & other.keys())
         assert len(common) > 20
         np.testing.assert_allclose([other[t] for t in common], [first[t] for t in common], atol=1e-12)
-    plain, cluttered = (
-        next(f.scan for f in frames[f"office-0000-lidar-lds01-clutter-{c}"] if f.scan is not None) for c in "02"
-    )
+    plain, cluttered = (next(f.scan for f in found if f.scan is not None) for found in frames[:2])
     same = plain.ranges == cluttered.ranges
     assert 0.2 < same.mean() < 0.98  # the same noise, where nothing new is in the way
 
 
-def test_a_variant_is_made_again_from_its_config(tmp_path):
-    assert simulate(tmp_path / "a", "--vary", "noise=0.5", "--format", "rosbag2-lean") == 0
-    name = "office-0000-noise-0.5"
-    with pytest.raises(SystemExit) as end:
-        main(["simulate", "--config", str(tmp_path / "a" / name / "config.toml"), "--out", str(tmp_path / "b")])
-    assert end.value.code == 0
-    for file in (tmp_path / "a" / name).iterdir():
-        assert file.read_bytes() == (tmp_path / "b" / name / file.name).read_bytes()
+def test_variants_that_are_there_are_kept(made, capsys):
+    times = [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]
+    assert simulate("office", "--out", str(made), "--duration", "2.5", *VARY) == 0
+    assert "0 datasets written, 4 were there already" in capsys.readouterr().out
+    assert times == [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]
 
 
-def test_recorded_commands_of_a_dataset_repeat_it(tmp_path):
-    assert simulate(tmp_path / "a", "--format", "parquet") == 0
-    dataset = tmp_path / "a" / "office-0000"
-    again = ["--driver", "recorded", "--commands", str(dataset), "--format", "parquet"]
-    assert simulate(tmp_path / "b", *again) == 0
-    for file in ("frames.parquet", "truth.tum", "truth_map.pgm"):
-        assert (dataset / file).read_bytes() == (tmp_path / "b" / "office-0000" / file).read_bytes()
+def test_a_variant_is_made_again_from_its_config_and_from_its_own_commands(made, tmp_path):
+    dataset = made / NAMES[1]
+    again = ["--config", str(dataset / "config.toml"), "--out"]
+    assert simulate(*again, str(tmp_path / "same")) == 0
+    same = tmp_path / "same" / NAMES[1]
+    for file in dataset.iterdir():
+        assert file.read_bytes() == (same / file.name).read_bytes()
+    recorded = ["--driver", "recorded", "--commands", str(dataset)]
+    assert simulate(*again, str(tmp_path / "recorded"), *recorded) == 0
+    same = tmp_path / "recorded" / NAMES[1]
+    for file in dataset.iterdir():
+        assert file.name == "config.toml" or file.read_bytes() == (same / file.name).read_bytes()
     drive = tomllib.loads((dataset / "config.toml").read_text())["drive"]
-    assert drive == {"finished": False, "stuck": False, "collided": False, "recoveries": 0, "seconds": 3.0}
+    assert drive == {"finished": False, "stuck": False, "collided": False, "recoveries": 0, "seconds": 2.5}
 
 
 def test_settings_are_taken_over_with_their_types():
