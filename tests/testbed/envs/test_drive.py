@@ -12,9 +12,8 @@ from gymnasium.utils.env_checker import check_env
 
 import testbed  # noqa: F401  # registers the environments
 from slam.se2 import between
-from testbed.envs import GeneratedWorlds
+from testbed.envs import DriveReward, GeneratedWorlds
 from testbed.envs.drive import DriveEnv
-from testbed.envs.drive_task import DriveReward
 from testbed.simulation import LidarLayers
 from tests.testbed.simulation.places import PERFECT_ODOMETRY, room
 

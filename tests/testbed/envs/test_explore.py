@@ -13,9 +13,7 @@ import testbed  # noqa: F401  # registers the environments
 from eval.grids import true_grid
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose, inverse
-from testbed.envs import GeneratedWorlds
-from testbed.envs.egocentric import Crop
-from testbed.envs.explore import ExploreReward
+from testbed.envs import Crop, ExploreReward, GeneratedWorlds
 from testbed.envs.map_score import MapScore
 from testbed.exploration import make_explorer
 from testbed.simulation import DriverConfig, LidarLayers

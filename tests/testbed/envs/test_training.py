@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import testbed  # noqa: F401  # registers the environments
-from testbed.envs import GeneratedWorlds
-from testbed.envs.drive_task import DriveReward
+from testbed.envs import DriveReward, GeneratedWorlds
 
 WORLDS = {
     split: GeneratedWorlds(kinds=("rooms",), size=(10.0, 8.0), clutter=0.0, split=split) for split in ("train", "test")
