@@ -154,7 +154,7 @@ def _map_plots(sight: Sight) -> Iterator[Plot]:
         around = frame_around(run.truth_grid, np.zeros(3), [], 1.0)
     cell = f"cells of {100.0 * run.grid.resolution:.3g} cm"
     yield Plot(
-        "Estimated map",
+        "Estimated map" if run.metrics.get("localization") is None else "Given map",
         draw_map(run.grid, around, T).data_uri,
         f"Black: wall, white: free, grey: never seen; {cell}.",
         True,

@@ -2,7 +2,7 @@
 """Rao-Blackwellized grid mapping (gMapping): feed scans and odometry, read pose, map and diagnostics.
 
 `GMapping` is the filter, `FilterConfig` its settings, `Scan` what it eats, `StepReport` what it says of each scan,
-`OccupancyGrid` the map that comes out; `refine` is the final pass over a recording; `save_checkpoint` and
+`OccupancyGrid` the map that comes out; `Localization` tracks a robot in a finished one; `refine` is the final pass over a recording; `save_checkpoint` and
 `load_checkpoint` keep a whole filter in a file.
 """
 
@@ -16,12 +16,14 @@ if TYPE_CHECKING:
     from slam.config import FilterConfig
     from slam.final_pass import Refined, refine
     from slam.gmapping import GMapping, StepReport
+    from slam.localization import Localization
     from slam.occupancy import OccupancyGrid
     from slam.scan import Scan
 
 __all__ = [
     "FilterConfig",
     "GMapping",
+    "Localization",
     "OccupancyGrid",
     "Refined",
     "Scan",
@@ -34,6 +36,7 @@ __all__ = [
 _HOMES = {
     "FilterConfig": "slam.config",
     "GMapping": "slam.gmapping",
+    "Localization": "slam.localization",
     "OccupancyGrid": "slam.occupancy",
     "Refined": "slam.final_pass",
     "Scan": "slam.scan",

@@ -127,7 +127,7 @@ def _why_lost(metrics: dict[str, Any]) -> str:
     if metrics["found_after_m"] is None:
         return (
             f"the robot was not found: even where the scans fitted best, the map did not explain them (tried {times}); "
-            "is it the map of another place?"
+            "it may be the map of another place"
         )
     return (
         f"the scans ceased to fit the map {times}, first after {metrics['lost_at_s'][0]:.1f} s: the robot was carried "

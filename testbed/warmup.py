@@ -66,10 +66,11 @@ def _mark(package: Path) -> Path:
 
 
 def _map_a_room() -> None:
-    """Map a small room from four poses and refine it."""
+    """Map a small room from four poses, refine it, find the robot in it."""
     from slam.config import FilterConfig, ResampleConfig
     from slam.final_pass import refine
     from slam.gmapping import GMapping
+    from slam.localization import Localization
     from slam.scan import Scan
 
     angles = np.linspace(-np.pi, np.pi, 90, endpoint=False)
@@ -81,8 +82,10 @@ def _map_a_room() -> None:
     mapper = GMapping(config)
     for pose in odometry:
         mapper.process(pose, scan)
-    mapper.map()
+    grid = mapper.map()
     refine(odometry, [scan] * len(odometry), mapper.path(), config)
+    for start in (odometry[0], None):
+        Localization(grid, config, start=start).process(odometry[0], scan)
 
 
 if __name__ == "__main__":

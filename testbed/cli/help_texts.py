@@ -28,7 +28,7 @@ testbed simulate office --out paired --vary lidar=lds01,rplidar_a2
 testbed slam datasets/office-0000
 ```
 """,
-    "slam": """Map a recorded log, and score it where truth is known.
+    "slam": """Map a recorded log, or localise in a finished map; score it where truth is known.
 
 The format is recognised from the content: CARMEN logs (plain or gzip), ROS 1 and ROS 2 bags. The results go into a
 directory, as those of `testbed run`.
@@ -36,6 +36,7 @@ directory, as those of `testbed run`.
 ```
 testbed slam intel.clf.gz --relations intel.relations
 testbed slam robot.log --truth mocap.tum --particles 50 --view
+testbed slam robot.log --map office.yaml --start 1.5,-2,90
 ```
 """,
     "score": """Score the output of any SLAM system by the same measures.
