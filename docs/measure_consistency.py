@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-# ruff: noqa: T201
 """Is the filter's covariance honest? The figures and the picture of docs/consistency.md.
 
-    python docs/measure_consistency.py RUNS [--studies "short;long"]
+    python docs/measure_worlds.py WORLDS
+    python docs/measure_consistency.py RUNS WORLDS
 
 Each run is kept as RUNS/<study>-<seed>.npz; what is there is not computed again. Short runs of 20 s take about 2 s of
-one core each, long ones 20 s to a minute. Writes docs/pictures/consistency.png where `short` and `long` are asked for.
+one core each, those through open worlds about a minute. Long runs are those of the sweep in WORLDS.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ from numpy.typing import NDArray
 
 import worlds
 from eval.consistency import LEVEL, chi_square, nees
-from eval.plots import ESTIMATE, ODOMETRY, QUIET, STYLE
+from eval.plots import BAD, ESTIMATE, GOOD, ODOMETRY, QUIET, STYLE
+from eval.sweep_table import CURVE_GRID, SweepTable, read_sweep
 from slam import se2
 from slam.config import FilterConfig
 from testbed.estimation import Estimation
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate
 from testbed.streams import streams
 
+PAGE = Path(__file__).resolve().parent / "consistency.md"
 PICTURE = Path(__file__).resolve().parent / "pictures" / "consistency.png"
 PERIOD = 1.0
 """Distance of the times at which runs are compared [s]."""
@@ -49,16 +51,21 @@ class Study:
 _EXACT = OdometryConfig(systematic=False, random=False, ticks=False)
 STUDIES = {
     "short": Study("office", 20.0),
-    "short, exact odometry": Study("office", 20.0, odometry=_EXACT),
     "short, scans without duration": Study("office", 20.0, LidarLayers(motion=False)),
     "short, no range noise": Study("office", 20.0, LidarLayers(range_noise=False)),
     "short, no noise of the lidar": Study("office", 20.0, LidarLayers.none()),
     "short, exact sensors": Study("office", 20.0, LidarLayers.none(), _EXACT),
-    "long": Study("office", seeds=6),
     "long_corridor": Study("long_corridor", seeds=3),
     "hall": Study("hall", seeds=3),
-    "courtyard": Study("courtyard", seeds=3),
 }
+
+
+OPEN = ("long_corridor", "hall")
+"""Studies of places where nothing tells how far the robot has driven."""
+
+
+LONG = {"office": ESTIMATE, "nested_loops": ODOMETRY, "maze": GOOD, "warehouse": BAD}
+"""Worlds whose whole tours are drawn, with colours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,16 +128,18 @@ def mean_over_time(runs: list[Honesty]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def row(name: str, runs: list[Honesty]) -> str:
-    """One line of the table of NEES."""
+    """One line of the table of NEES; errors and stated deviations are root mean squares."""
     times, curve = mean_over_time(runs)
     low, high = band(len(runs))
-    errors, stated = (
-        np.concatenate([pick(run)[run.stamps >= times[0]] for run in runs]) for pick in (_errors, _variances)
-    )
-    bias = np.mean([run.errors[run.stamps >= times[0]].mean(axis=0) for run in runs], axis=0)
-    rms, sigma = np.sqrt((errors**2).mean(axis=0)), np.sqrt(stated.mean(axis=0))
+    on = [run.stamps >= times[0] for run in runs]
+    errors = [run.errors[rows] for run, rows in zip(runs, on, strict=True)]
+    variances = [np.diagonal(run.covariances[rows], axis1=1, axis2=2) for run, rows in zip(runs, on, strict=True)]
+    rms = np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0))
+    sigma = np.sqrt(np.mean(np.concatenate(variances), axis=0))
+    bias = np.mean([error.mean(axis=0) for error in errors], axis=0)
     cells = [
         name,
+        f"{len(runs)}",
         f"{curve.mean():.1f}",
         f"{low:.1f} to {high:.1f}",
         f"{100.0 * np.mean((curve >= low) & (curve <= high)):.0f} %",
@@ -139,14 +148,6 @@ def row(name: str, runs: list[Honesty]) -> str:
         f"{1000.0 * np.hypot(*bias[:2]):.0f} mm / {np.degrees(abs(bias[2])):.2f}°",
     ]
     return "| " + " | ".join(cells) + " |"
-
-
-def _errors(run: Honesty) -> NDArray[np.float64]:
-    return run.errors
-
-
-def _variances(run: Honesty) -> NDArray[np.float64]:
-    return np.diagonal(run.covariances, axis1=1, axis2=2)
 
 
 def weak_direction(name: str, runs: list[Honesty]) -> str:
@@ -165,51 +166,65 @@ def weak_direction(name: str, runs: list[Honesty]) -> str:
     )
 
 
-def picture(studies: dict[str, list[Honesty]]) -> Figure:
-    """Mean NEES over time: short runs with and without errors of the sensors, long ones."""
-    figure = Figure(figsize=(8.4, 3.2))
+def row_head() -> str:
+    """Head of the table of `row`."""
+    return (
+        "| runs | seeds | mean NEES | 95 % band | times within | rms error | stated | mean error |\n" + "|---" * 8 + "|"
+    )
+
+
+def weak_head() -> str:
+    """Head of the table of `weak_direction`."""
+    return "| world | rms error | rms stated | worst error | stated there | within 95 % | NEES |\n" + "|---" * 7 + "|"
+
+
+def write_table(name: str, head: str, rows: list[str]) -> None:
+    """Put a table between its two marks in the page."""
+    begin, end = f"<!-- {name}: written by docs/measure_consistency.py -->\n", f"<!-- /{name} -->\n"
+    page = PAGE.read_text(encoding="utf-8")
+    before, _, rest = page.partition(begin)
+    PAGE.write_text(before + begin + "\n".join([head, *rows]) + "\n" + end + rest.partition(end)[2], encoding="utf-8")
+
+
+def picture(studies: dict[str, list[Honesty]], sweep: SweepTable) -> Figure:
+    """Mean NEES over time in short runs, with and without errors of the lidar, and along whole tours; 95 % bands."""
+    figure = Figure(figsize=(8.6, 3.4))
     left, right = figure.subplots(1, 2)
-    colours = {"short": ESTIMATE, "short, no noise of the lidar": ODOMETRY, "long": ESTIMATE}
-    for name, colour in colours.items():
-        if name in studies:
-            times, curve = mean_over_time(studies[name])
-            ax = right if name == "long" else left
-            ax.plot(times, curve, color=colour, label=f"{name}, {len(studies[name])} seeds")
-    for ax, name in ((left, "short"), (right, "long")):
-        _honest(ax, len(studies[name]))
-    right.set_yscale("log")
-    left.set_ylim(bottom=0.0)
+    for name, label, colour in (
+        ("short", "default", ESTIMATE),
+        ("short, no noise of the lidar", "lidar without errors", ODOMETRY),
+    ):
+        left.plot(*mean_over_time(studies[name]), color=colour, label=label)
+    _honest(left, STUDIES["short"].seeds)
+    left.set(xlabel="time in the office [s]", ylim=(0.0, None))
+    for name, colour in LONG.items():
+        nees_of = sweep.curves["nees"][sweep.places.index(name), 0, 0]
+        right.plot(100.0 * CURVE_GRID, np.nanmean(nees_of, axis=0), color=colour, label=name)
+    _honest(right, len(sweep.seeds))
+    right.set(xlabel="share of the tour [%]", yscale="log")
     return figure
 
 
 def _honest(ax: Axes, seeds: int) -> None:
-    ax.axhspan(*band(seeds), color="#d3f9d8", lw=0, zorder=0, label="95 % band")
+    ax.axhspan(*band(seeds), color="#d3f9d8", lw=0, zorder=0)
     ax.axhline(3.0, color=QUIET, lw=0.8, zorder=1)
-    ax.set(xlabel="time [s]", ylabel="mean NEES")
+    ax.set_ylabel("mean NEES")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
 
 def main() -> None:
-    """Carry out what is missing, print the tables, draw the picture."""
+    """Carry out what is missing, write the tables into the page, draw the picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="directory of the runs")
-    parser.add_argument("--studies", default=";".join(STUDIES), help="names, separated by semicolons")
+    parser.add_argument("worlds", type=Path, help="directory of measure_worlds.py")
     args = parser.parse_args()
     args.runs.mkdir(parents=True, exist_ok=True)
-    studies = {}
-    print("| study | mean NEES | band | times within | rms error | stated | mean error |\n" + "|---" * 7 + "|")
-    for name in args.studies.split(";"):
-        studies[name] = runs_of(name, args.runs)
-        print(row(name, studies[name]), flush=True)
-    open_places = {name: runs for name, runs in studies.items() if name not in ("long",) and "short" not in name}
-    if open_places:
-        print(
-            "| world | rms error | rms stated | worst error | stated there | within 95 % | NEES |\n" + "|---" * 7 + "|"
-        )
-        print("\n".join(weak_direction(name, runs) for name, runs in open_places.items()))
-    if "short" in studies and "long" in studies:
-        with rc_context(STYLE):
-            picture(studies).savefig(PICTURE, dpi=110, metadata={"Software": None})
+    studies = {name: runs_of(name, args.runs) for name in STUDIES}
+    write_table("nees", row_head(), [row(name, runs) for name, runs in studies.items() if name not in OPEN])
+    open_worlds = {name: runs for name, runs in studies.items() if name in OPEN}
+    write_table("open", weak_head(), [weak_direction(name, runs) for name, runs in open_worlds.items()])
+    with rc_context(STYLE):
+        picture(studies, read_sweep(args.worlds)).savefig(PICTURE, dpi=110, metadata={"Software": None})
 
 
 if __name__ == "__main__":
