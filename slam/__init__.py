@@ -2,8 +2,8 @@
 """Rao-Blackwellized grid mapping (gMapping): feed scans and odometry, read pose, map and diagnostics.
 
 `GMapping` is the filter, `FilterConfig` its settings, `Scan` what it eats, `StepReport` what it says of each scan,
-`OccupancyGrid` the map that comes out; `Localization` tracks a robot in a finished one; `refine` is the final pass over a recording; `save_checkpoint` and
-`load_checkpoint` keep a whole filter in a file.
+`OccupancyGrid` the map that comes out; `Localization` tracks a robot in a finished map; `refine` is the final pass over
+a recording; `save_checkpoint` and `load_checkpoint` keep a whole filter in a file.
 """
 
 from __future__ import annotations

@@ -151,7 +151,7 @@ def test_a_robot_that_is_carried_away_is_noticed_and_found_again():
 @pytest.mark.parametrize("start", [None, (0.0, 0.0, 0.0)])
 def test_the_map_of_another_room_is_never_a_silent_success(start):
     big = map_of(walls_of(np.array([(-6.0, -5.0), (9.0, -5.0), (9.0, 6.0), (2.0, 6.0), (2.0, 3.0), (-6.0, 3.0)])))
-    truth, odometry = drive()
+    truth, odometry = drive(15)
     localization = Localization(big, start=start, seed=0, threads=1)
     run(localization, truth, odometry)
     found = localization.whereabouts
