@@ -23,7 +23,7 @@ from measure_variants import VARIANTS, recording
 from numpy.typing import NDArray
 
 from eval.grids import cell_centres
-from eval.map_images import draw_map, frame_around
+from eval.map_images import UNSEEN, draw_map, frame_around
 from eval.plots import BAD, ESTIMATE, GOOD, ODOMETRY, QUIET, STYLE, TRUTH
 from slam import se2
 from slam._proposal_kernels import Proposed
@@ -340,11 +340,13 @@ def grid_of(run: np.lib.npyio.NpzFile) -> OccupancyGrid:
 def variants_picture(runs: Path, place: str) -> Figure:
     """The filter's own map of every variant, in one frame."""
     maps = {name: np.load(runs / f"{place}-{name}-{SEED}.npz") for name in VARIANTS}
-    window = around(np.concatenate([run["path"][:, :2] for run in [maps["default"]]]), 4.0)
+    window = around(maps["default"]["path"][:, :2], 4.5)
     figure = Figure(figsize=(11.0, 6.2))
     for ax, (name, run) in zip(figure.subplots(2, 4).flat, maps.items(), strict=True):
         show_map(ax, grid_of(run), window)
         ax.set(xticks=[], yticks=[], title=f"{name}: {100.0 * run['own'][0]:.1f} cm")
+        ax.set_facecolor(UNSEEN)
+        ax.spines[:].set_visible(False)
         ax.title.set_fontsize(10)
     return figure
 
