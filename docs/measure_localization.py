@@ -55,7 +55,7 @@ def main() -> None:
     """Print one line a world."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
     print(
-        "| world | found | ambiguous | searching | lost or wrong | found after, median (worst) | error, median (worst) |"
+        "| world | found | ambiguous | searching | lost or wrong | found after: median, worst | error: median, worst |"
     )
     print("|---|---|---|---|---|---|---|")
     for world in catalogue():
@@ -67,8 +67,8 @@ def main() -> None:
         if found:
             after, error = np.array(found).T
             figures = (
-                f"| {np.median(after):.1f} m ({after.max():.1f} m) "
-                f"| {100 * np.median(error):.1f} cm ({100 * error.max():.1f} cm) |"
+                f"| {np.median(after):.1f} m, {after.max():.1f} m "
+                f"| {100 * np.median(error):.1f} cm, {100 * error.max():.1f} cm |"
             )
         counts = [states.count("found"), states.count("ambiguous"), states.count("searching")]
         counts.append(seeds - sum(counts))

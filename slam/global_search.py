@@ -108,7 +108,7 @@ class GlobalSearch:
         model = BeamModel(
             per_sigma2=s.search_sigma**-2.0,
             per_outlier2=self._radius**-2.0,
-            weight=s.independent_beams / len(few),
+            weight=min(s.independent_beams / len(few), 1.0),
             far=self._radius,
         )
         logs = np.empty(len(poses))

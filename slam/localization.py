@@ -29,7 +29,7 @@ from slam.scan import Scan
 State = Literal["searching", "ambiguous", "found"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Whereabouts:
     """What a localisation knows of itself."""
 
@@ -39,7 +39,7 @@ class Whereabouts:
     places: int
     """Places that hold the weight of the particles together; 0 while searching."""
     fit: float | None
-    """Share of the hits that the map explains at the best pose, mean over the last updates; None while searching."""
+    """Share of the hits that the map explains at the best pose, mean over the last updates; None before them."""
     found_at: tuple[int, ...]
     """Numbers of the scans at which the robot was found, after the start and after each loss."""
     lost_at: tuple[int, ...]
@@ -175,16 +175,10 @@ class Localization:
     @property
     def whereabouts(self) -> Whereabouts:
         """What is known of where the robot is."""
-        belief, state, places, fit = self._belief, "searching", 0, None
-        if isinstance(belief, MapTracker):
-            state, places, fit = "found" if belief.found else "ambiguous", belief.places, belief.fit
-        return Whereabouts(
-            state=state,  # type: ignore[arg-type]  # the literals above
-            places=places,
-            fit=fit,
-            found_at=tuple(self._found_at),
-            lost_at=tuple(self._lost_at),
-        )
+        belief, history = self._belief, (tuple(self._found_at), tuple(self._lost_at))
+        if isinstance(belief, GlobalSearch):
+            return Whereabouts("searching", 0, None, *history)
+        return Whereabouts("found" if belief.found else "ambiguous", belief.places, belief.fit, *history)
 
     @property
     def poses(self) -> se2.Pose:

@@ -63,8 +63,8 @@ class MapTracker:
         """Particles of equal weight at `poses` (n, 3), of which the first scan is to find out more."""
         self.config, self.settings = config, settings
         self.poses, self.weights = poses, Weights.uniform(len(poses))
-        self.fit = np.nan
-        """Share of the hits that the map explains at the best pose, mean over the last updates."""
+        self.fit: float | None = None
+        """Share of the hits that the map explains at the best pose, mean over the last updates; None before them."""
         self.places = 0
         """Places that hold `settings.sure` of the weight together."""
         self._frozen = frozen
@@ -80,7 +80,7 @@ class MapTracker:
     @property
     def lost(self) -> bool:
         """Whether the map explains too little of what the robot sees."""
-        return self.judged and self.fit < self.settings.least_fit
+        return self.judged and self.fit is not None and self.fit < self.settings.least_fit
 
     @property
     def found(self) -> bool:
@@ -143,7 +143,7 @@ class MapTracker:
         wall_distances(self._frozen.maps.grids, 0, *pose, hits, self.config.map.field_radius, distances)
         explained = float(np.mean(np.hypot(distances[0], distances[1]) <= self.settings.near))
         gain = 1.0 / min(self._ancestry.generations, self.settings.fit_memory)
-        self.fit = explained if self._ancestry.generations == 1 else self.fit + gain * (explained - self.fit)
+        self.fit = explained if self.fit is None else self.fit + gain * (explained - self.fit)
         self.places = self._count_places()
 
     def _count_places(self) -> int:

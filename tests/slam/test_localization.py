@@ -204,6 +204,7 @@ def test_before_the_first_hit_the_pose_is_the_start_or_anywhere():
     report = tracked.process((0.0, 0.0, 0.0), blind)
     assert not report.updated
     np.testing.assert_allclose(report.pose, (0.5, 0.2, 0.1), atol=1e-12)
+    assert tracked.whereabouts.fit is None
     np.testing.assert_allclose(np.diag(report.covariance) ** 0.5, (0.3, 0.3, 0.15), atol=1e-12)
     lost = Localization(L_ROOM, threads=1)
     report = lost.process((0.0, 0.0, 0.0), blind)
