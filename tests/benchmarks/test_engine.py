@@ -9,6 +9,8 @@ log intel-910 where it is present. `extra_info` of each figure holds microsecond
 
 import copy
 import os
+import resource
+import time
 from pathlib import Path
 
 import numpy as np
@@ -152,22 +154,65 @@ def test_step_with_threads(benchmark, threads):
     per_particle(benchmark, 100)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.skipif(not INTEL.exists(), reason=f"{INTEL} is absent")
-def test_intel_log(benchmark, threads):
-    """The whole log with 30 particles and the settings as they are; microseconds per update and particle."""
+needs_intel = pytest.mark.skipif(not INTEL.exists(), reason=f"{INTEL} is absent")
+
+
+def scans_of(log):
     from testbed.formats import open_log
 
-    frames = [frame for frame in open_log(INTEL).frames if frame.scan is not None]
+    return [frame for frame in open_log(log).frames if frame.scan is not None]
 
-    def run():
-        mapper = GMapping(FilterConfig(particles=30), threads=threads)
-        for frame in frames:
-            report = mapper.process(frame.odometry, frame.scan, twist=frame.twist)
-        return mapper, report
 
-    mapper, report = benchmark.pedantic(run, rounds=1, warmup_rounds=0)
+def mapped(frames, particles, threads):
+    """The filter after all frames, with its last report."""
+    mapper = GMapping(FilterConfig(particles=particles), threads=threads)
+    for frame in frames:
+        report = mapper.process(frame.odometry, frame.scan, twist=frame.twist)
+    return mapper, report
+
+
+@needs_intel
+@pytest.mark.parametrize("threads", [1, 2])
+def test_intel_log(benchmark, threads):
+    """The whole log with 30 particles and the settings as they are; microseconds per update and particle."""
+    frames = scans_of(INTEL)
+    mapper, report = benchmark.pedantic(mapped, (frames, 30, threads), rounds=3, warmup_rounds=1)
     per_particle(benchmark, 30 * len(mapper.update_scans))
     benchmark.extra_info["updates"] = len(mapper.update_scans)
     benchmark.extra_info["map_bytes_per_particle"] = report.map_bytes // 30
     assert np.all(np.isfinite(mapper.path()))
+
+
+@needs_intel
+def test_second_thread_on_the_intel_log(benchmark):
+    """Throughput of two threads over that of one, each run in turn, so that both meet the same machine."""
+    frames, seconds = scans_of(INTEL), {1: [], 2: []}
+
+    def both():
+        for threads, times in seconds.items():
+            start = time.perf_counter()
+            mapped(frames, 30, threads)
+            times.append(time.perf_counter() - start)
+
+    benchmark.pedantic(both, rounds=3, warmup_rounds=1)
+    benchmark.extra_info["throughput_ratio"] = round(min(seconds[1]) / min(seconds[2]), 2)
+
+
+@needs_intel
+def test_memory_of_300_particles_on_the_whole_intel_log(benchmark):
+    """Bytes of maps per particle at the worst moment and at the end, and the process's peak, over all 4519 scans."""
+    frames = scans_of(INTEL.with_name("intel-merged.clf.gz"))
+    before, in_use = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, []
+
+    def run():
+        mapper = GMapping(FilterConfig(particles=300))
+        for frame in frames:
+            in_use.append(mapper.process(frame.odometry, frame.scan, twist=frame.twist).map_bytes)
+        return mapper
+
+    mapper = benchmark.pedantic(run, rounds=1)
+    per_particle(benchmark, 300 * len(mapper.update_scans))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    benchmark.extra_info["worst_mb_per_particle"] = round(max(in_use) / 300e6, 2)
+    benchmark.extra_info["last_mb_per_particle"] = round(in_use[-1] / 300e6, 2)
+    benchmark.extra_info["rss_mb_before_and_peak"] = (before // 1024, peak // 1024)
