@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""`testbed slam LOG --map MAP.yaml` as a user starts it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval.map_server import read_map
+from eval.tum import read_tum
+
+
+def testbed(folder: Path, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from testbed.cli import main; main()", *map(str, arguments)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+testbed.__test__ = False  # not a test, in spite of its name
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("localization")
+    done = testbed(folder, "simulate", "apartment", "--out", "data", "--count", "1", "--duration", "12")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def metrics_of(run: Path) -> dict:
+    return json.loads((run / "metrics.json").read_text())
+
+
+def test_a_robot_is_found_scored_in_the_frame_of_the_map_and_the_run_is_repeatable(folder):
+    data = Path("data/apartment-0000")
+    done = testbed(folder, "slam", data, "--map", data / "truth_map.yaml", "--out", "a", "--threads", "1")
+    assert done.returncode == 0, done.stderr
+    assert "found after driving" in done.stdout
+    metrics = metrics_of(folder / "a")
+    found = metrics["localization"]
+    assert metrics["outcome"] == "ok"
+    assert (found["start"], found["state"], found["losses"]) == ("unknown", "found", 0)
+    assert found["error_median_m"] < 0.03
+    assert "map" not in metrics  # nobody's result
+    estimate, truth = read_tum(folder / "a" / "estimate.tum"), read_tum(folder / "a" / "truth.tum")
+    assert np.median(np.hypot(*(estimate.poses - truth.poses)[:, :2].T)) == pytest.approx(found["error_median_m"])
+    given, written = read_map(folder / data / "truth_map.yaml"), read_map(folder / "a" / "map.yaml")
+    np.testing.assert_array_equal(given.occupied, written.occupied)
+    assert not (folder / "a" / "filter.tum").exists()  # no final pass
+    again = testbed(folder, "slam", "--config", "a/config.toml", data, "--out", "b", "--threads", "2")
+    assert again.returncode == 0, again.stderr
+    assert metrics_of(folder / "b")["result_hash"] == metrics["result_hash"]
+
+
+def test_a_given_start_may_be_negative_and_complaints_are_one_line(folder):
+    data = Path("data/apartment-0000")
+    for start, words in (
+        ("-30,2,90", "truth_map.yaml: start (-30, 2) m lies"),
+        ("1,2", "truth_map.yaml: start '1,2': expected X,Y,DEG"),
+    ):
+        done = testbed(folder, "slam", data, "--map", data / "truth_map.yaml", "--start", start, "--out", "bad")
+        assert done.returncode == 2
+        assert len(done.stderr.splitlines()) == 1
+        assert words in done.stderr
+        assert not (folder / "bad").exists()
+    done = testbed(folder, "slam", data, "--start", "1,2,3", "--out", "bad")
+    assert done.returncode == 2
+    assert "--start 1,2,3: a place on a map, expected --map FILE.yaml beside it" in done.stderr
