@@ -5,7 +5,7 @@
     python docs/check_outcomes.py            # prints the table, and what was misjudged
     python docs/check_outcomes.py --write    # and puts it into docs/metrics.md
 
-Simulated and recorded runs are labelled by what their maps look like beside the truth; copies of good estimates are
+Simulated and recorded runs are labelled from their figures, some also from pictures of their maps; copies of good estimates are
 broken on purpose and labelled by how. Runs are kept in --runs and made only once; recorded logs are looked for in
 $TESTBED_DATASETS, else in ../shared/datasets, estimates of other systems in `peers` beside them. About five minutes.
 """
