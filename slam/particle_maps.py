@@ -100,7 +100,7 @@ class ParticleMaps:
         margin = self._disc.radius * self.config.cell
         tile = SIDE * self.config.cell
         bounds = np.empty((len(poses), 4))
-        self.threads.run(bounds_of_rays, len(poses), poses, rays, bounds)
+        bounds_of_rays(0, len(poses), poses, rays, bounds)  # too short to wake a thread for
         low = np.floor((bounds[:, :2].min(axis=0) - margin) / tile)
         high = np.floor((bounds[:, 2:].max(axis=0) + margin) / tile)
         size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
