@@ -6,8 +6,9 @@
     python docs/check_outcomes.py --write    # and puts it into docs/metrics.md
 
 Simulated and recorded runs are labelled from their figures, some also from pictures of their maps; copies of good
-estimates are broken on purpose and labelled by how. Runs are kept in --runs and made only once; recorded logs are looked for in
-$TESTBED_DATASETS, else in ../shared/datasets, estimates of other systems in `peers` beside them. About five minutes.
+estimates are broken on purpose and labelled by how. Runs are kept in --runs and made only once; recorded logs are
+looked for in $TESTBED_DATASETS, else in ../shared/datasets, estimates of other systems in `peers` beside them. About
+five minutes.
 """
 
 from __future__ import annotations
