@@ -123,8 +123,8 @@ class ProposalConfig:
     """How a new pose is drawn for each particle."""
 
     kind: Literal["improved", "scan-match", "motion"] = "improved"
-    """improved: Gaussian fitted to samples about the optimum; scan-match: the optimum alone, as the C++ GMapping
-    does; motion: the motion model alone (FastSLAM 1)."""
+    """improved: Gaussian fitted to samples about the optimum; scan-match: the optimum alone, as in the C++
+    GMapping, which however starts each search from a sample of the motion model; motion: the motion model alone (FastSLAM 1)."""
     samples: int = 20
     """Poses drawn about the optimum (K)."""
 
