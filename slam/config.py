@@ -124,7 +124,8 @@ class ProposalConfig:
 
     kind: Literal["improved", "scan-match", "motion"] = "improved"
     """improved: Gaussian fitted to samples about the optimum; scan-match: the optimum alone, as in the C++
-    GMapping, which however starts each search from a sample of the motion model; motion: the motion model alone (FastSLAM 1)."""
+    GMapping, which however starts each search from a sample of the motion model; motion: the motion model alone
+    (FastSLAM 1)."""
     samples: int = 20
     """Poses drawn about the optimum (K)."""
 
