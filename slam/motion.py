@@ -49,6 +49,7 @@ def motion_prior(motion: ArrayLike, config: MotionConfig) -> MotionPrior:
         axis=-1,
     )
     sigma = np.stack([good, failed], axis=-2)
-    share = np.maximum([1.0 - config.failure_share, config.failure_share], 1e-300)
-    log_scale = np.log(share) - np.log(sigma).sum(axis=-1) - 1.5 * np.log(2.0 * np.pi)
+    with np.errstate(divide="ignore"):  # a share of 0 never counts: its logarithm is -inf
+        log_share = np.log([1.0 - config.failure_share, config.failure_share])
+    log_scale = log_share - np.log(sigma).sum(axis=-1) - 1.5 * np.log(2.0 * np.pi)
     return MotionPrior(precision=sigma**-2.0, log_scale=log_scale)

