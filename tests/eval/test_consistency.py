@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from eval.consistency import chi_square, coalescence_spans, consistency, filter_health, nees
 from slam.se2 import compose, wrap_angle
-from testbed.cli import main
+from tests.shell import call
 
 N = 4000
 COV_X, COV_Y, COV_T = ("xx", "xy", "xt"), ("xy", "yy", "yt"), ("xt", "yt", "tt")
@@ -106,10 +106,8 @@ def test_health_counts_updates_only():
 @pytest.mark.slow
 def test_the_figures_of_a_real_run_are_those_of_a_calculation_by_hand(tmp_path):
     """Row by row from the files, with plain formulas and scipy's quantiles."""
-    with pytest.raises(SystemExit):
-        main(
-            ["run", "office", "--backend", "fast", "--particles", "10", "--duration", "25", "--out", f"{tmp_path}/run"]
-        )
+    short = ("--backend", "fast", "--particles", "10", "--duration", "25")
+    assert call("run", "office", *short, "--out", tmp_path / "run") == 0
     rows = [row for row in pq.read_table(tmp_path / "run" / "steps.parquet").to_pylist() if row["updated"]]
     stated = json.loads((tmp_path / "run" / "metrics.json").read_text())["filter"]
     first = rows[0]

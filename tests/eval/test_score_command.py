@@ -13,9 +13,9 @@ from eval.trajectory import Trajectory
 from eval.tum import read_tum, write_tum
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose
-from testbed.cli import main
 from tests.eval.helpers import moved
 from tests.eval.synthetic_run import write_run
+from tests.shell import call
 
 
 @pytest.fixture(scope="module")
@@ -24,9 +24,7 @@ def run(tmp_path_factory) -> Path:
 
 
 def score(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(["score", *map(str, arguments)])
-    return int(ended.value.code or 0)
+    return call("score", *arguments)
 
 
 def scored(capsys) -> dict:

@@ -134,6 +134,20 @@ def test_final_pass_mends_a_noisy_path(seed):
     np.testing.assert_array_equal(again.map.probability, result.map.probability)
 
 
+@pytest.mark.parametrize("off", [(0.06, -0.04, 0.0), (0.0, 0.05, 0.03)])
+def test_the_first_pose_comes_into_step_with_the_others(off):
+    """A filter errs at its first pose as at any other; in the frame of that pose the whole path must be right after."""
+    truth = drive(16, distance=0.15, turn=0.08)
+    initial = truth.copy()
+    initial[0] = se2.compose(truth[0], off)
+    result = refine(truth, [scan_at(pose, beams=120) for pose in truth], initial, CONFIG, threads=1)
+    np.testing.assert_allclose(result.poses[0], initial[0], atol=1e-9)
+    seen_from_first = [se2.between(poses[0], poses) for poses in (initial, truth, result.poses)]
+    wrong, right, found = seen_from_first
+    assert np.abs(wrong - right)[1:, :2].max() > 0.04
+    np.testing.assert_allclose(found, right, atol=0.015)
+
+
 def test_final_pass_leaves_a_perfect_path_alone():
     truth = drive(6)
     result = refine(truth, [scan_at(pose) for pose in truth], truth, CONFIG, threads=1)

@@ -3,7 +3,6 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,11 @@ import pytest
 
 from eval.map_server import read_map
 from eval.tum import read_tum
+from tests.shell import TESTBED
 
 
 def testbed(folder: Path, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from testbed.cli import main; main()", *map(str, arguments)]
+    command = [*TESTBED, *map(str, arguments)]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 

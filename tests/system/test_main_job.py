@@ -4,7 +4,6 @@
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +14,14 @@ from eval.trajectory import Trajectory
 from eval.trajectory_error import absolute_error
 from eval.tum import read_tum
 from testbed.rundir import RUN_FILES
+from tests.shell import TESTBED
 
 DATASETS = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).parents[3] / "shared" / "datasets"))
 
 
 def testbed(folder: Path, *arguments: str | Path) -> dict:
     """Run `testbed … --out folder/run` in a process of its own; returns its metrics."""
-    command = [sys.executable, "-c", "from testbed.cli import main; main()", *map(str, arguments)]
+    command = [*TESTBED, *map(str, arguments)]
     done = subprocess.run([*command, "--out", "run"], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == f"report: {folder / 'run' / 'report.html'}"

@@ -16,15 +16,13 @@ import numpy as np
 import pytest
 
 from slam.scan import Scan
-from testbed.cli import main
 from testbed.cli.simulator_options import SimulatorOptions
 from testbed.formats import open_log
 from testbed.formats.carmen_writer import write_carmen
 from testbed.frame import Frame
 from testbed.rundir import RUN_FILES, RunDirectory
+from tests.shell import TESTBED, assert_refused, call
 from worlds import catalogue, load
-
-TESTBED = [sys.executable, "-c", "from testbed.cli import main; main()"]
 
 
 def room_log(path: Path, scans: int = 5) -> Path:
@@ -47,21 +45,6 @@ def room_log(path: Path, scans: int = 5) -> Path:
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def call(*arguments: str | Path) -> int:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    return end.value.code
-
-
-def assert_refused(capsys, complaint: str, *arguments: str) -> None:
-    """Exit status 2, one line on stderr that says `complaint`, nothing on stdout."""
-    assert call(*arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1
-    assert complaint in captured.err
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,12 @@ import pytest
 from eval.map_server import read_map
 from eval.tum import read_tum
 from testbed import dataset
-from testbed.cli import main
 from testbed.dataset import discard_unfinished, is_complete, write_dataset
 from testbed.formats import LogError, open_log
 from testbed.formats.maps import read_map_inside
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import SimulationConfig
+from tests.shell import AT_A_TERMINAL, TESTBED, call
 from worlds import load
 
 CONFIG = SimulationConfig(
@@ -99,9 +99,7 @@ def test_what_breaks_off_leaves_nothing(tmp_path, monkeypatch):
 
 
 def simulate(out: Path, *options: str) -> int:
-    with pytest.raises(SystemExit) as end:
-        main(["simulate", "loop", "--out", str(out), "--duration", "0.5", *options])
-    return end.value.code
+    return call("simulate", "loop", "--out", out, "--duration", "0.5", *options)
 
 
 def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
@@ -118,7 +116,7 @@ def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
 
 
 def test_ctrl_c_ends_soon_and_leaves_whole_datasets_only(tmp_path):
-    command = [sys.executable, "-c", "from testbed.cli import main; main()", "simulate", "office", "--count", "3"]
+    command = [*AT_A_TERMINAL, "simulate", "office", "--count", "3"]
     job = subprocess.Popen([*command, "--out", tmp_path], stderr=subprocess.PIPE, text=True, start_new_session=True)
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob(".office-0000.simulating-*")):  # a worker is at work
@@ -160,7 +158,7 @@ def test_a_worker_that_outlived_its_parent_is_let_be(tmp_path):
 
 @pytest.mark.slow
 def test_a_job_that_was_killed_leaves_no_workers_and_goes_on_to_the_same_bytes(tmp_path):
-    command = [sys.executable, "-c", "from testbed.cli import main; main()", "simulate", "apartment", "--duration", "8"]
+    command = [*TESTBED, "simulate", "apartment", "--duration", "8"]
     job = subprocess.Popen([*command, "--count", "4", "--workers", "2", "--out", tmp_path / "a"])
     deadline = time.monotonic() + 120
     while not list((tmp_path / "a").glob("apartment-*")):  # one is whole, others are at work

@@ -76,7 +76,7 @@ def test_the_map_of_another_building_is_told():
 
 @pytest.mark.slow
 def test_unknown_starts_in_an_office_are_found_within_five_metres():
-    """20 of 20 seeds when this was written, after 0.7 to 1.3 m; from places anywhere along the tour."""
+    """From places anywhere along the tour."""
     found, medians = 0, []
     for seed in range(20):
         begin = float(np.random.default_rng(seed).uniform(0.0, 40.0))

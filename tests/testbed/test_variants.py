@@ -7,19 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbed.cli import main
 from testbed.cli.simulator_options import SimulatorOptions
 from testbed.cli.variants import variants
 from testbed.formats import open_log
+from tests.shell import call
 
 VARY = ["--vary", "lidar=rplidar_a2,lds01", "--vary", "clutter=0,2"]
 NAMES = [f"office-0000-lidar-{lidar}-clutter-{clutter}" for lidar in ("lds01", "rplidar_a2") for clutter in "02"]
 
 
 def simulate(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as end:
-        main(["simulate", *arguments])
-    return end.value.code
+    return call("simulate", *arguments)
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ import time
 import pytest
 
 from testbed import warmup
+from tests.shell import AT_A_TERMINAL
 
 
 @pytest.fixture
@@ -63,7 +64,7 @@ def test_a_failure_is_one_line(monkeypatch):
 
 
 def test_ctrl_c_while_compiling_ends_soon_and_marks_the_run(tmp_path):
-    command = [sys.executable, "-c", "from testbed.cli import main; main()", "run", "loop", "--out", "run"]
+    command = [*AT_A_TERMINAL, "run", "loop", "--out", "run"]
     with (tmp_path / "errors").open("w") as errors:
         run = subprocess.Popen(
             command,

@@ -8,8 +8,6 @@ from testbed.sweep.code_version import code_version
 from testbed.sweep.plan import file_digest
 from worlds import Start, Tour, Wall, World, dumps
 
-TESTBED = "from testbed.cli import main; main()"
-
 
 def room_file(folder: Path, name: str = "room", width: float = 5.0) -> Path:
     """A world file: a room with a pillar, and a tour of 2 m."""

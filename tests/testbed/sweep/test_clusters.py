@@ -17,7 +17,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests.testbed.sweep.places import TESTBED, room_file
+from tests.shell import TESTBED
+from tests.testbed.sweep.places import room_file
 from tests.testbed.sweep.test_sweep import bytes_of, call, children_of
 
 pytestmark = pytest.mark.slow
@@ -39,7 +40,7 @@ def folder(tmp_path_factory) -> Path:
     (folder / "study.toml").write_text(SPEC)
     program = folder / "bin" / "testbed"
     program.parent.mkdir()
-    program.write_text(f"#!{sys.executable}\n{TESTBED}\n")
+    program.write_text(f"#!{TESTBED[0]}\n{TESTBED[-1]}\n")
     program.chmod(0o755)
     return folder
 

@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -14,20 +13,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from testbed.cli import main
 from testbed.sweep import cluster
 from testbed.sweep.plan import Shard, file_digest
 from testbed.sweep.store import SweepDirectory
-from tests.testbed.sweep.places import TESTBED, room_cell, room_file
+from tests.shell import TESTBED, assert_refused, call
+from tests.testbed.sweep.places import room_cell, room_file
 
 TABLES = ("sweep.parquet", "curves.parquet")
 """What must not depend on how a sweep was carried out."""
-
-
-def call(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    return end.value.code
 
 
 def room_sweep(world: Path) -> list[object]:
@@ -138,16 +131,6 @@ def test_cells_over_the_limit_fail_with_their_reason_and_are_tried_again(swept, 
     assert call("sweep", "--out", copied, "--no-worst") == 0
     assert list((copied / "failed").iterdir()) == []
     assert bytes_of(copied) == bytes_of(swept)
-
-
-def assert_refused(capsys, complaint: str, *arguments: object) -> None:
-    """Exit status 2 and one line that says `complaint`."""
-    capsys.readouterr()
-    assert call(*arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1
-    assert complaint in captured.err
 
 
 @pytest.mark.parametrize(
@@ -267,7 +250,7 @@ def test_the_worst_runs_are_carried_out_again_with_report_and_recording(copied, 
 def test_a_sweep_that_is_stopped_leaves_no_process_and_no_half_cell(world, swept, tmp_path, sign):
     out = tmp_path / "sweep"
     arguments = [*map(str, room_sweep(world)), "--workers", "2", "--out", str(out)]
-    process = subprocess.Popen([sys.executable, "-c", TESTBED, *arguments], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*TESTBED, *map(str, arguments)], stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60.0
     while not any((out / "cells").glob("[!.]*")) and time.monotonic() < deadline:
         time.sleep(0.01)
