@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from slam._jit import kernel
-from slam._match_kernels import cholesky, deviation, linearise, log_components, solve
+from slam._match_kernels import cholesky, deviation, log_components, solve
 
 
 @kernel
@@ -45,46 +45,57 @@ def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
 
 
 @kernel
-def scan_equations(start, stop, grids, poses, first, points, model, diagonal, gradient, cost):
-    """Cost of the scans [start, stop) against map 0, its gradient (scans, 3) and Hessian (scans, 3, 3), all added.
+def factor_chain(diagonal, coupling, factors, eliminated):
+    """Block Cholesky factors of a block tridiagonal matrix (Golub, Van Loan 2013, section 4.5.2).
 
-    poses (scans, 3);  points (n, 2) hits of all scans in the robot's frame, those of scan i from first[i] to
-    first[i + 1];  cost (scans,) out
+    diagonal (n, 3, 3), coupling (n - 1, 3, 3) upper blocks;  factors (n, 3, 3), eliminated (n - 1, 3, 3) out
+    Each pivot is positive definite because every pose hangs on its neighbours by odometry.
     """
-    for i in range(start, stop):
-        hits = points[first[i] : first[i + 1]]
-        distances = np.empty((4, hits.shape[0]))
-        cost[i], _ = linearise(
-            grids, 0, poses[i, 0], poses[i, 1], poses[i, 2], hits, model, distances, diagonal[i], gradient[i]
-        )
+    n = diagonal.shape[0]
+    pivot, column = diagonal[0].copy(), np.empty(3)
+    for i in range(n):
+        cholesky(pivot, factors[i])
+        if i + 1 == n:
+            break
+        for j in range(3):
+            column[:] = coupling[i, :, j]
+            solve(factors[i], column)
+            eliminated[i, :, j] = column
+        pivot[:] = diagonal[i + 1]
+        for r in range(3):
+            for k in range(3):
+                for j in range(3):
+                    pivot[r, j] -= coupling[i, k, r] * eliminated[i, k, j]
 
 
 @kernel
-def solve_chain(diagonal, coupling, gradient, step):
-    """Solve the block tridiagonal system: step (n, 3) with H step = gradient; diagonal and gradient are overwritten.
-
-    diagonal (n, 3, 3), coupling (n - 1, 3, 3) upper blocks, gradient (n, 3). Block Cholesky (Golub, Van Loan 2013,
-    section 4.5.2); each pivot is positive definite because every pose hangs on its neighbours by odometry.
-    """
-    n = diagonal.shape[0]
-    L, column = np.empty((3, 3)), np.empty(3)
-    eliminated = np.empty((max(n - 1, 1), 3, 3))  # D_i^-1 C_i
+def solve_chain(factors, eliminated, coupling, right, x):
+    """Solve the block tridiagonal system that `factor_chain` has factored: x (n, 3) out, right (n, 3)."""
+    n = right.shape[0]
     for i in range(n):
-        cholesky(diagonal[i], L)
-        solve(L, gradient[i])
-        if i + 1 < n:
-            for j in range(3):
-                column[:] = coupling[i, :, j]
-                solve(L, column)
-                eliminated[i, :, j] = column
+        x[i] = right[i]
+        if i > 0:
             for r in range(3):
                 for k in range(3):
-                    gradient[i + 1, r] -= coupling[i, k, r] * gradient[i, k]
-                    for j in range(3):
-                        diagonal[i + 1, r, j] -= coupling[i, k, r] * eliminated[i, k, j]
-    step[n - 1] = gradient[n - 1]
+                    x[i, r] -= coupling[i - 1, k, r] * x[i - 1, k]
+        solve(factors[i], x[i])
     for i in range(n - 2, -1, -1):
         for r in range(3):
-            step[i, r] = gradient[i, r]
             for k in range(3):
-                step[i, r] -= eliminated[i, r, k] * step[i + 1, k]
+                x[i, r] -= eliminated[i, r, k] * x[i + 1, k]
+
+
+@kernel
+def multiply_chain(diagonal, coupling, x, out):
+    """out (n, 3) = the block tridiagonal matrix times x (n, 3)."""
+    n = x.shape[0]
+    for i in range(n):
+        for r in range(3):
+            total = 0.0
+            for k in range(3):
+                total += diagonal[i, r, k] * x[i, k]
+                if i + 1 < n:
+                    total += coupling[i, r, k] * x[i + 1, k]
+                if i > 0:
+                    total += coupling[i - 1, k, r] * x[i - 1, k]
+            out[i, r] = total

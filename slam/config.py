@@ -178,21 +178,28 @@ class GateConfig:
 class RefineConfig:
     """The final pass over a recording; never used inside the filter."""
 
-    rounds: int = 10
-    """How often the map is drawn anew, at most."""
-    settled: float = 0.0003
-    """The pass ends when a round moves the poses by less than this, mean over the poses [m] and [rad]."""
-    overshoot: float = 1.5
-    """Each round moves the poses this many times as far as the optimum against its map is away."""
-    iterations: int = 3
-    """Gauss-Newton steps against each map."""
+    rounds: int = 6
+    """How often the walls are found anew."""
     hit_sigma: float = 0.02
-    """As `MatchConfig.hit_sigma`: a map drawn from all scans is sharper than one that still grows [m]."""
-    outlier_distance: float = 0.2
-    """As `MatchConfig.outlier_distance`: the poses are nearly right from the start [m]."""
-    occupied_share: float = 0.12
-    """As `MapConfig.occupied_share`, for the maps that the poses are matched against: with all scans in view, walls
-    that many beams graze are worth more than the few false cells that come with them."""
+    """Spread of end points about a wall near by [m]; less than in the filter, whose map still grows."""
+    range_share: float = 0.01
+    """Spread that comes on top of it along the beam, as a share of the range."""
+    first_gate: float = 0.2
+    """In the first round end points up to this far from a wall, plus three standard deviations, belong to it [m]."""
+    gate_decay: float = 0.6
+    """The gate narrows by this factor from round to round ..."""
+    last_gate: float = 0.03
+    """... down to this: things that stand before a wall must not pull [m]."""
+    cell: float = 0.05
+    """Side of the cells into which end points are sorted [m]."""
+    window: float = 0.15
+    """Radius of the windows in which lines are fitted [m]."""
+    flatness: float = 0.15
+    """End points form a line where their variance across it is at most this share of that along it."""
+    spacing: float = 0.25
+    """Distance of the surfels along a wall, at least [m]."""
+    most_points: int = 3_000_000
+    """Of recordings with more hits each k-th one is used."""
     motion: MotionConfig = field(
         default_factory=lambda: MotionConfig(
             floor_translation=0.001,
@@ -205,11 +212,11 @@ class RefineConfig:
     at rest, more per metre and radian, since errors of many short steps partly cancel."""
 
     def __post_init__(self) -> None:
-        _at_least(self, 1, "rounds", "iterations")
-        _at_least(self, 0.0, "settled")
-        _positive(self, "hit_sigma", "outlier_distance", "occupied_share")
-        if not 1.0 <= self.overshoot < 2.0:
-            raise ValueError(f"RefineConfig.overshoot must be in [1, 2), got {self.overshoot}")
+        _at_least(self, 1, "rounds", "most_points")
+        _at_least(self, 0.0, "range_share", "first_gate", "last_gate")
+        _positive(self, "hit_sigma", "gate_decay", "cell", "window", "flatness", "spacing")
+        if not self.window >= self.cell:
+            raise ValueError(f"RefineConfig.window must be at least one cell of {self.cell} m, got {self.window} m")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""One Gauss-Newton step for all poses of a recording at once: scans against surfels that follow, odometry between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam._adjustment_kernels import Matches, Sights, collect, match_points, subtract_surfels, weigh_points
+from slam._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
+from slam._surfel_kernels import Cloud, list_candidates
+from slam.config import RefineConfig
+from slam.motion import motion_prior
+from slam.parallel import Threads
+from slam.surfels import cells_of, find_surfels, noise_of, placed
+
+HELD = 1e-2
+"""Precision of the first pose [1/m^2, 1/rad^2]: nothing else ties the whole to the frame. Weak, so that it costs no
+iterations: who needs the first pose where it was moves the whole back."""
+CLOSE = 1e-3
+"""The equations count as solved where the residual has fallen by this factor."""
+MOST_PRODUCTS = 150
+"""Products with the matrix in one solve, at most."""
+
+
+class ScanEquations(NamedTuple):
+    """What the scans say of their poses, the surfels' offsets eliminated."""
+
+    diagonal: NDArray[np.float64]
+    """(scans, 3, 3)."""
+    gradient: NDArray[np.float64]
+    """(scans, 3)."""
+    sights: Sights
+    normal: NDArray[np.float64]
+    """Of the surfels, (surfels, 2)."""
+    total: NDArray[np.float64]
+    """Sums of the weights of the surfels' end points [1/m^2], (surfels,)."""
+
+
+class Adjustment:
+    """The equations of a recording: scans that see the same surfels, and odometry between neighbours."""
+
+    def __init__(
+        self, odometry: se2.Pose, cloud: Cloud, with_scan: NDArray[np.int64], config: RefineConfig, threads: Threads
+    ) -> None:
+        """odometry (frames, 3): `T_odom_robot`;  with_scan (scans,): frames to which the cloud's scans belong."""
+        self.cloud, self.with_scan, self.config, self.threads = cloud, with_scan, config, threads
+        self.motions = se2.between(odometry[:-1], odometry[1:])
+        self.prior = motion_prior(self.motions, config.motion)
+
+    def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
+        """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
+        n, k = len(poses), self.with_scan
+        diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
+        add_odometry_steps(self.prior, poses, self.motions, diagonal, coupling, gradient)
+        diagonal[0] += np.eye(3) * HELD
+        scans = self.scan_equations(poses[k], gate)
+        gradient[k] += scans.gradient
+        diagonal[k] += scans.diagonal
+
+        def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
+            out, followed = np.empty_like(x), np.zeros((len(k), 3))
+            multiply_chain(diagonal, coupling, x, out)
+            subtract_surfels(scans.sights, scans.normal, scans.total, np.ascontiguousarray(x[k]), followed)
+            out[k] += followed
+            return out
+
+        factors, eliminated = np.empty((n, 3, 3)), np.empty((n - 1, 3, 3))
+        factor_chain(diagonal, coupling, factors, eliminated)
+
+        def with_walls_held(x: NDArray[np.float64]) -> NDArray[np.float64]:
+            out = np.empty_like(x)
+            solve_chain(factors, eliminated, coupling, x, out)
+            return out
+
+        return -conjugate_gradients(product, with_walls_held, gradient)
+
+    def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
+        """Find the surfels at poses (scans, 3) and set up what the scans say."""
+        cloud, config, threads = self.cloud, self.config, self.threads
+        n, scans = len(cloud.ends), len(poses)
+        there = placed(cloud, poses, threads)
+        cells, cell_of = cells_of(there.points, config.cell)
+        surfels, lines = find_surfels(there, cloud, cells, cell_of, config, threads)
+        noise, reach = noise_of(config), config.spacing + gate + 3.0 * config.hit_sigma
+        candidates = list_candidates(surfels, cells, reach)
+        matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
+        threads.run(
+            match_points,
+            n,
+            there,
+            cloud.ranges,
+            noise,
+            cell_of,
+            lines,
+            candidates,
+            surfels,
+            config.spacing,
+            gate,
+            matches,
+        )
+        total = np.empty(len(surfels.place))
+        weigh_points(matches, gate, total)
+        diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
+        rows = Sights(cloud.first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+        threads.run(
+            collect, scans, poses, there.points, cloud.first, matches, surfels.normal, diagonal, gradient, rows, count
+        )
+        used = np.arange(n) - np.repeat(cloud.first[:-1], np.diff(cloud.first)) < np.repeat(count, np.diff(cloud.first))
+        first = np.concatenate([[0], np.cumsum(count)])
+        sights = Sights(first, rows.surfel[used], rows.weight[used], rows.lever[used])
+        return ScanEquations(diagonal, gradient, sights, surfels.normal, total)
+
+
+def conjugate_gradients(
+    product: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    precondition: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    right: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Solve H x = right for a symmetric positive semidefinite H; right and x are of one shape.
+
+    Preconditioned conjugate gradients (Golub, Van Loan 2013, algorithm 11.5.1): with the walls held the equations are a
+    chain, which is solved at once; the remaining iterations let walls and poses move together.
+    """
+    x, residual = np.zeros_like(right), right.copy()
+    z = precondition(residual)
+    direction = z.copy()
+    along = start = float(np.vdot(residual, z))
+    for _ in range(MOST_PRODUCTS):
+        if along <= CLOSE**2 * start:
+            break
+        image = product(direction)
+        share = along / float(np.vdot(direction, image))
+        x += share * direction
+        residual -= share * image
+        z = precondition(residual)
+        before, along = along, float(np.vdot(residual, z))
+        direction = z + along / before * direction
+    return x

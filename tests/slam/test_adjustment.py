@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: MIT
+"""The equations of the final pass against dense ones and numerical derivatives, and what may pull a pose."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slam import se2
+from slam._adjustment_kernels import Matches, Sights, collect, match_points, subtract_surfels, weigh_points
+from slam._surfel_kernels import list_candidates
+from slam.adjustment import Adjustment, conjugate_gradients
+from slam.config import RefineConfig
+from slam.parallel import Threads
+from slam.surfels import cells_of, cloud_of, find_surfels, noise_of, placed
+from tests.slam.rooms import rays
+
+
+def random_problem(seed, scans=4, surfels=5, hits=30):
+    """Poses, points in the map's frame, first, and matches with weights, of walls that no scan saw alone."""
+    rng = np.random.default_rng(seed)
+    poses = rng.normal(size=(scans, 3))
+    points = rng.normal(scale=3.0, size=(scans * hits, 2))
+    angle = rng.uniform(-np.pi, np.pi, surfels)
+    normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    surfel = rng.integers(-1, surfels, scans * hits).astype(np.int32)
+    across = 0.1 * rng.normal(size=scans * hits)
+    weight = np.where(surfel >= 0, rng.uniform(0.5, 2.0, scans * hits), 0.0)
+    for e in range(surfels):  # distances from the weighted mean, as `weigh_points` leaves them
+        own = surfel == e
+        across[own] -= np.average(across[own], weights=weight[own])
+    first = np.arange(scans + 1) * hits
+    return poses, points, first, Matches(surfel, across, np.ones(len(surfel)), weight), normal
+
+
+def moved_cost(problem, delta):
+    """The least cost over the offsets after the poses have moved by a small delta (scans, 3)."""
+    poses, points, first, matches, normal = problem
+    scan = np.repeat(np.arange(len(poses)), np.diff(first))
+    arm = points - poses[scan, :2]
+    moved = delta[scan, :2] + delta[scan, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=-1)
+    r = matches.across + np.sum(normal[matches.surfel] * moved, axis=1)
+    total = 0.0
+    for e in range(len(normal)):
+        own = matches.surfel == e
+        w = matches.weight[own]
+        total += 0.5 * np.sum(w * (r[own] - np.average(r[own], weights=w)) ** 2)
+    return total
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_equations_are_those_of_the_least_cost_over_all_offsets(seed):
+    problem = random_problem(seed)
+    poses, points, first, matches, normal = problem
+    scans, n = len(poses), len(points)
+    diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
+    rows = Sights(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+    collect(0, scans, poses, points, first, matches, normal, diagonal, gradient, rows, count)
+    used = np.concatenate([np.arange(begin, begin + c) for begin, c in zip(first, count, strict=False)])
+    sights = Sights(np.concatenate([[0], np.cumsum(count)]), rows.surfel[used], rows.weight[used], rows.lever[used])
+    for begin, end in pairwise(sights.first):  # one row for each surfel that a scan sees
+        assert len(set(sights.surfel[begin:end])) == end - begin
+    total = np.bincount(matches.surfel[matches.surfel >= 0], matches.weight[matches.surfel >= 0])
+
+    def product(x):
+        out = np.einsum("nij,nj->ni", diagonal, x)
+        subtract_surfels(sights, normal, total, x, out)
+        return out
+
+    zero = np.zeros((scans, 3))
+    for k in range(3 * scans):
+        unit = np.eye(3 * scans)[k].reshape(scans, 3)
+        ahead, back = moved_cost(problem, unit), moved_cost(problem, -unit)
+        assert 0.5 * (ahead - back) == pytest.approx(gradient.ravel()[k], abs=1e-9)  # the cost is a quadratic form
+        assert ahead + back - 2.0 * moved_cost(problem, zero) == pytest.approx(product(unit).ravel()[k], abs=1e-8)
+        for j in range(k):  # mixed derivatives
+            other = np.eye(3 * scans)[j].reshape(scans, 3)
+            mixed = moved_cost(problem, unit + other) - ahead - moved_cost(problem, other) + moved_cost(problem, zero)
+            assert mixed == pytest.approx(product(unit).ravel()[j], abs=1e-8)
+
+
+@given(st.integers(1, 8), st.integers(0, 10**6))
+@settings(deadline=None)
+def test_conjugate_gradients_equal_a_dense_solve(n, seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3 * n, 3 * n))
+    H, right = root @ root.T + np.eye(3 * n), rng.normal(size=(n, 3))
+    x = conjugate_gradients(
+        lambda v: (H @ v.ravel()).reshape(n, 3), lambda v: (v.ravel() / np.diag(H)).reshape(n, 3), right
+    )
+    expected = np.linalg.solve(H, right.ravel()).reshape(n, 3)
+    assert np.linalg.norm(x - expected) <= 0.05 * np.linalg.norm(expected)
+    np.testing.assert_array_equal(conjugate_gradients(lambda v: v, lambda v: v, np.zeros((n, 3))), 0.0)
+
+
+def test_weights_fall_with_the_distance_and_leave_the_mean_where_most_points_are():
+    across = np.concatenate([np.linspace(-0.01, 0.01, 40), [0.3, 0.31]])
+    n = len(across)
+    matches = Matches(np.zeros(n, np.int32), across.copy(), np.full(n, 0.01**2), np.empty(n))
+    total = np.empty(1)
+    weigh_points(matches, 0.03, total)
+    assert abs(np.mean(matches.across[:40])) < 0.001  # a plain mean would be off by 15 mm
+    assert total[0] == pytest.approx(matches.weight.sum())
+    assert matches.weight[-1] < 0.02 * matches.weight[20]
+
+
+def matched(parts, poses, gate):
+    """Surfels, matches and cloud of scans given as `Rays`, taken at poses (scans, 3)."""
+    config, threads = RefineConfig(), Threads(1)
+    cloud = cloud_of(parts, config.most_points)
+    there = placed(cloud, np.asarray(poses, dtype=np.float64), threads)
+    cells, cell_of = cells_of(there.points, config.cell)
+    surfels, lines = find_surfels(there, cloud, cells, cell_of, config, threads)
+    n = len(cloud.ends)
+    matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
+    candidates = list_candidates(surfels, cells, 0.6)
+    noise = noise_of(config)
+    match_points(0, n, there, cloud.ranges, noise, cell_of, lines, candidates, surfels, config.spacing, gate, matches)
+    return surfels, matches, cloud
+
+
+def test_end_points_belong_to_the_wall_that_they_lie_on():
+    wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
+    surfels, matches, _ = matched([rays(wall), rays(wall)], [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)], gate=0.1)
+    assert np.mean(matches.surfel >= 0) > 0.98
+    own = matches.surfel >= 0
+    np.testing.assert_allclose(surfels.normal[matches.surfel[own]], [(-1.0, 0.0)] * own.sum(), atol=0.05)
+    first = np.arange(len(own)) < 161
+    np.testing.assert_allclose(matches.across[own & first], 0.01, atol=0.002)  # the surfels lie between both
+    np.testing.assert_allclose(matches.across[own & ~first], -0.01, atol=0.002)
+
+
+def test_the_side_of_a_box_before_a_wall_belongs_to_no_wall():
+    wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
+    side = np.stack([np.linspace(1.6, 1.98, 30), np.full(30, 0.5)], axis=-1)  # of a box, at a right angle to the wall
+    surfels, matches, _ = matched([rays(np.concatenate([wall, side]))], [(0.0, 0.0, 0.0)], gate=0.2)
+    taken = matches.surfel[161:]
+    faces_the_robot = np.abs(surfels.normal[taken[taken >= 0], 1]) > 0.9
+    assert faces_the_robot.all()
+
+
+def test_a_wall_that_all_scans_see_wrongly_alike_holds_none_of_them():
+    """Walls follow their scans: where all are off by the same, as odometry has it, nothing pulls them back."""
+    y = np.linspace(-2.0, 2.0, 161)
+    room = np.concatenate([np.stack([np.full(161, x), y], axis=-1) for x in (2.0, -2.0)])
+    room = np.concatenate([room, room[:, ::-1]])
+    poses = np.zeros((6, 3))
+    adjustment = Adjustment(poses, cloud_of([rays(room)] * 6, 10**6), np.arange(6), RefineConfig(), Threads(1))
+    off = se2.compose((0.05, -0.03, 0.02), poses)
+    step = adjustment.step(off, 0.1)
+    np.testing.assert_allclose(step - step[0], 0.0, atol=1e-9)  # they may move together: nothing holds the whole
+
+
+def test_one_scan_among_many_comes_into_step():
+    y = np.linspace(-2.0, 2.0, 161)
+    room = np.concatenate([np.stack([np.full(161, x), y], axis=-1) for x in (2.0, -2.0)])
+    room = np.concatenate([room, room[:, ::-1]])
+    poses = np.zeros((8, 3))
+    adjustment = Adjustment(poses, cloud_of([rays(room)] * 8, 10**6), np.arange(8), RefineConfig(), Threads(1))
+    off = poses.copy()
+    off[3] = 0.03, -0.02, 0.01
+    for gate in (0.1, 0.05, 0.03):
+        off += adjustment.step(off, gate)
+    np.testing.assert_allclose(off - off.mean(axis=0), 0.0, atol=0.002)
