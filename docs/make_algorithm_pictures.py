@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from measure_variants import VARIANTS, recording
+from measure_variants import TABLES, recording
 from numpy.typing import NDArray
 
 from eval.grids import cell_centres
@@ -339,7 +339,7 @@ def grid_of(run: np.lib.npyio.NpzFile) -> OccupancyGrid:
 
 def variants_picture(runs: Path, place: str) -> Figure:
     """The filter's own map of every variant, in one frame."""
-    maps = {name: np.load(runs / f"{place}-{name}-{SEED}.npz") for name in VARIANTS}
+    maps = {name: np.load(runs / f"{place}-{name}-{SEED}.npz") for name in TABLES["variants"].variants.split(",")}
     window = around(maps["default"]["path"][:, :2], 4.5)
     figure = Figure(figsize=(11.0, 6.2))
     for ax, (name, run) in zip(figure.subplots(2, 4).flat, maps.items(), strict=True):

@@ -345,6 +345,8 @@ def _run_metrics(steps: Columns, facts: Metrics) -> Metrics:
         "particles": int(particles[-1]) if len(particles) else 0,
         "scans": len(stamps),
         "updates": count,
+        "particle_updates": int(particles[on].sum()),
+        "mean_particles": float(particles[on].mean()) if count else None,
         "duration_s": duration,
         "realtime_factor": duration / wall if wall else None,
         "filter_s": seconds,

@@ -116,6 +116,7 @@ def _headlines(run: RunFiles) -> list[Headline]:
     add("relations.rot_mean_deg", "{:.2f}°", "relation error, rotation", "mean")
     add("map.wall_distance_m", "length", "walls from truth", "mean, both ways")
     add("map.f1_1_cells", "{:.3f}", "map agreement", "F1 of walls within a cell")
-    add("filter.mean_ess", "{:.1f}", "effective particles", f"of {run.metric('particles')}")
+    count = run.metric("mean_particles")
+    add("filter.mean_ess", "{:.1f}", "effective particles", f"of {count:.0f}" if count is not None else "")
     add("realtime_factor", "{:.1f}×", "real time", f"{run.metric('duration_s') or 0.0:.0f} s of data")
     return found

@@ -41,7 +41,7 @@ class Ancestry:
         self.generations += 1
 
     def descend(self, ancestors: NDArray[np.int64]) -> None:
-        """Let particle i go on with the history of particle `ancestors[i]`."""
+        """Let particle i go on with the history of particle `ancestors[i]`; any number of heirs, (heirs,)."""
         if self.coalesced:
             self._founders = np.arange(len(self._leaves))
         self._leaves = self._leaves[ancestors]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
 
-VERSION = 1
+VERSION = 2
 
 
 class CheckpointError(ValueError):

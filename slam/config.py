@@ -152,6 +152,35 @@ class ResampleConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AdaptConfig:
+    """How many particles there are, from scan to scan (`slam.adaptation`); localisation has a rule of its own."""
+
+    count: Literal["fixed", "kld"] = "fixed"
+    """fixed: always as many; kld: as many as KLD-sampling asks for the belief of the pose (Fox 2003)."""
+    least: int = 10
+    """Fewest particles: the deviation of n samples is known to 1 / sqrt(2 (n - 1)), 24 % for 10."""
+    most: int = 60
+    """Most particles."""
+    position: float = 0.3
+    """Side of the bins [m]; the matcher's outlier distance: poses this far apart are drawn to the same walls."""
+    heading: float = 0.1
+    """Height of the bins [rad]; the angle at which a wall 3 m away moves by one side."""
+    error: float = 0.25
+    """Bound on the divergence between belief and particles [nats] (epsilon): three particles a bin or more, so that the
+    one with the truth in it is empty in 5 % of the cases at most."""
+    quantile: float = 2.33
+    """Quantile of the normal distribution at the probability with which the bound holds (z at 1 - delta)."""
+    change: float = 1.5
+    """Particles are resampled to the count that is asked for where it differs from theirs by this factor or more."""
+
+    def __post_init__(self) -> None:
+        _one_of(self, "count")
+        _positive(self, "position", "heading", "error", "quantile")
+        _at_least(self, 1, "least", "change")
+        _at_least(self, self.least, "most")
+
+
+@dataclass(frozen=True, kw_only=True)
 class GateConfig:
     """Which scans the filter takes in: the first, and each after enough motion or time since the last one taken."""
 
@@ -224,7 +253,7 @@ class FilterConfig:
     """All settings of the particle filter."""
 
     particles: int = 30
-    """Number of particles."""
+    """Number of particles, where it is fixed."""
     motion: MotionConfig = field(default_factory=MotionConfig)
     """Motion model."""
     map: MapConfig = field(default_factory=MapConfig)
@@ -235,6 +264,8 @@ class FilterConfig:
     """Proposal distribution."""
     resample: ResampleConfig = field(default_factory=ResampleConfig)
     """Resampling."""
+    adapt: AdaptConfig = field(default_factory=AdaptConfig)
+    """Number of particles from scan to scan."""
     gate: GateConfig = field(default_factory=GateConfig)
     """Update gates."""
     refine: RefineConfig = field(default_factory=RefineConfig)
@@ -244,6 +275,18 @@ class FilterConfig:
 
     def __post_init__(self) -> None:
         _at_least(self, 1, "particles")
+        if self.adapt.count != "fixed" and self.resample.when == "never":
+            raise ValueError("FilterConfig: the particle count can only adapt where particles are resampled")
+
+    @property
+    def first_particles(self) -> int:
+        """Number of particles at the first scan: where it adapts as few as there may be, since the pose is known."""
+        return self.particles if self.adapt.count == "fixed" else self.adapt.least
+
+    @property
+    def most_particles(self) -> int:
+        """Number of particles that there can be at most."""
+        return self.particles if self.adapt.count == "fixed" else self.adapt.most
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from slam import se2
 from slam._match_kernels import Evidence
 from slam._proposal_kernels import Proposed
 from slam._ray_kernels import Rays
+from slam.adaptation import next_count
 from slam.ancestry import Ancestry
 from slam.beams import Readings, rays_of, readings_of
 from slam.config import FilterConfig
@@ -41,7 +42,7 @@ class StepReport:
     covariance: NDArray[np.float64]
     """Covariance of the pose over the particles in the map's frame, (3, 3)."""
     particles: int
-    """Number of particles, before resampling."""
+    """Number of particles that took the scan in: before resampling, which may change it."""
     ess: float
     """Effective sample size before resampling."""
     readings: Readings
@@ -85,7 +86,7 @@ class GMapping:
     ) -> None:
         """A filter without a map; `threads` defaults to the cores of this machine."""
         self.config = config or FilterConfig()
-        n = self.config.particles
+        n = self.config.first_particles
         self._rng = np.random.default_rng(seed)
         self._threads = Threads(threads)
         self.maps = ParticleMaps(n, self.config.map, self._threads)
@@ -138,7 +139,7 @@ class GMapping:
             updated=False,
             pose=se2.compose(self._poses[self.best], motion),
             covariance=self.covariance,
-            particles=self.config.particles,
+            particles=len(self._poses),
             ess=self._weights.ess,
             unique_ancestors=self.ancestry.unique_ancestors,
             best=self.best,
@@ -155,7 +156,7 @@ class GMapping:
             updated=True,
             pose=self._poses[self.best].copy(),
             covariance=self.covariance,
-            particles=self.config.particles,
+            particles=len(self._poses),
             ess=self._weights.ess,
             unique_ancestors=self.ancestry.unique_ancestors,
             best=self.best,
@@ -180,14 +181,14 @@ class GMapping:
 
         ess, best, weights = self._weights.ess, self.best, self._weights.values
         pose, covariance = self._poses[best].copy(), self.covariance
-        resampled = self._resample(ess)
+        resampled = self._resample(ess, covariance)
         clock.append(time.perf_counter())
 
         return StepReport(
             updated=True,
             pose=pose,
             covariance=covariance,
-            particles=self.config.particles,
+            particles=len(weights),
             ess=ess,
             resampled=resampled,
             matched_share=min(float(weights @ proposed.matched), 1.0),  # the weights' sum may round above 1
@@ -212,17 +213,18 @@ class GMapping:
             self.maps, se2.compose(self._poses, motion), evidence, search, cfg.proposal.samples, self._rng
         )
 
-    def _resample(self, ess: float) -> bool:
-        policy, n = self.config.resample, self.config.particles
+    def _resample(self, ess: float, covariance: NDArray[np.float64]) -> bool:
+        policy, n = self.config.resample, len(self._poses)
+        count = next_count(n, covariance, self.config.adapt)
         due = policy.when == "always" or (policy.when == "ess" and ess < policy.threshold * n)
-        if not due:
+        if not due and count == n:
             return False
-        ancestors = SCHEMES[policy.scheme](self._weights.values, self._rng)
+        ancestors = SCHEMES[policy.scheme](self._weights.values, self._rng, count)
         self._poses = self._poses[ancestors]
         self._spread = self._spread[ancestors]
         self.maps.descend(ancestors)
         self.ancestry.descend(ancestors)
-        self._weights = Weights.uniform(n)
+        self._weights = Weights.uniform(count)
         return True
 
     @property

@@ -120,7 +120,7 @@ class ParticleMaps:
         self._corner = new_first.astype(np.int64) << SHIFT
 
     def descend(self, ancestors: NDArray[np.int64]) -> None:
-        """Let particle i go on with the map of particle `ancestors[i]`."""
+        """Let particle i go on with the map of particle `ancestors[i]`; any number of heirs, (heirs,)."""
         for pool in self._pools:
             pool.descend(ancestors)
 

@@ -86,13 +86,16 @@ class TilePool:
         self._free, self._free_count = free, self._free_count + new - old
 
     def descend(self, ancestors: NDArray[np.int64]) -> None:
-        """Let particle i take over the table of particle `ancestors[i]`; contents are shared, not copied."""
+        """Let particle i take over the table of particle `ancestors[i]` (heirs,); contents are shared, not copied."""
+        resized = len(ancestors) != len(self.table)
         self.table = np.ascontiguousarray(self.table[ancestors])
         self.references[:] = np.bincount(self.table.ravel(), minlength=len(self.references))
         self.references[0] = 1
         unused = np.flatnonzero(self.references == 0)[::-1]
         self._free_count = len(unused)
         self._free[: self._free_count] = unused
+        if resized:
+            self.demand = self._no_demand()
 
     def state(self, name: str) -> dict[str, NDArray[Any]]:
         """The whole pool, as arrays whose names begin with `name`."""

@@ -130,7 +130,7 @@ def slam(
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=filter_config.particles,
+        particles=filter_config.most_particles,
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)

@@ -186,7 +186,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         spread = np.sqrt(np.maximum(np.diag(report.covariance), 0.0))
         observation["map"] = self._crop.cut(self._map, self._pose)
         observation["spread"] = np.minimum(spread, _SPREAD_LIMIT).astype(np.float32)
-        observation["ess"] = np.array([min(report.ess / self._filter.particles, 1.0)], np.float32)
+        observation["ess"] = np.array([min(report.ess / report.particles, 1.0)], np.float32)
         return observation, readings
 
     def _snapshot(self, scan: Scan, odometry: Pose, report: StepReport, readings: Readings) -> Any:

@@ -266,7 +266,8 @@ class RerunView:
         started = time.monotonic()
         if snapshot.path is not None:
             self._rec.log(entities.PATH, line(snapshot.path(None), Z_ESTIMATE))
-            branches = [snapshot.path(i)[-FAN_LENGTH:] for i in range(min(self._scene.particles, MOST_BRANCHES))]
+            count = self._scene.particles if snapshot.weights is None else len(snapshot.weights)
+            branches = [snapshot.path(i)[-FAN_LENGTH:] for i in range(min(count, MOST_BRANCHES))]
             limbs = [drawing.lifted(limb, Z_FAN) for limb in drawing.branches(branches)]
             self._rec.log(entities.PARTICLE_PATHS, rr.LineStrips3D.from_fields(strips=strips(limbs)))
         if snapshot.weights is not None:
@@ -310,7 +311,7 @@ def filter_state(step: StepReport) -> tuple[str, list[tuple[str, str]]]:
     state, news = styles.MAPPING, []
     if step.resampled:
         state = styles.RESAMPLED
-        news.append(("INFO", f"resampled: effective sample size {step.ess:.1f}"))
+        news.append(("INFO", f"resampled: effective sample size {step.ess:.1f} of {step.particles}"))
     if step.loop_closed:
         state = styles.LOOP_CLOSED
         news.append(("INFO", "loop closed: back at a place left long ago"))

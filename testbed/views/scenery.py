@@ -14,7 +14,7 @@ class Scenery:
     """What the blueprint of a run must know."""
 
     particles: int
-    """Number of particles: upper end of the axis of the effective sample size."""
+    """Number of particles, at most: upper end of the axis of the effective sample size."""
     truth: bool
     """Whether there are errors to plot."""
     extent: Extent | None

@@ -30,7 +30,7 @@ class Scene:
     settings: str = ""
     """Everything that was set, as markdown."""
     particles: int = 1
-    """Number of particles of the filter."""
+    """Number of particles of the filter, at most."""
     true_map: OccupancyGrid | None = None
     """The true map in the world's frame, if known."""
     robot_urdf: str | None = None

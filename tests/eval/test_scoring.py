@@ -28,6 +28,8 @@ PROMISED = [
     "particles",
     "scans",
     "updates",
+    "particle_updates",
+    "mean_particles",
     "duration_s",
     "wall_s",
     "realtime_factor",
@@ -71,6 +73,8 @@ def test_a_run_has_every_measure_that_the_design_promises(run):
     assert metrics["outcome"] == "ok"
     assert metrics["trajectory"]["ate_rmse_m"] < 0.1 * metrics["trajectory"]["odometry"]["ate_rmse_m"]
     # 213 updates of 12 ms with 30 particles
+    assert metrics["particle_updates"] == 30 * metrics["updates"]
+    assert metrics["mean_particles"] == 30.0
     assert metrics["us_per_update_per_particle"] == pytest.approx(12_000.0 / 30)
     assert metrics["realtime_factor"] == pytest.approx(metrics["duration_s"] / 12.3)
 

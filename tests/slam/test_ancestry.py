@@ -9,35 +9,39 @@ from hypothesis import strategies as st
 from slam.ancestry import Ancestry
 
 
-def grown(particles, generations, resample_share, seed):
-    """A tree after random resampling, the histories that it should hold, and the founders of each particle."""
+def grown(particles, generations, resample_share, seed, most=0):
+    """A tree after random resampling, the histories that it should hold, and the founders of each particle.
+
+    most: resampling is to 1 to so many heirs; 0 = as many as there are particles
+    """
     rng = np.random.default_rng(seed)
     tree = Ancestry(particles)
     histories = [[] for _ in range(particles)]
     founders = list(range(particles))
     for _ in range(generations):
-        poses = rng.normal(size=(particles, 3))
+        poses = rng.normal(size=(len(histories), 3))
         tree.add(poses)
         histories = [[*history, pose] for history, pose in zip(histories, poses, strict=True)]
         if rng.random() < resample_share:
-            ancestors = np.sort(rng.integers(0, particles, particles))
+            heirs = rng.integers(1, most + 1) if most else particles
+            ancestors = np.sort(rng.integers(0, len(histories), heirs))
             if len(set(founders)) == 1:
-                founders = list(range(particles))
+                founders = list(range(len(founders)))
             tree.descend(ancestors)
             histories = [histories[a] for a in ancestors]
             founders = [founders[a] for a in ancestors]
     return tree, histories, founders
 
 
-@given(st.integers(1, 12), st.integers(0, 60), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
+@given(st.integers(1, 12), st.integers(0, 60), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1), st.integers(0, 40))
 @settings(deadline=None)
-def test_paths_are_those_of_copied_histories(particles, generations, resample_share, seed):
-    tree, histories, founders = grown(particles, generations, resample_share, seed)
+def test_paths_are_those_of_copied_histories(particles, generations, resample_share, seed, most):
+    tree, histories, founders = grown(particles, generations, resample_share, seed, most)
     assert tree.generations == generations
-    for particle in range(particles):
+    for particle in range(len(histories)):
         np.testing.assert_array_equal(tree.path(particle), np.reshape(histories[particle], (-1, 3)))
     assert tree.unique_ancestors == len(set(founders))
-    assert tree.coalesced == (particles > 1 and len(set(founders)) == 1)
+    assert tree.coalesced == (len(histories) > 1 and len(set(founders)) == 1)
 
 
 def test_dead_branches_are_dropped():

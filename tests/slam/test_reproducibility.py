@@ -10,18 +10,19 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam.config import GateConfig, MapConfig, MatchConfig, ProposalConfig, ResampleConfig
+from slam.config import AdaptConfig, GateConfig, MapConfig, MatchConfig, ProposalConfig, ResampleConfig
 from tests.slam.rooms import drive, scan_at
 
 ROOT = Path(__file__).parents[2]
 
 
-def config(kind="improved"):
+def config(kind="improved", count="fixed"):
     return FilterConfig(
         particles=7,
         map=MapConfig(cell=0.05, field_radius=0.4),
         match=MatchConfig(weight_share=0.5),
         proposal=ProposalConfig(kind=kind),
+        adapt=AdaptConfig(count=count, least=3, most=20, position=0.05, heading=0.05, error=1.0),
         resample=ResampleConfig(when="ess", threshold=0.6),
         gate=GateConfig(distance=0.1, angle=0.1),
     )
@@ -36,8 +37,8 @@ def recording(steps=12):
     return se2.compose(truth, noise), [scan_at(pose, beams=90, noise=0.01, rng=rng) for pose in truth]
 
 
-def mapped(kind="improved", seed=3, threads=1):
-    mapper = GMapping(config(kind), seed=seed, threads=threads)
+def mapped(kind="improved", seed=3, threads=1, count="fixed"):
+    mapper = GMapping(config(kind, count), seed=seed, threads=threads)
     odometry, scans = recording()
     for pose, scan in zip(odometry, scans, strict=True):
         mapper.process(pose, scan)
@@ -47,7 +48,7 @@ def mapped(kind="improved", seed=3, threads=1):
 def digest(mapper):
     """Hash over the paths and maps of all particles and their weights."""
     content = hashlib.sha256(mapper.weights.tobytes())
-    for particle in range(mapper.config.particles):
+    for particle in range(len(mapper.poses)):
         grid = mapper.map(particle)
         content.update(mapper.path(particle).tobytes())
         content.update(grid.probability.tobytes())
@@ -55,9 +56,11 @@ def digest(mapper):
     return content.hexdigest()
 
 
-@pytest.mark.parametrize("kind", ["improved", "scan-match", "motion"])
-def test_any_number_of_threads(kind):
-    digests = {digest(mapped(kind, threads=threads)) for threads in (1, 2, 3, 16)}
+@pytest.mark.parametrize(
+    ("kind", "count"), [("improved", "fixed"), ("improved", "kld"), ("scan-match", "fixed"), ("motion", "fixed")]
+)
+def test_any_number_of_threads(kind, count):
+    digests = {digest(mapped(kind, threads=threads, count=count)) for threads in (1, 2, 3, 16)}
     assert len(digests) == 1
 
 

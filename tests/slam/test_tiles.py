@@ -30,6 +30,7 @@ class NaiveCopies(RuleBasedStateMachine):
     """The pool beside particles that own plain arrays and copy them whole."""
 
     PARTICLES = 3
+    MOST = 5
     SIDES = st.integers(0, 1)
 
     @initialize(rows=st.integers(1, 3), columns=st.integers(1, 3))
@@ -45,7 +46,7 @@ class NaiveCopies(RuleBasedStateMachine):
         """Each particle writes a new value into some cells, after it has asked for their tiles."""
         rows, columns = self.copies.shape[1:3]
         places = st.sets(st.integers(0, rows * columns - 1), max_size=4)
-        wanted = [sorted(data.draw(places)) for _ in range(self.PARTICLES)]
+        wanted = [sorted(data.draw(places)) for _ in self.copies]
         demand = self.pool.demand
         for particle, tiles in enumerate(wanted):
             demand.tiles[particle, : len(tiles)] = tiles
@@ -62,8 +63,11 @@ class NaiveCopies(RuleBasedStateMachine):
                     array[self.pool.table[particle].ravel()[place], cell] = self.value
                 self.copies[particle, place // columns, place % columns, cell] = self.value
 
-    @rule(ancestors=st.lists(st.integers(0, PARTICLES - 1), min_size=PARTICLES, max_size=PARTICLES))
-    def resample(self, ancestors):
+    @rule(data=st.data())
+    def resample(self, data):
+        """To as many particles as before, to more or to fewer."""
+        ancestor = st.integers(0, len(self.copies) - 1)
+        ancestors = data.draw(st.lists(ancestor, min_size=1, max_size=self.MOST))
         self.pool.descend(np.array(ancestors))
         self.copies = self.copies[ancestors]
 

@@ -191,6 +191,14 @@ def test_a_full_disk_is_an_error_that_names_the_file(tmp_path: Path) -> None:
         record(path)
 
 
+def test_there_may_be_fewer_particles_than_at_most(tmp_path: Path) -> None:
+    with open_view(tmp_path / "recording.rrd", scene(particles=30)) as view:
+        for snapshot in snapshots(1.0, particles=3):
+            view.show(snapshot)
+    paths = rows(tmp_path / "recording.rrd", entities.PARTICLE_PATHS, "LineStrips3D:strips")
+    assert len(paths[-1][1]) > 0
+
+
 def record(path: Path) -> None:
     with open_view(path, scene()) as view:
         for snapshot in snapshots(1.0):
