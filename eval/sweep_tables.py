@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from eval.sweep_plots import Unit
@@ -72,14 +70,11 @@ def _digits(value: float) -> int:
     return 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
 
 
+_LATEX = str.maketrans(
+    {mark: f"\\{mark}" for mark in "%_&#${}"}
+    | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
+)
+
+
 def _escaped(text: str) -> str:
-    marks: Sequence[tuple[str, str]] = (
-        ("\\", r"\textbackslash{}"),
-        ("%", r"\%"),
-        ("_", r"\_"),
-        ("&", r"\&"),
-        ("#", r"\#"),
-    )
-    for mark, replacement in marks:
-        text = text.replace(mark, replacement)
-    return text
+    return text.translate(_LATEX)

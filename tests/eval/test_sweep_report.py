@@ -2,6 +2,8 @@
 """The report of a sweep: its numbers are those of the tables, its files are whole and need no network."""
 
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -105,6 +107,18 @@ def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
     latex = latex_table(summary)
     assert rf"hall\_a & motion & {cell} &" in latex
     assert latex.count("&") == (2 + len(COUNTS) - 1) * (1 + len(PLACES) * len(LINES))
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex (Debian: texlive-latex-recommended)")
+def test_the_latex_table_compiles_whatever_the_names(tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", ("hall_a & {b}", r"50 % of $x^2$ ~ #1 \cave"))
+    table = latex_table(summarise(read_sweep(write_sweep(tmp_path / "sweep"))))
+    head = "\\documentclass{article}\n\\usepackage{booktabs}\n\\begin{document}\n"
+    (tmp_path / "paper.tex").write_text(f"{head}{table}\\end{{document}}\n")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, errors="replace", check=False)
+    assert done.returncode == 0, done.stdout
+    assert (tmp_path / "paper.pdf").is_file()
 
 
 @pytest.mark.parametrize(
