@@ -201,21 +201,28 @@ def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, mean,
 
 @kernel
 def propose(start, stop, grids, guesses, evidence, search, draws, out):
-    """New poses of particles [start, stop) and what they add to the log-weights; guesses (particles, 3)."""
+    """New poses of particles [start, stop) and what they add to the log-weights; guesses (particles, 3).
+
+    `SCAN_MATCH`: the predicted pose is replaced by a sample of the motion model, about which the motion prior then
+    lies. The optimum goes where the scan points and stays at the sample where the scan says nothing.
+    """
     hits, model, prior = evidence
     pose, L, factor, offset = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    sample = np.empty(3)
     distances = np.empty((4, hits.shape[0]))
     for i in range(start, stop):
         guess = guesses[i]
         out.failed[i] = False
         out.matched[i] = 0.0
         out.samples[i] = np.nan
+        sample_motion(guess, prior, draws, i, search.second_share, sample)
         if search.kind != MOTION:
-            _, out.matched[i] = match(grids, i, guess, evidence, search, distances, pose, L)
+            start = sample if search.kind == SCAN_MATCH else guess
+            _, out.matched[i] = match(grids, i, start, evidence, search, distances, pose, L)
             out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
         if search.kind == MOTION or out.failed[i]:
-            sample_motion(guess, prior, draws, i, search.second_share, out.pose[i])
-            x, y, theta = out.pose[i]
+            out.pose[i] = sample
+            x, y, theta = sample
             out.log_gain[i] = -scan_cost(grids, i, x, y, theta, hits, model, distances)
             out.mean[i] = guess
             for a in range(3):

@@ -123,9 +123,10 @@ class ProposalConfig:
     """How a new pose is drawn for each particle."""
 
     kind: Literal["improved", "scan-match", "motion"] = "improved"
-    """improved: Gaussian fitted to samples about the optimum; scan-match: the optimum alone, as in the C++
-    GMapping, which however starts each search from a sample of the motion model; motion: the motion model alone
-    (FastSLAM 1)."""
+    """improved: Gaussian fitted to samples about the optimum; scan-match: the optimum itself, searched from a sample
+    of the motion model as in the C++ GMapping; motion: that sample itself (FastSLAM 1). The C++ maximises the scan's
+    score alone; here the motion model, centred at the sample, stays in the product, so that a pose leaves its sample
+    only where the scan says so."""
     samples: int = 20
     """Poses drawn about the optimum (K)."""
 

@@ -60,7 +60,9 @@ class ReferenceFilter:
         component = self.rng.uniform(size=n)
         for i, particle in enumerate(self.particles):
             density = Density(self, particle, motion, rays.ends[rays.hit])
-            particle.pose, log_gains[i] = self.proposed(density, near, z[i], component[i])
+            sigma = density.sigma[1 if component[i] < self.config.motion.failure_share else 0]
+            sample = se2.compose(density.guess, sigma * z[i])
+            particle.pose, log_gains[i] = self.proposed(density, sample, near, z[i])
             particle.log_weight += self.config.match.weight_share * log_gains[i]
             particle.map.register(particle.pose, rays)
             particle.path.append(particle.pose)
@@ -92,14 +94,14 @@ class ReferenceFilter:
             chosen[-1].log_weight = -math.log(n)
         self.particles = chosen
 
-    def proposed(self, density, near, z, component):
-        """New pose of one particle and the logarithm of the factor of its weight."""
+    def proposed(self, density, sample, near, z):
+        """New pose of one particle and the logarithm of the factor of its weight; sample: from the motion model."""
         kind = self.config.proposal.kind
+        if kind == "scan-match":
+            density.guess = sample
         optimum, H = self.optimum(density) if kind != "motion" else (None, None)
         if kind == "motion" or density.matched(optimum) < self.config.match.min_matched_share:
-            sigma = density.sigma[1 if component < self.config.motion.failure_share else 0]
-            pose = se2.compose(density.guess, sigma * z)
-            return pose, -density.scan(pose)
+            return sample, -density.scan(sample)
         if kind == "scan-match":
             return optimum, -density.scan(optimum)
         return improved(density, optimum, H, near, z)

@@ -25,7 +25,7 @@ from slam.beams import rays_of
 from slam.config import MotionConfig
 from slam.motion import motion_prior
 from tests.slam import reference
-from tests.slam.rooms import drive, empty_maps, scan_at
+from tests.slam.rooms import drive, empty_maps, rays, scan_at
 
 MODEL = BeamModel(per_sigma2=0.05**-2, per_outlier2=0.3**-2, weight=0.2, far=0.4)
 WEAK = MODEL._replace(weight=0.02)
@@ -196,14 +196,45 @@ def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
     np.testing.assert_allclose((weights[:, None] * away).T @ away, out.covariance[0], atol=1e-12)
 
 
-def test_scan_match_proposes_the_optimum_itself(room):
-    grids, truth, hits = repeated(room, 1)
+def test_scan_match_proposes_the_optimum_about_its_sample(room):
+    n = 8
+    grids, truth, hits = repeated(room, n)
     prior = motion_prior((0.3, 0.0, 0.12), MotionConfig(failure_share=0.0))
-    guess = truth + np.array([0.03, -0.03, 0.02])
-    out, _ = proposed(grids, hits, guess[None], SCAN_MATCH, prior=prior)
-    optimum, L = optimum_of(grids, guess, hits, MODEL, prior)
-    np.testing.assert_array_equal(out.pose[0], optimum)
-    np.testing.assert_allclose(out.covariance[0], np.linalg.inv(L @ L.T), rtol=1e-9)
+    guesses = np.tile(truth + np.array([0.03, -0.03, 0.02]), (n, 1))
+    out, _ = proposed(grids, hits, guesses, SCAN_MATCH, prior=prior)
+    samples = proposed(grids, hits, guesses, MOTION, prior=prior)[0].pose
+    for i in range(n):
+        optimum, L = optimum_of(grids, samples[i], hits, MODEL, prior)
+        np.testing.assert_array_equal(out.pose[i], optimum)
+        np.testing.assert_allclose(out.covariance[i], np.linalg.inv(L @ L.T), rtol=1e-9)
+
+
+def scattered(grids, hits, truth, kind):
+    """Standard deviations of new poses along, across [m] and in heading [rad], all from one predicted pose."""
+    prior = motion_prior((0.3, 0.0, 0.12), MotionConfig(failure_share=0.0))
+    guesses = np.tile(truth, (len(grids.table), 1))
+    out, _ = proposed(grids, hits, guesses, kind, prior=prior, model=MODEL._replace(weight=1.0))
+    assert not out.failed.any()
+    return se2.between(truth, out.pose).std(axis=0)
+
+
+def test_scan_match_agrees_where_the_scan_determines_the_pose(room):
+    grids, truth, hits = repeated(room, 200)
+    ratio = scattered(grids, hits, truth, SCAN_MATCH) / scattered(grids, hits, truth, MOTION)
+    assert np.all(ratio < 0.15)
+
+
+def test_scan_match_keeps_the_scatter_of_the_motion_along_a_corridor():
+    """Two parallel walls say nothing of the way along them."""
+    maps = empty_maps(cell=0.05, field_radius=0.4)
+    along = np.arange(-4.0, 4.0, 0.02)
+    sides = np.concatenate([np.stack([along, np.full(len(along), y)], axis=-1) for y in (-1.03, 1.02)])
+    for x in (-2.0, 0.0, 2.0):
+        maps.register(np.array([(x, 0.0, 0.0)]), rays(sides))
+    grids, truth, hits = repeated((maps.grids, np.zeros(3), np.ascontiguousarray(sides[::13])), 200)
+    ratio = scattered(grids, hits, truth, SCAN_MATCH) / scattered(grids, hits, truth, MOTION)
+    assert ratio[0] == pytest.approx(1.0, abs=0.05)
+    assert np.all(ratio[1:] < 0.15)
 
 
 @pytest.mark.parametrize("kind", [SCAN_MATCH, IMPROVED])
