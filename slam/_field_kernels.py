@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from slam._cell_kernels import packed_x, packed_y
 from slam._jit import kernel
+from slam._map_kernels import register_scans
 from slam._tile_kernels import MASK, SHIFT, SIDE, ask_for, in_tile, tile_at
 
 FAR = 0
@@ -61,6 +62,13 @@ def demand_of_changes(start, stop, grids, changes, radius, demand):
                 for tx in range(max(cx - radius, 0) >> SHIFT, (min(cx + radius, width - 1) >> SHIFT) + 1):
                     count = ask_for(ty * columns + tx, tiles, count, seen)
         demand.count[particle] = count
+
+
+@kernel
+def register_scans_and_ask(start, stop, grids, poses, rays, occupied_share, changes, radius, demand):
+    """`register_scans`, and straight after it what `demand_of_changes` asks for: one loop over the particles."""
+    register_scans(start, stop, grids, poses, rays, occupied_share, changes)
+    demand_of_changes(start, stop, grids, changes, radius, demand)
 
 
 @kernel

@@ -39,16 +39,12 @@ def motion_prior(motion: ArrayLike, config: MotionConfig) -> MotionPrior:
     heading = (
         config.floor_rotation + config.rotation_from_translation * distance + config.rotation_from_rotation * angle
     )
-    good = np.stack([position, position, heading], axis=-1)
-    failed = np.stack(
-        [
-            position + np.minimum(config.failure_along * distance, config.failure_limit),
-            2.0 * position,
-            heading + config.failure_rotation * angle,
-        ],
-        axis=-1,
-    )
-    sigma = np.stack([good, failed], axis=-2)
+    sigma = np.empty((*distance.shape, 2, 3))
+    sigma[..., 0, 0] = sigma[..., 0, 1] = position
+    sigma[..., 0, 2] = heading
+    sigma[..., 1, 0] = position + np.minimum(config.failure_along * distance, config.failure_limit)
+    sigma[..., 1, 1] = 2.0 * position
+    sigma[..., 1, 2] = heading + config.failure_rotation * angle
     with np.errstate(divide="ignore"):  # a share of 0 never counts: its logarithm is -inf
         log_share = np.log([1.0 - config.failure_share, config.failure_share])
     log_scale = log_share - np.log(sigma).sum(axis=-1) - 1.5 * np.log(2.0 * np.pi)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._cell_kernels import VISITS, hits_of
-from slam._field_kernels import LARGEST_RADIUS, demand_of_changes, disc_of, update_fields
-from slam._map_kernels import Changes, Grids, demand_of_scan, register_scans
+from slam._field_kernels import LARGEST_RADIUS, disc_of, register_scans_and_ask, update_fields
+from slam._map_kernels import Changes, Grids, demand_of_scan
 from slam._ray_kernels import Rays, bounds_of_rays
 from slam._tile_kernels import SHIFT, SIDE
 from slam.config import MapConfig
@@ -90,8 +90,8 @@ class ParticleMaps:
         self._surface.make_private(self.threads)
         room = 512 + 2 * len(rays.hit)
         changes = Changes(np.empty((particles, room), np.int64), np.zeros(particles, np.int64))
-        self.threads.run(register_scans, particles, self.grids, poses, rays, self.config.occupied_share, changes)
-        demand_of_changes(0, particles, self.grids, changes, self._disc.radius, self._field.demand)
+        share, radius, wanted = self.config.occupied_share, self._disc.radius, self._field.demand
+        self.threads.run(register_scans_and_ask, particles, self.grids, poses, rays, share, changes, radius, wanted)
         self._field.make_private(self.threads)
         self.threads.run(update_fields, particles, self.grids, changes, self._disc)
 

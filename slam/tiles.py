@@ -58,9 +58,11 @@ class TilePool:
 
     def make_private(self, threads: Threads) -> None:
         """Give the particles copies of their own of all tiles in `demand`, and empty it."""
-        wanted = copies_needed(self.table, self.references, self.demand)
+        wanted = int(self.demand.count.sum())  # at most: some are private already
         if wanted > self._free_count:
-            self._grow(wanted - self._free_count)
+            wanted = copies_needed(self.table, self.references, self.demand)
+            if wanted > self._free_count:
+                self._grow(wanted - self._free_count)
         copies = np.empty((wanted, 2), np.int32)
         per_particle, self._free_count = make_private(
             self.table, self.references, self._free, self._free_count, self.demand, copies
@@ -74,9 +76,9 @@ class TilePool:
         clear_demand(self.demand)
 
     def _grow(self, missing: int) -> None:
-        """Enlarge the pool by an eighth, in place: the system moves large blocks without a second copy of them."""
+        """Enlarge the pool by a sixteenth, in place: the system moves large blocks without a second copy of them."""
         old = len(self.references)
-        new = old + max(missing, old // 8, 64)
+        new = old + max(missing, old // 16, 64)
         self.references = np.concatenate([self.references, np.zeros(new - old, np.int32)])
         for array in self.data:
             array.resize((new, array.shape[1]), refcheck=False)  # nobody keeps a view beyond a call

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +37,12 @@ class Weights:
         evidence = float(top + np.log(np.sum(np.exp(logs - top))))
         return Weights(logs - evidence), evidence
 
-    @property
+    @cached_property
     def values(self) -> NDArray[np.float64]:
-        """The weights, (particles,); they sum to 1."""
+        """The weights, (particles,), read-only; they sum to 1."""
         values = np.exp(self.logs)
         values /= values.sum()
+        values.flags.writeable = False
         return values
 
     @property

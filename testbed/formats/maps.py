@@ -7,7 +7,6 @@ from pathlib import Path
 
 from eval.map_server import read_map
 from slam.occupancy import OccupancyGrid
-from worlds import map_image
 
 
 def read_map_inside(path: Path) -> OccupancyGrid:
@@ -15,5 +14,7 @@ def read_map_inside(path: Path) -> OccupancyGrid:
 
     Raises ValueError where the picture lies outside of the map's folder, and as `eval.map_server.read_map` does.
     """
+    from worlds import map_image  # takes geometry libraries along, 40 MB that most logs need not
+
     map_image(path)
     return read_map(path)
