@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""The page docs/study.md and its pictures from the directory of the shipped study.
+"""The figures of docs/study.md and its pictures from the directory of the shipped study.
 
-testbed sweep --preset particles --out study
-python docs/make_sweep_pictures.py study
+    testbed sweep --preset particles --out study
+    python docs/make_sweep_pictures.py study
+
+What stands before and behind the marks in the page is written by hand and stays.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from eval.sweep_table import read_sweep
 from eval.sweep_tables import enough_words, markdown_table
 
 HERE = Path(__file__).resolve().parent
+PAGE = HERE / "study.md"
+BEGIN, END = "<!-- study: written by docs/make_sweep_pictures.py -->\n", "<!-- /study -->\n"
 OVERCONFIDENT = 0.8
 """A filter whose 95 % ellipsoid holds the truth less often than this is called over-confident."""
 
@@ -79,35 +83,32 @@ def sentences(summary: SweepSummary) -> list[str]:
 
 
 def page(summary: SweepSummary, study: Path) -> str:
-    """The text of docs/study.md."""
+    """What the script writes into docs/study.md."""
     table = summary.table
     v = tomllib.loads((study / "sweep.toml").read_text(encoding="utf-8"))["versions"]
     seconds = float(np.nansum(table.cube("cell_s")))
     pictures = "\n\n".join(
-        f"## {drawing.title}\n![{drawing.title}](pictures/study_{drawing.name}.png)\n\n{drawing.caption}"
+        f"### {drawing.title}\n![{drawing.title}](pictures/study_{drawing.name}.png)\n\n{drawing.caption}"
         for drawing in DRAWINGS
     )
-    return f"""# Study: accuracy against particle count
-
-Made by `testbed sweep --preset particles` ([sweep.md](sweep.md)) and `python docs/make_sweep_pictures.py`:
-{table.ran.sum()} runs that took {seconds / 60.0:.0f} minutes of one core; code version {table.code},
+    return f"""{table.ran.sum()} runs that took {seconds / 60.0:.0f} minutes of one core; code version {table.code},
 Python {v["python"]}, numba {v["numba"]}.
 
 {chr(10).join(f"- {sentence}" for sentence in sentences(summary))}
 
-## How many are enough
+### How many are enough
 {enough_table(summary)}
 
 The rule is in [sweep.md](sweep.md#the-statistics).
 
 {pictures}
 
-## How often the truth lies within the filter's own 95 % ellipsoid
+### How often the truth lies within the filter's own 95 % ellipsoid
 Of `{table.baseline}`, by particle count; median over the seeds.
 
 {honesty_table(summary)}
 
-## All figures
+### All figures
 {markdown_table(summary)}"""
 
 
@@ -118,7 +119,8 @@ def main() -> None:
     study = parser.parse_args().study
     summary = summarise(read_sweep(study))
     draw(summary)
-    (HERE / "study.md").write_text(page(summary, study), encoding="utf-8")
+    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
+    PAGE.write_text(before + BEGIN + page(summary, study) + END + rest.split(END)[1], encoding="utf-8")
 
 
 if __name__ == "__main__":
