@@ -49,16 +49,16 @@ def test_a_short_drive_is_mapped_scored_and_reported(tmp_path):
 def test_a_whole_tour_closes_its_loops(tmp_path, world, seed):
     metrics = testbed(tmp_path, "run", world, "--seed", seed)
     assert metrics["outcome"] == "ok"
-    assert metrics["trajectory"]["ate_rmse_m"] < 0.05
-    assert metrics["trajectory"]["heading_rmse_deg"] < 0.5
+    assert metrics["trajectory"]["ate_rmse_m"] < 0.015
+    assert metrics["trajectory"]["heading_rmse_deg"] < 0.2
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("log", "relations", "metres", "degrees"),
-    [  # a tenth above the worst of 5 seeds: 0.0165 m and 0.39 deg, 0.0327 m and 0.43 deg
-        ("intel/intel-merged.clf.gz", "intel/intel-resolved.relations", 0.018, 0.43),
-        ("fr079/fr079-merged.clf.gz", "fr079/fr079.relations", 0.036, 0.47),
+    [  # a tenth above the worst of 5 seeds, 0.0149 m and 0.37 deg; and what is promised, of which 0.0314 m is reached
+        ("intel/intel-merged.clf.gz", "intel/intel-resolved.relations", 0.0165, 0.41),
+        ("fr079/fr079-merged.clf.gz", "fr079/fr079.relations", 0.034, 0.48),
     ],
 )
 def test_recorded_logs_are_mapped_from_start_to_end(tmp_path, log, relations, metres, degrees):
@@ -73,8 +73,8 @@ def test_recorded_logs_are_mapped_from_start_to_end(tmp_path, log, relations, me
 def test_loops_of_a_sparse_log_are_closed(tmp_path):
     """ACES has no truth; the published gMapping run closed its four corridor loops, and so must we.
 
-    Distances to its poses with seeds 0 to 4: 0.14, 0.18, 0.10, 0.13, 0.16 m; above 0.5 m a loop is open (the worst of
-    20 seeds reached 0.498 m). C++ gMapping with 15 particles: 0.89 m.
+    Distances to its poses with seeds 0 to 4: 0.08 m; above 0.5 m a loop is open (1 of 20 seeds, 0.53 m). C++ gMapping
+    with 15 particles: 0.89 m.
     """
     if not (DATASETS / "aces").exists():
         pytest.skip(f"{DATASETS / 'aces'} is absent: set TESTBED_DATASETS")
@@ -87,5 +87,5 @@ def test_loops_of_a_sparse_log_are_closed(tmp_path):
         matched = associate(read_tum(folder / "run" / "estimate.tum"), Trajectory(reference[:, 0], reference[:, 1:]))
         assert len(matched.rows) == len(reference)
         errors.append(absolute_error(matched, "se2").translation.rmse)
-    assert np.median(errors) < 0.21
+    assert np.median(errors) < 0.1
     assert max(errors) < 0.5
