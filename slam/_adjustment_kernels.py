@@ -53,15 +53,15 @@ class Sights(NamedTuple):
 
 
 @kernel
-def match_points(start, stop, placed, ranges, noise, cell_of, lines, candidates, surfels, spacing, gate, matches):
+def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, gate, matches):
     """Find the surfel of each end point in [start, stop).
 
     The nearest of those that face where the point was seen from and are parallel to the line through the end points
     about it, on a piece of wall `spacing` [m] long to both sides, no farther across than `gate` [m] plus three standard
-    deviations of the noise.  candidates: as from `list_candidates`
+    deviations of the noise.
     """
-    points, views, place, normal = placed.points, placed.views, surfels.place, surfels.normal
-    first, items = candidates
+    points, views = placed.points, placed.views
+    place, normal, lines, first, items = surfels
     for i in range(start, stop):
         matches.surfel[i] = -1
         matches.weight[i] = 0.0
@@ -117,11 +117,13 @@ def weigh_points(matches, gate, total):
 
 
 @kernel
-def collect(start, stop, poses, points, first, matches, normal, diagonal, gradient, sights, count):
+def collect(start, stop, poses, points, matches, normal, diagonal, gradient, sights, count):
     """Equations of the scans [start, stop): diagonal (scans, 3, 3) and gradient (scans, 3) are added to.
 
-    sights out: arrays as long as the cloud, those of scan i from first[i] on;  count (scans,) out: how many these are
+    sights out: arrays as long as the cloud, those of scan i from first[i] on, where its end points begin too
+    count (scans,) out: how many these are
     """
+    first = sights.first
     row_of = np.full(normal.shape[0], -1, np.int64)
     for scan in range(start, stop):
         H, g, begin = diagonal[scan], gradient[scan], first[scan]

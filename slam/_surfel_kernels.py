@@ -280,12 +280,12 @@ def choose(order, cells, lines, spacing, chosen):
 
 
 @kernel
-def cells_in_reach(surfel, surfels, cells, reach, out):
-    """Cells within `reach` [m] of a surfel, out (m,) with room for all of them; returns their number."""
+def cells_in_reach(x, y, cells, reach, out):
+    """Cells within `reach` [m] of that of the point (x, y), out (m,) with room for all; returns their number."""
     tiles, numbers = cells.tiles, cells.numbers
     radius = int(np.ceil(reach / cells.side))
-    cx = int((surfels.place[surfel, 0] - cells.corner[0]) / cells.side)
-    cy = int((surfels.place[surfel, 1] - cells.corner[1]) / cells.side)
+    cx = int((x - cells.corner[0]) / cells.side)
+    cy = int((y - cells.corner[1]) / cells.side)
     count = 0
     for dy in range(-radius, radius + 1):
         for dx in range(-radius, radius + 1):
@@ -298,18 +298,21 @@ def cells_in_reach(surfel, surfels, cells, reach, out):
 
 
 @kernel
-def list_candidates(surfels, cells, reach):
-    """Surfels within `reach` [m] of each cell: those of cell i are items[first[i] : first[i + 1]]; returns both."""
+def list_candidates(place, cells, reach):
+    """Surfels at place (surfels, 2) within `reach` [m] of each cell: those of cell i are items[first[i] : first[i + 1]].
+
+    Returns first (cells + 1,) and items.
+    """
     radius = int(np.ceil(reach / cells.side))
     near = np.empty((2 * radius + 1) ** 2, np.int64)
     first = np.zeros(cells.places.shape[0] + 1, np.int64)
-    for surfel in range(surfels.place.shape[0]):
-        for k in range(cells_in_reach(surfel, surfels, cells, reach, near)):
+    for surfel in range(place.shape[0]):
+        for k in range(cells_in_reach(place[surfel, 0], place[surfel, 1], cells, reach, near)):
             first[near[k] + 1] += 1
     first[:] = np.cumsum(first)
     free, items = first[:-1].copy(), np.empty(first[-1], np.int32)
-    for surfel in range(surfels.place.shape[0]):
-        for k in range(cells_in_reach(surfel, surfels, cells, reach, near)):
+    for surfel in range(place.shape[0]):
+        for k in range(cells_in_reach(place[surfel, 0], place[surfel, 1], cells, reach, near)):
             items[free[near[k]]] = surfel
             free[near[k]] += 1
     return first, items

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slam import se2
 from slam._adjustment_kernels import Matches, Sights, collect, match_points, subtract_surfels, weigh_points
 from slam._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
-from slam._surfel_kernels import Cloud, list_candidates
+from slam._surfel_kernels import Cloud
 from slam.config import RefineConfig
 from slam.motion import motion_prior
 from slam.parallel import Threads
@@ -82,38 +82,36 @@ class Adjustment:
     def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
         """Find the surfels at poses (scans, 3) and set up what the scans say."""
         cloud, config, threads = self.cloud, self.config, self.threads
-        n, scans = len(cloud.ends), len(poses)
+        n, noise = len(cloud.ends), noise_of(config)
         there = placed(cloud, poses, threads)
         cells, cell_of = cells_of(there.points, config.cell)
-        surfels, lines = find_surfels(there, cloud, cells, cell_of, config, threads)
-        noise, reach = noise_of(config), config.spacing + gate + 3.0 * config.hit_sigma
-        candidates = list_candidates(surfels, cells, reach)
+        reach = config.spacing + gate + 3.0 * config.hit_sigma
+        surfels = find_surfels(there, cloud, cells, cell_of, config, reach, threads)
         matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
-        threads.run(
-            match_points,
-            n,
-            there,
-            cloud.ranges,
-            noise,
-            cell_of,
-            lines,
-            candidates,
-            surfels,
-            config.spacing,
-            gate,
-            matches,
-        )
+        match = there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches
+        threads.run(match_points, n, *match)
         total = np.empty(len(surfels.place))
         weigh_points(matches, gate, total)
+        return self._collected(poses, there.points, matches, surfels.normal, total)
+
+    def _collected(
+        self,
+        poses: se2.Pose,
+        points: NDArray[np.float64],
+        matches: Matches,
+        normal: NDArray[np.float64],
+        total: NDArray[np.float64],
+    ) -> ScanEquations:
+        """The equations from points (n, 2) in the map's frame and their surfels; total (surfels,): sums of weights."""
+        first, scans, n = self.cloud.first, len(poses), len(points)
         diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-        rows = Sights(cloud.first, np.empty(n, np.int32), np.empty(n), np.empty(n))
-        threads.run(
-            collect, scans, poses, there.points, cloud.first, matches, surfels.normal, diagonal, gradient, rows, count
-        )
-        used = np.arange(n) - np.repeat(cloud.first[:-1], np.diff(cloud.first)) < np.repeat(count, np.diff(cloud.first))
-        first = np.concatenate([[0], np.cumsum(count)])
-        sights = Sights(first, rows.surfel[used], rows.weight[used], rows.lever[used])
-        return ScanEquations(diagonal, gradient, sights, surfels.normal, total)
+        rows = Sights(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+        self.threads.run(collect, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
+        hits = np.diff(first)
+        used = np.arange(n) - np.repeat(first[:-1], hits) < np.repeat(count, hits)
+        begins = np.concatenate([[0], np.cumsum(count)])
+        sights = Sights(begins, rows.surfel[used], rows.weight[used], rows.lever[used])
+        return ScanEquations(diagonal, gradient, sights, normal, total)
 
 
 def conjugate_gradients(

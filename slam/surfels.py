@@ -26,6 +26,7 @@ from slam._surfel_kernels import (
     choose,
     fit_lines,
     fit_normals,
+    list_candidates,
     list_places,
     mark_cells,
     mark_tiles,
@@ -37,12 +38,18 @@ from slam.parallel import Threads
 
 
 class Surfels(NamedTuple):
-    """Pieces of wall."""
+    """Pieces of wall, and what it takes to find that of an end point."""
 
     place: NDArray[np.float64]
     """A point on each [m], map frame, (surfels, 2)."""
     normal: NDArray[np.float64]
     """Unit normal towards where it was seen from, (surfels, 2)."""
+    lines: Lines
+    """The lines through the end points about each cell, among which they were chosen."""
+    first: NDArray[np.int64]
+    """Surfels within reach of cell i are items[first[i] : first[i + 1]], (cells + 1,)."""
+    items: NDArray[np.int32]
+    """Numbers of surfels."""
 
 
 def cloud_of(rays: Iterable[Rays], most: int) -> Cloud:
@@ -80,9 +87,15 @@ def cells_of(points: NDArray[np.float64], side: float) -> tuple[Cells, NDArray[n
 
 
 def find_surfels(
-    placed: Placed, cloud: Cloud, cells: Cells, cell_of: NDArray[np.int32], config: RefineConfig, threads: Threads
-) -> tuple[Surfels, Lines]:
-    """The surfels of a cloud, and the lines among which they were chosen."""
+    placed: Placed,
+    cloud: Cloud,
+    cells: Cells,
+    cell_of: NDArray[np.int32],
+    config: RefineConfig,
+    reach: float,
+    threads: Threads,
+) -> Surfels:
+    """The surfels of a cloud, with a list for each cell of those within `reach` [m]."""
     count, noise = len(cells.places), noise_of(config)
     radius = round(config.window / cells.side)
     normals, moments, counts = np.zeros((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2), np.int32)
@@ -96,4 +109,5 @@ def find_surfels(
     order = np.argsort(-weight, kind="stable")[: np.count_nonzero(weight)]
     chosen = np.empty_like(order)
     chosen = chosen[: choose(order, cells, lines, config.spacing, chosen)]
-    return Surfels(lines.place.reshape(-1, 2)[chosen], lines.normal.reshape(-1, 2)[chosen]), lines
+    place, normal = lines.place.reshape(-1, 2)[chosen], lines.normal.reshape(-1, 2)[chosen]
+    return Surfels(place, normal, lines, *list_candidates(place, cells, reach))

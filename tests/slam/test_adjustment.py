@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from slam import se2
 from slam._adjustment_kernels import Matches, Sights, collect, match_points, subtract_surfels, weigh_points
-from slam._surfel_kernels import list_candidates
 from slam.adjustment import Adjustment, conjugate_gradients
 from slam.config import RefineConfig
 from slam.parallel import Threads
@@ -57,7 +56,7 @@ def test_equations_are_those_of_the_least_cost_over_all_offsets(seed):
     scans, n = len(poses), len(points)
     diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
     rows = Sights(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
-    collect(0, scans, poses, points, first, matches, normal, diagonal, gradient, rows, count)
+    collect(0, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
     used = np.concatenate([np.arange(begin, begin + c) for begin, c in zip(first, count, strict=False)])
     sights = Sights(np.concatenate([[0], np.cumsum(count)]), rows.surfel[used], rows.weight[used], rows.lever[used])
     for begin, end in pairwise(sights.first):  # one row for each surfel that a scan sees
@@ -107,23 +106,22 @@ def test_weights_fall_with_the_distance_and_leave_the_mean_where_most_points_are
 
 
 def matched(parts, poses, gate):
-    """Surfels, matches and cloud of scans given as `Rays`, taken at poses (scans, 3)."""
+    """Surfels and matches of scans given as `Rays`, taken at poses (scans, 3)."""
     config, threads = RefineConfig(), Threads(1)
     cloud = cloud_of(parts, config.most_points)
     there = placed(cloud, np.asarray(poses, dtype=np.float64), threads)
     cells, cell_of = cells_of(there.points, config.cell)
-    surfels, lines = find_surfels(there, cloud, cells, cell_of, config, threads)
+    surfels = find_surfels(there, cloud, cells, cell_of, config, 0.6, threads)
     n = len(cloud.ends)
     matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
-    candidates = list_candidates(surfels, cells, 0.6)
     noise = noise_of(config)
-    match_points(0, n, there, cloud.ranges, noise, cell_of, lines, candidates, surfels, config.spacing, gate, matches)
-    return surfels, matches, cloud
+    match_points(0, n, there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches)
+    return surfels, matches
 
 
 def test_end_points_belong_to_the_wall_that_they_lie_on():
     wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
-    surfels, matches, _ = matched([rays(wall), rays(wall)], [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)], gate=0.1)
+    surfels, matches = matched([rays(wall), rays(wall)], [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)], gate=0.1)
     assert np.mean(matches.surfel >= 0) > 0.98
     own = matches.surfel >= 0
     np.testing.assert_allclose(surfels.normal[matches.surfel[own]], [(-1.0, 0.0)] * own.sum(), atol=0.05)
@@ -135,7 +133,7 @@ def test_end_points_belong_to_the_wall_that_they_lie_on():
 def test_the_side_of_a_box_before_a_wall_belongs_to_no_wall():
     wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
     side = np.stack([np.linspace(1.6, 1.98, 30), np.full(30, 0.5)], axis=-1)  # of a box, at a right angle to the wall
-    surfels, matches, _ = matched([rays(np.concatenate([wall, side]))], [(0.0, 0.0, 0.0)], gate=0.2)
+    surfels, matches = matched([rays(np.concatenate([wall, side]))], [(0.0, 0.0, 0.0)], gate=0.2)
     taken = matches.surfel[161:]
     faces_the_robot = np.abs(surfels.normal[taken[taken >= 0], 1]) > 0.9
     assert faces_the_robot.all()
