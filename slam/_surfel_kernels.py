@@ -299,9 +299,9 @@ def cells_in_reach(x, y, cells, reach, out):
 
 @kernel
 def list_candidates(place, cells, reach):
-    """Surfels at place (surfels, 2) within `reach` [m] of each cell: those of cell i are items[first[i] : first[i + 1]].
+    """Surfels at place (surfels, 2) within `reach` [m] of each cell.
 
-    Returns first (cells + 1,) and items.
+    Returns first (cells + 1,) and items: those of cell i are items[first[i] : first[i + 1]].
     """
     radius = int(np.ceil(reach / cells.side))
     near = np.empty((2 * radius + 1) ** 2, np.int64)
