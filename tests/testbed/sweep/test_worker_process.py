@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Workers: what a cell that crashes, hangs or eats memory does to the others, which is nothing."""
 
-import time
 
 import pytest
 
@@ -81,9 +80,7 @@ def test_a_worker_ends_when_its_parent_has_gone(worker, cell):
     process = ours._started()
     assert process.stdin is not None
     process.stdin.close()
-    start = time.monotonic()
-    assert process.wait(timeout=30.0) == 0
-    assert time.monotonic() - start < 30.0
+    assert process.wait(timeout=60.0) == 0  # TimeoutExpired where it does not end by itself
 
 
 @pytest.mark.parametrize("limits", [{"seconds": 0.0}, {"seconds": float("nan")}, {"megabytes": -1.0}])

@@ -23,7 +23,7 @@ import rerun as rr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbed.views import ViewOptions, entities, open_view, programs
+from testbed.views import Snapshot, View, ViewOptions, entities, open_view, programs
 from testbed.views.relay import batches
 from tests.testbed.views.conftest import Recorded
 from tests.testbed.views.synthetic import scene, snapshots
@@ -119,23 +119,26 @@ def stopped() -> Iterator[str]:
         server.wait()
 
 
+def processor_time(view: View, snapshots: list[Snapshot]) -> float:
+    """Seconds of the processor that this thread spends on showing the snapshots."""
+    used = time.thread_time()
+    for snapshot in snapshots:
+        view.show(snapshot)
+    return time.thread_time() - used
+
+
 @pytest.mark.parametrize("listener", [nobody, mute, stopped])
 def test_a_broken_viewer_neither_stops_nor_slows_the_run(listener, recorded: Recorded, tmp_path: Path) -> None:
+    """A run that waited for the viewer would wait for ever; pytest's timeout would tell."""
     path = tmp_path / "recording.rrd"
+    alone = open_view(tmp_path / "alone.rrd", scene(), ViewOptions())
+    expected_time = processor_time(alone, recorded.snapshots)
+    alone.close()
     with listener() as url:
         view = open_view(path, scene(), ViewOptions(connect=url))
-        used = time.thread_time()
-        worst = 0.0
-        for snapshot in recorded.snapshots:
-            started = time.perf_counter()
-            view.show(snapshot)
-            worst = max(worst, time.perf_counter() - started)
-        used = time.thread_time() - used
-        started = time.perf_counter()
+        used = processor_time(view, recorded.snapshots)
         view.close()
-        assert time.perf_counter() - started < 1.0
-    assert worst < 1.0
-    assert used / len(recorded.snapshots) < 0.005
+    assert used < 3.0 * expected_time
     written, expected = row_counts(path), row_counts(recorded.path)
     for entity in (entities.ESTIMATED_ROBOT, entities.SCAN, entities.PARTICLES, entities.EVENTS):
         assert written[entity] == expected[entity]
