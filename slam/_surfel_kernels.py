@@ -247,32 +247,41 @@ def fit_lines(start, stop, cells, moments, counts, normals, radius, flatness, li
 
 
 @kernel
-def choose(order, cells, lines, spacing, chosen):
+def is_free(cell, side, cells, lines, spacing, taken, reach):
+    """Whether no line that is `taken` (cells, 2) lies within `spacing` [m], along it and across it, of that of a cell
+    and side; looks at the cells up to `reach` away in x and in y."""
+    tiles, numbers, places = cells.tiles, cells.numbers, cells.places
+    x, y = lines.place[cell, side]
+    nx, ny = lines.normal[cell, side]
+    for dy in range(-reach, reach + 1):
+        for dx in range(-reach, reach + 1):
+            other = cell_at(tiles, numbers, places[cell, 0] + dx, places[cell, 1] + dy)
+            if other < 0:
+                continue
+            for s in range(2):
+                if taken[other, s]:
+                    mx, my = lines.normal[other, s]
+                    ex, ey = lines.place[other, s, 0] - x, lines.place[other, s, 1] - y
+                    near = abs(mx * ex + my * ey) < spacing and abs(mx * ey - my * ex) < spacing
+                    if near and nx * mx + ny * my > SAME_SIDE:
+                        return False
+    return True
+
+
+@kernel
+def choose(order, cells, lines, spacing, radius, chosen):
     """Greedily choose lines, no two of the same side within `spacing` [m] along and across the wall.
 
-    order (m,): lines as 2 * cell + side, the best first;  chosen (m,) out: the choice, of which the number is returned
+    order (m,): lines as 2 * cell + side, the best first;  radius [cells]: of the windows that they were fitted in
+    chosen (m,) out: the choice, of which the number is returned
     """
-    tiles, numbers, places = cells.tiles, cells.numbers, cells.places
-    radius = int(np.ceil(spacing * np.sqrt(2.0) / cells.side)) + 2  # a line may pass a cell beside its own
-    taken = np.zeros((places.shape[0], 2), np.bool_)
+    # two lines may both pass their cells at a distance, but within the window
+    reach = int(np.ceil(spacing * np.sqrt(2.0) / cells.side)) + 2 * radius
+    taken = np.zeros((cells.places.shape[0], 2), np.bool_)
     count = 0
     for k in range(order.shape[0]):
         cell, side = order[k] >> 1, order[k] & 1
-        nx, ny = lines.normal[cell, side]
-        free = True
-        for dy in range(-radius, radius + 1):
-            for dx in range(-radius, radius + 1):
-                other = cell_at(tiles, numbers, places[cell, 0] + dx, places[cell, 1] + dy)
-                if other < 0:
-                    continue
-                for s in range(2):
-                    if free and taken[other, s]:
-                        mx, my = lines.normal[other, s]
-                        ex = lines.place[other, s, 0] - lines.place[cell, side, 0]
-                        ey = lines.place[other, s, 1] - lines.place[cell, side, 1]
-                        near = abs(mx * ex + my * ey) < spacing and abs(mx * ey - my * ex) < spacing
-                        free = not (near and nx * mx + ny * my > SAME_SIDE)
-        if free:
+        if is_free(cell, side, cells, lines, spacing, taken, reach):
             taken[cell, side] = True
             chosen[count] = order[k]
             count += 1

@@ -108,6 +108,6 @@ def find_surfels(
     weight = lines.weight.ravel()
     order = np.argsort(-weight, kind="stable")[: np.count_nonzero(weight)]
     chosen = np.empty_like(order)
-    chosen = chosen[: choose(order, cells, lines, config.spacing, chosen)]
+    chosen = chosen[: choose(order, cells, lines, config.spacing, radius, chosen)]
     place, normal = lines.place.reshape(-1, 2)[chosen], lines.normal.reshape(-1, 2)[chosen]
     return Surfels(place, normal, lines, *list_candidates(place, cells, reach))
