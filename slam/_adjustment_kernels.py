@@ -2,8 +2,8 @@
 """Compiled parts of the adjustment: end points matched to surfels, and the equations of all poses without surfels.
 
 A surfel e is a line with a fixed normal n_e and a free offset o_e along it. With the weights w_i of its end points p_i
-the cost sum_i w_i (n_e . p_i - o_e)^2 has its minimum at the weighted mean, so the offsets can be eliminated from the
-equations (variable projection; Golub, Pereyra 1973; in bundle adjustment the Schur complement):
+the cost 1/2 sum_i w_i (n_e . p_i - o_e)^2 has its minimum at the weighted mean, so the offsets can be eliminated from
+the equations (variable projection; Golub, Pereyra 1973; in bundle adjustment the Schur complement):
 
     H = D - B W^-1 B^T,    D block diagonal, a block a scan,    B a 3-vector for each scan that sees a surfel
 
@@ -32,7 +32,8 @@ class Matches(NamedTuple):
     surfel: NDArray[np.int32]
     """Its number, (n,); -1 = none."""
     across: NDArray[np.float64]
-    """Distance of the end point from its surfel along the normal [m], (n,)."""
+    """Distance of the end point along the normal [m], (n,): from its surfel's place, after `weigh_points` from the
+    weighted mean of its surfel's end points."""
     variance: NDArray[np.float64]
     """Variance of that distance [m^2], (n,)."""
     weight: NDArray[np.float64]
@@ -58,7 +59,7 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
 
     The nearest of those that face where the point was seen from and are parallel to the line through the end points
     about it, on a piece of wall `spacing` [m] long to both sides, no farther across than `gate` [m] plus three standard
-    deviations of the noise.
+    deviations of the noise, as far as the surfel is listed for the point's cell.
     """
     points, views = placed.points, placed.views
     place, normal, lines, first, items = surfels
@@ -92,11 +93,11 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
 
 
 @kernel
-def weigh_points(matches, gate, total):
+def weigh_points(matches, each, gate, total):
     """Weights of all end points, and their distances from the weighted means of their surfels.
 
-    Bounded loss of Geman and McClure (1985) with the scale of `match_points`' gate; a mean depends on the weights and
-    they on it, so both are found in turn. total (surfels,) out: sums of the weights.
+    Bounded loss of Geman and McClure (1985) with the scale of `match_points`' gate, by two rounds of reweighting.
+    each: how many hits an end point stands for;  total (surfels,) out: sums of the weights
     """
     surfel, across, variance, weight = matches
     mean = np.empty(total.shape[0])
@@ -108,7 +109,7 @@ def weigh_points(matches, gate, total):
             if e >= 0:
                 bound = gate + 3.0 * np.sqrt(variance[i])
                 rho = 1.0 / (1.0 + across[i] * across[i] / (bound * bound))
-                weight[i] = rho * rho / variance[i]
+                weight[i] = each * rho * rho / variance[i]
                 total[e] += weight[i]
                 mean[e] += weight[i] * across[i]
         for i in range(surfel.shape[0]):
@@ -176,3 +177,12 @@ def subtract_surfels(sights, normal, total, x, out):
         out[scan, 0] -= a
         out[scan, 1] -= b
         out[scan, 2] -= c
+
+
+@kernel
+def dot(a, b):
+    """Sum of the products of two arrays (n, 3), in order: BLAS adds up in parts whose number depends on its threads."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i, 0] * b[i, 0] + a[i, 1] * b[i, 1] + a[i, 2] * b[i, 2]
+    return total

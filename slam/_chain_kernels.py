@@ -46,15 +46,16 @@ def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
 
 @kernel
 def factor_chain(diagonal, coupling, factors, eliminated):
-    """Block Cholesky factors of a block tridiagonal matrix (Golub, Van Loan 2013, section 4.5.2).
+    """Factors of a block tridiagonal matrix, L D L^T by blocks, the pivots by Cholesky (Golub, Van Loan 2013, section
+    4.5.1); returns whether it is positive definite.
 
     diagonal (n, 3, 3), coupling (n - 1, 3, 3) upper blocks;  factors (n, 3, 3), eliminated (n - 1, 3, 3) out
-    Each pivot is positive definite because every pose hangs on its neighbours by odometry.
     """
     n = diagonal.shape[0]
     pivot, column = diagonal[0].copy(), np.empty(3)
     for i in range(n):
-        cholesky(pivot, factors[i])
+        if not cholesky(pivot, factors[i]):
+            return False
         if i + 1 == n:
             break
         for j in range(3):
@@ -66,6 +67,7 @@ def factor_chain(diagonal, coupling, factors, eliminated):
             for k in range(3):
                 for j in range(3):
                     pivot[r, j] -= coupling[i, k, r] * eliminated[i, k, j]
+    return True
 
 
 @kernel

@@ -217,8 +217,8 @@ def propose(start, stop, grids, guesses, evidence, search, draws, out):
         out.samples[i] = np.nan
         sample_motion(guess, prior, draws, i, search.second_share, sample)
         if search.kind != MOTION:
-            start = sample if search.kind == SCAN_MATCH else guess
-            _, out.matched[i] = match(grids, i, start, evidence, search, distances, pose, L)
+            predicted = sample if search.kind == SCAN_MATCH else guess
+            _, out.matched[i] = match(grids, i, predicted, evidence, search, distances, pose, L)
             out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
         if search.kind == MOTION or out.failed[i]:
             out.pose[i] = sample

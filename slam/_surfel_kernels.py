@@ -27,6 +27,8 @@ class Cloud(NamedTuple):
     """Lengths of the beams [m], (n,)."""
     first: NDArray[np.int64]
     """(scans + 1,)."""
+    each: float
+    """How many hits each end point stands for."""
 
 
 class Placed(NamedTuple):
@@ -276,7 +278,7 @@ def choose(order, cells, lines, spacing, radius, chosen):
     chosen (m,) out: the choice, of which the number is returned
     """
     # two lines may both pass their cells at a distance, but within the window
-    reach = int(np.ceil(spacing * np.sqrt(2.0) / cells.side)) + 2 * radius
+    reach = int(np.ceil(spacing * np.sqrt(2.0) / cells.side)) + 2 * radius + 2
     taken = np.zeros((cells.places.shape[0], 2), np.bool_)
     count = 0
     for k in range(order.shape[0]):
@@ -293,8 +295,8 @@ def cells_in_reach(x, y, cells, reach, out):
     """Cells within `reach` [m] of that of the point (x, y), out (m,) with room for all; returns their number."""
     tiles, numbers = cells.tiles, cells.numbers
     radius = int(np.ceil(reach / cells.side))
-    cx = int((x - cells.corner[0]) / cells.side)
-    cy = int((y - cells.corner[1]) / cells.side)
+    cx = int(np.floor((x - cells.corner[0]) / cells.side))
+    cy = int(np.floor((y - cells.corner[1]) / cells.side))
     count = 0
     for dy in range(-radius, radius + 1):
         for dx in range(-radius, radius + 1):

@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam._adjustment_kernels import Matches, Sights, collect, match_points, subtract_surfels, weigh_points
+from slam._adjustment_kernels import (
+    Matches,
+    Sights,
+    collect,
+    dot,
+    match_points,
+    subtract_surfels,
+    weigh_points,
+)
 from slam._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
 from slam._surfel_kernels import Cloud
 from slam.config import RefineConfig
@@ -18,13 +26,14 @@ from slam.motion import motion_prior
 from slam.parallel import Threads
 from slam.surfels import cells_of, find_surfels, noise_of, placed
 
-HELD = 1e-2
+GAUGE = 1e-2
 """Precision of the first pose [1/m^2, 1/rad^2]: nothing else ties the whole to the frame. Weak, so that it costs no
 iterations: who needs the first pose where it was moves the whole back."""
-CLOSE = 1e-3
-"""The equations count as solved where the residual has fallen by this factor."""
-MOST_PRODUCTS = 150
-"""Products with the matrix in one solve, at most."""
+TOLERANCE = 1e-8
+"""The equations count as solved where the residual, in the norm of the preconditioner, has fallen by this factor;
+that norm hardly notices bends of the whole, so it has to be small."""
+MAX_ITERATIONS = 500
+"""Of conjugate gradients in one step; the next step goes on from there."""
 
 
 class ScanEquations(NamedTuple):
@@ -57,7 +66,7 @@ class Adjustment:
         n, k = len(poses), self.with_scan
         diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
         add_odometry_steps(self.prior, poses, self.motions, diagonal, coupling, gradient)
-        diagonal[0] += np.eye(3) * HELD
+        diagonal[0] += np.eye(3) * GAUGE
         scans = self.scan_equations(poses[k], gate)
         gradient[k] += scans.gradient
         diagonal[k] += scans.diagonal
@@ -70,14 +79,15 @@ class Adjustment:
             return out
 
         factors, eliminated = np.empty((n, 3, 3)), np.empty((n - 1, 3, 3))
-        factor_chain(diagonal, coupling, factors, eliminated)
+        if not factor_chain(diagonal, coupling, factors, eliminated):
+            raise FloatingPointError("the equations of the final pass are not positive definite")
 
-        def with_walls_held(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        def precondition(x: NDArray[np.float64]) -> NDArray[np.float64]:
             out = np.empty_like(x)
             solve_chain(factors, eliminated, coupling, x, out)
             return out
 
-        return -conjugate_gradients(product, with_walls_held, gradient)
+        return -conjugate_gradients(product, precondition, gradient)
 
     def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
         """Find the surfels at poses (scans, 3) and set up what the scans say."""
@@ -91,10 +101,10 @@ class Adjustment:
         match = there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches
         threads.run(match_points, n, *match)
         total = np.empty(len(surfels.place))
-        weigh_points(matches, gate, total)
-        return self._collected(poses, there.points, matches, surfels.normal, total)
+        weigh_points(matches, cloud.each, gate, total)
+        return self._collect(poses, there.points, matches, surfels.normal, total)
 
-    def _collected(
+    def _collect(
         self,
         poses: se2.Pose,
         points: NDArray[np.float64],
@@ -119,7 +129,7 @@ def conjugate_gradients(
     precondition: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     right: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Solve H x = right for a symmetric positive semidefinite H; right and x are of one shape.
+    """Solve H x = right for a symmetric positive semidefinite H; right and x (n, 3).
 
     Preconditioned conjugate gradients (Golub, Van Loan 2013, algorithm 11.5.1): with the walls held the equations are a
     chain, which is solved at once; the remaining iterations let walls and poses move together.
@@ -127,15 +137,18 @@ def conjugate_gradients(
     x, residual = np.zeros_like(right), right.copy()
     z = precondition(residual)
     direction = z.copy()
-    along = start = float(np.vdot(residual, z))
-    for _ in range(MOST_PRODUCTS):
-        if along <= CLOSE**2 * start:
+    rz = start = dot(residual, z)
+    for _ in range(MAX_ITERATIONS):
+        if rz <= TOLERANCE**2 * start:
             break
         image = product(direction)
-        share = along / float(np.vdot(direction, image))
-        x += share * direction
-        residual -= share * image
+        curvature = dot(direction, image)
+        if not curvature > 0.0:  # a direction that nothing holds but round-off
+            break
+        alpha = rz / curvature
+        x += alpha * direction
+        residual -= alpha * image
         z = precondition(residual)
-        before, along = along, float(np.vdot(residual, z))
-        direction = z + along / before * direction
+        before, rz = rz, dot(residual, z)
+        direction = z + rz / before * direction
     return x

@@ -223,13 +223,13 @@ class RefineConfig:
     cell: float = 0.05
     """Side of the cells into which end points are sorted [m]."""
     window: float = 0.15
-    """Radius of the windows in which lines are fitted [m]."""
+    """Radius of the windows in which lines are fitted [m], rounded to cells."""
     flatness: float = 0.15
     """End points form a line where their variance across it is at most this share of that along it."""
     spacing: float = 0.25
     """Distance of the surfels along a wall, at least [m]."""
     most_points: int = 3_000_000
-    """Of recordings with more hits each k-th one is used."""
+    """Of recordings with more hits each k-th one is used for the poses; the map takes all."""
     motion: MotionConfig = field(
         default_factory=lambda: MotionConfig(
             floor_translation=0.001,
@@ -245,6 +245,8 @@ class RefineConfig:
         _at_least(self, 1, "rounds", "most_points")
         _at_least(self, 0.0, "range_share", "first_gate", "last_gate")
         _positive(self, "hit_sigma", "gate_decay", "cell", "window", "flatness", "spacing")
+        if not self.gate_decay <= 1.0:
+            raise ValueError(f"RefineConfig.gate_decay must be at most 1, got {self.gate_decay}")
         if not self.window >= self.cell:
             raise ValueError(f"RefineConfig.window must be at least one cell of {self.cell} m, got {self.window} m")
 

@@ -3,11 +3,12 @@
 
 The filter decides once and for all at every scan; after the run the chosen trajectory can be re-estimated with all
 scans in view. Two steps alternate: short pieces of wall (surfels) are found where end points of many scans lie; then
-all poses are moved to the optimum of
+all poses make one Gauss-Newton step towards the optimum of
 
-    min_{x,o}  sum_i w_i (n_e . p_i(x) - o_e)^2  -  sum_t log p(x_t+1 | x_t, u_t),
+    min_{x,o}  1/2 sum_i rho((n_e . p_i(x) - o_e)^2 / sigma_i^2)  -  sum_t log p(x_t+1 | x_t, u_t),
 
-end points p_i against the offsets o_e of their surfels, which follow, and odometry between neighbours. Holding the
+end points p_i against the offsets o_e of their surfels, which follow, under a bounded loss rho, and odometry between
+neighbours. Beams count as independent: odometry only decides where they say nothing. Holding the
 walls while the poses move, and the poses while the walls are drawn, would get to the same place in many more rounds.
 Poses of frames without a scan take part through their odometry, so the result has a pose at every frame. It is a
 local refinement: loops that the filter left open stay open.
@@ -58,11 +59,14 @@ def refine(
     twists: velocity (3,) of the robot while each scan was taken, or None
 
     Raises:
-        ValueError: the lengths differ, or no frame has a scan with a hit.
+        ValueError: the lengths differ, a pose is not finite, or no frame has a scan with a hit.
     """
     n = len(odometry)
     if len(scans) != n or len(initial) != n or (twists is not None and len(twists) != n):
         raise ValueError(f"odometry, scans and initial must be of one length, got {n}, {len(scans)}, {len(initial)}")
+    odometry = np.asarray(odometry, dtype=np.float64)
+    if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
+        raise ValueError("odometry and initial must be finite")
     rays = {
         i: rays_of(
             [scan],
@@ -73,13 +77,12 @@ def refine(
         for i, scan in enumerate(scans)
         if scan is not None
     }
-    rays = {i: ray for i, ray in rays.items() if ray.hit.any()}
-    if not rays:
+    seen = {i: ray for i, ray in rays.items() if ray.hit.any()}
+    if not seen:
         raise ValueError("no frame has a scan with a hit: nothing to refine")
     workers, settings = Threads(threads), config.refine
-    cloud = cloud_of(rays.values(), settings.most_points)
-    odometry = np.asarray(odometry, dtype=np.float64)
-    adjustment = Adjustment(odometry, cloud, np.fromiter(rays, np.int64), settings, workers)
+    cloud = cloud_of(list(seen.values()), settings.most_points)
+    adjustment = Adjustment(odometry, cloud, np.fromiter(seen, np.int64), settings, workers)
     poses = np.array(initial, dtype=np.float64)
     for passed in range(settings.rounds):
         poses += adjustment.step(poses, max(settings.first_gate * settings.gate_decay**passed, settings.last_gate))

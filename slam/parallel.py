@@ -15,9 +15,9 @@ from typing import Any
 class Threads:
     """Splits a loop `kernel(start, stop, *arguments)` into ranges; each range writes rows of its own only.
 
-    Kernels release the GIL, so plain threads suffice: no threading layer of numba, nothing that a fork or a second
-    user of numba could upset. Each thread waits at a queue of its own: futures cost several times as much, which shows
-    with four loops in a step of a few milliseconds.
+    Kernels release the GIL, so plain threads suffice: no threading layer of numba that a second user of numba could
+    upset. Each thread waits at a queue of its own: futures cost several times as much, which shows with four loops in
+    a step of a few milliseconds. A forked process starts threads of its own.
     """
 
     def __init__(self, count: int | None = None) -> None:
@@ -25,40 +25,62 @@ class Threads:
         self.count = _cores() if count is None else count
         if self.count < 1:
             raise ValueError(f"threads must be at least 1, got {self.count}")
-        self._inboxes: list[SimpleQueue[Any]] = [SimpleQueue() for _ in range(self.count - 1)]
-        for inbox in self._inboxes:
-            threading.Thread(target=_work, args=(inbox,), daemon=True).start()
-        weakref.finalize(self, _dismiss, self._inboxes)
+        self._process = 0  # in which the threads run
+        self._inboxes: list[SimpleQueue[Any]] = []
+
+    def _started(self) -> list[SimpleQueue[Any]]:
+        """The queues at which this process's threads wait."""
+        if self._process != os.getpid():
+            self._process = os.getpid()
+            self._inboxes = [SimpleQueue() for _ in range(self.count - 1)]
+            for inbox in self._inboxes:
+                threading.Thread(target=_work, args=(inbox,), daemon=True).start()
+            weakref.finalize(self, _dismiss, self._inboxes)
+        return self._inboxes
 
     def run(self, kernel: Callable[..., object], rows: int, *arguments: Any) -> None:
-        """Call the kernel for rows [0, rows), split evenly."""
+        """Call the kernel for rows [0, rows), split evenly.
+
+        Returns, or raises what any of them or Ctrl-C has raised, only when no thread works on it any more.
+        """
         parts = min(self.count, rows)
         if parts < 2:
             kernel(0, rows, *arguments)
             return
         first, *others = pairwise([rows * k // parts for k in range(parts + 1)])
-        done: SimpleQueue[BaseException | None] = SimpleQueue()
-        for inbox, (start, stop) in zip(self._inboxes, others, strict=False):
-            inbox.put((done, kernel, start, stop, arguments))
+        bell: SimpleQueue[None] = SimpleQueue()
+        outcomes: list[BaseException | None] = []  # one of each thread, there before it rings the bell
+        posted = 0
+        raised: BaseException | None = None
+        inboxes = self._started()
         try:
+            for inbox, (start, stop) in zip(inboxes, others, strict=False):
+                posted += 1
+                inbox.put((bell, outcomes, kernel, start, stop, arguments))
             kernel(*first, *arguments)  # this thread works too
-        finally:
-            errors = [done.get() for _ in others]
-        for error in errors:
-            if error is not None:
-                raise error
+        except BaseException as error:
+            raised = error
+        while len(outcomes) < posted:
+            try:
+                bell.get()
+            except KeyboardInterrupt as error:
+                raised = error
+        for outcome in (raised, *outcomes):
+            if outcome is not None:
+                raise outcome
 
 
 def _work(inbox: SimpleQueue[Any]) -> None:
     """Do what comes in, until None does; holds on to nothing in between."""
     while (job := inbox.get()) is not None:
-        done, kernel, start, stop, arguments = job
+        bell, outcomes, kernel, start, stop, arguments = job
         try:
             kernel(start, stop, *arguments)
-            done.put(None)
+            outcomes.append(None)
         except BaseException as error:
-            done.put(error)
-        del job, done, kernel, arguments
+            outcomes.append(error)
+        bell.put(None)
+        del job, bell, outcomes, kernel, arguments
 
 
 def _dismiss(inboxes: list[SimpleQueue[Any]]) -> None:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Surfels: short pieces of wall, each with the side that it was seen from, found in the end points of all scans.
 
-Where many end points lie, a line is fitted to those in a window, the near ones with more weight than the far ones;
+Where many end points lie, a line is fitted to those in a window, short ranges with more weight than long ones;
 the two faces of a thin wall are told apart by where they were seen from. The best lines, at least `spacing` apart,
 are the surfels (after Bosse and Zlot, ICRA 2009, who match such elements of several sweeps).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -52,14 +52,16 @@ class Surfels(NamedTuple):
     """Numbers of surfels."""
 
 
-def cloud_of(rays: Iterable[Rays], most: int) -> Cloud:
-    """The hits of all scans; of every scan each k-th one, so that no more than about `most` are left."""
-    parts = [(ray.ends[ray.hit], ray.origins[ray.hit]) for ray in rays]
-    step = max(-(-sum(len(ends) for ends, _ in parts) // most), 1)
-    ends = np.concatenate([ends[::step] for ends, _ in parts])
-    origins = np.concatenate([origins[::step] for _, origins in parts])
-    first = np.concatenate([[0], np.cumsum([len(ends[::step]) for ends, _ in parts])])
-    return Cloud(ends, origins, np.hypot(*(ends - origins).T), first)
+def cloud_of(rays: Sequence[Rays], most: int) -> Cloud:
+    """The hits of all scans; where there are more than `most`, each k-th one of all, which stands for k."""
+    hits = [np.flatnonzero(ray.hit) for ray in rays]
+    begins = np.concatenate([[0], np.cumsum([len(hit) for hit in hits])])
+    each = max(-(-int(begins[-1]) // most), 1)
+    kept = [hit[-begin % each :: each] for hit, begin in zip(hits, begins, strict=False)]
+    ends = np.concatenate([ray.ends[hit] for ray, hit in zip(rays, kept, strict=True)])
+    origins = np.concatenate([ray.origins[hit] for ray, hit in zip(rays, kept, strict=True)])
+    first = np.concatenate([[0], np.cumsum([len(hit) for hit in kept])])
+    return Cloud(ends, origins, np.hypot(*(ends - origins).T), first, float(each))
 
 
 def noise_of(config: RefineConfig) -> Noise:

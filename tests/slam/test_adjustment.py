@@ -8,13 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slam import se2
 from slam._adjustment_kernels import Matches, Sights, collect, match_points, subtract_surfels, weigh_points
-from slam.adjustment import Adjustment, conjugate_gradients
+from slam._chain_kernels import add_odometry_steps
+from slam.adjustment import GAUGE, Adjustment, conjugate_gradients
 from slam.config import RefineConfig
 from slam.parallel import Threads
 from slam.surfels import cells_of, cloud_of, find_surfels, noise_of, placed
 from tests.slam.rooms import rays
+from tests.slam.test_chain import dense_matrix
 
 
 def random_problem(seed, scans=4, surfels=5, hits=30):
@@ -90,7 +91,7 @@ def test_conjugate_gradients_equal_a_dense_solve(n, seed):
         lambda v: (H @ v.ravel()).reshape(n, 3), lambda v: (v.ravel() / np.diag(H)).reshape(n, 3), right
     )
     expected = np.linalg.solve(H, right.ravel()).reshape(n, 3)
-    assert np.linalg.norm(x - expected) <= 0.05 * np.linalg.norm(expected)
+    assert np.linalg.norm(x - expected) <= 1e-4 * np.linalg.norm(expected)
     np.testing.assert_array_equal(conjugate_gradients(lambda v: v, lambda v: v, np.zeros((n, 3))), 0.0)
 
 
@@ -99,7 +100,7 @@ def test_weights_fall_with_the_distance_and_leave_the_mean_where_most_points_are
     n = len(across)
     matches = Matches(np.zeros(n, np.int32), across.copy(), np.full(n, 0.01**2), np.empty(n))
     total = np.empty(1)
-    weigh_points(matches, 0.03, total)
+    weigh_points(matches, 1.0, 0.03, total)
     assert abs(np.mean(matches.across[:40])) < 0.001  # a plain mean would be off by 15 mm
     assert total[0] == pytest.approx(matches.weight.sum())
     assert matches.weight[-1] < 0.02 * matches.weight[20]
@@ -139,24 +140,55 @@ def test_the_side_of_a_box_before_a_wall_belongs_to_no_wall():
     assert faces_the_robot.all()
 
 
-def test_a_wall_that_all_scans_see_wrongly_alike_holds_none_of_them():
-    """Walls follow their scans: where all are off by the same, as odometry has it, nothing pulls them back."""
+def square_room():
+    """Hits on the four walls of a room of 4 m by 4 m, about the robot."""
     y = np.linspace(-2.0, 2.0, 161)
-    room = np.concatenate([np.stack([np.full(161, x), y], axis=-1) for x in (2.0, -2.0)])
-    room = np.concatenate([room, room[:, ::-1]])
-    poses = np.zeros((6, 3))
-    adjustment = Adjustment(poses, cloud_of([rays(room)] * 6, 10**6), np.arange(6), RefineConfig(), Threads(1))
-    off = se2.compose((0.05, -0.03, 0.02), poses)
-    step = adjustment.step(off, 0.1)
-    np.testing.assert_allclose(step - step[0], 0.0, atol=1e-9)  # they may move together: nothing holds the whole
+    walls = np.concatenate([np.stack([np.full(161, x), y], axis=-1) for x in (2.0, -2.0)])
+    return rays(np.concatenate([walls, walls[:, ::-1]]))
+
+
+def dense_solutions(adjustment, poses, gate):
+    """The step that solves the whole system, and the one with all walls held."""
+    n = len(poses)
+    diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
+    add_odometry_steps(adjustment.prior, poses, adjustment.motions, diagonal, coupling, gradient)
+    scans = adjustment.scan_equations(poses, gate)
+    held = dense_matrix(diagonal + scans.diagonal, coupling)
+    held[:3, :3] += GAUGE * np.eye(3)
+    B = np.zeros((3 * n, len(scans.normal)))
+    for scan, (begin, end) in enumerate(pairwise(scans.sights.first)):
+        for k in range(begin, end):
+            e = scans.sights.surfel[k]
+            B[3 * scan : 3 * scan + 2, e] = scans.sights.weight[k] * scans.normal[e]
+            B[3 * scan + 2, e] = scans.sights.lever[k]
+    seen = scans.total > 0.0
+    right = -(gradient + scans.gradient).ravel()
+    whole = np.linalg.solve(held - (B[:, seen] / scans.total[seen]) @ B[:, seen].T, right)
+    return whole.reshape(n, 3), np.linalg.solve(held, right).reshape(n, 3)
+
+
+def test_a_step_solves_the_whole_system_in_which_walls_follow():
+    """Two rooms that share no wall, 4 cm farther apart by odometry than the poses have them: with its walls the second
+    room moves to where odometry says; with walls held its scans would stay where they are."""
+    n = 8
+    second = np.where(np.arange(n) >= n // 2, 1.0, 0.0)
+    odometry = np.stack([10.04 * second, np.zeros(n), np.zeros(n)], axis=-1)
+    adjustment = Adjustment(odometry, cloud_of([square_room()] * n, 10**6), np.arange(n), RefineConfig(), Threads(1))
+    poses = np.random.default_rng(0).normal(scale=(0.01, 0.01, 0.002), size=(n, 3))
+    poses[:, 0] += 10.0 * second
+    whole, held = dense_solutions(adjustment, poses, 0.1)
+    step = adjustment.step(poses, 0.1)
+    relative = step - step[0]  # nothing but the weak gauge holds the whole
+    np.testing.assert_allclose(relative, whole - whole[0], atol=2e-4)
+    apart = np.mean((poses + step)[n // 2 :, 0]) - np.mean((poses + step)[: n // 2, 0])
+    assert apart == pytest.approx(10.04, abs=0.005)
+    stayed = np.mean((poses + held)[n // 2 :, 0]) - np.mean((poses + held)[: n // 2, 0])
+    assert stayed == pytest.approx(10.0, abs=0.01)
 
 
 def test_one_scan_among_many_comes_into_step():
-    y = np.linspace(-2.0, 2.0, 161)
-    room = np.concatenate([np.stack([np.full(161, x), y], axis=-1) for x in (2.0, -2.0)])
-    room = np.concatenate([room, room[:, ::-1]])
     poses = np.zeros((8, 3))
-    adjustment = Adjustment(poses, cloud_of([rays(room)] * 8, 10**6), np.arange(8), RefineConfig(), Threads(1))
+    adjustment = Adjustment(poses, cloud_of([square_room()] * 8, 10**6), np.arange(8), RefineConfig(), Threads(1))
     off = poses.copy()
     off[3] = 0.03, -0.02, 0.01
     for gate in (0.1, 0.05, 0.03):

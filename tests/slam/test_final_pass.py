@@ -56,5 +56,16 @@ def test_final_pass_says_what_does_not_fit():
     scan = scan_at(np.zeros(3))
     with pytest.raises(ValueError, match="one length, got 2, 1, 2"):
         refine(np.zeros((2, 3)), [scan], np.zeros((2, 3)), CONFIG)
+    with pytest.raises(ValueError, match="must be finite"):
+        refine(np.zeros((1, 3)), [scan], np.full((1, 3), np.nan), CONFIG)
     with pytest.raises(ValueError, match="no frame has a scan with a hit"):
         refine(np.zeros((2, 3)), [None, None], np.zeros((2, 3)), CONFIG)
+
+
+@pytest.mark.parametrize(("frames", "beams"), [(1, 60), (2, 60), (3, 1), (3, 2)])
+def test_recordings_with_next_to_nothing_in_them_stay_as_they_are(frames, beams):
+    """One frame, two frames, scans with too few hits for a line."""
+    poses = drive(frames - 1, distance=0.1)
+    result = refine(poses, [scan_at(pose, beams=beams) for pose in poses], poses, CONFIG, threads=1)
+    np.testing.assert_allclose(result.poses, poses, atol=0.01)
+    assert result.map.occupied.any()

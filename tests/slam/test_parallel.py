@@ -2,7 +2,10 @@
 """Loops on several threads: every row once, errors come back, nothing is left behind."""
 
 import gc
+import os
+import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -45,6 +48,7 @@ def test_an_error_in_any_thread_comes_back_and_the_next_loop_works(bad):
 def test_threads_end_with_their_owner():
     before = set(threading.enumerate())
     owner = Threads(4)
+    owner.run(lambda start, stop: None, 4)
     own = set(threading.enumerate()) - before
     assert len(own) == 3
     del owner
@@ -52,6 +56,52 @@ def test_threads_end_with_their_owner():
     for thread in own:
         thread.join(timeout=60.0)
     assert not any(thread.is_alive() for thread in own)
+
+
+def test_an_interrupted_loop_is_over_when_the_interruption_comes_through():
+    threads, over = Threads(2), []
+
+    def kernel(start, stop):
+        if start == 0:
+            signal.raise_signal(signal.SIGINT)  # as Ctrl-C, while the other thread works
+        else:
+            time.sleep(0.2)
+            over.append(stop)
+
+    with pytest.raises(KeyboardInterrupt):
+        threads.run(kernel, 2)
+    assert over == [2]
+
+
+def test_ctrl_c_while_waiting_for_the_others_waits_on():
+    threads, over = Threads(2), []
+
+    def kernel(start, stop):
+        if start == 1:
+            time.sleep(0.2)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+            time.sleep(0.2)
+            over.append(stop)
+
+    with pytest.raises(KeyboardInterrupt):
+        threads.run(kernel, 2)
+    assert over == [2]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_process_has_threads_of_its_own():
+    threads, done = Threads(2), np.zeros(2)
+
+    def kernel(start, stop):
+        done[start:stop] += 1
+
+    threads.run(kernel, 2)
+    child = os.fork()
+    if child == 0:  # pragma: no cover
+        signal.alarm(60)
+        threads.run(kernel, 2)
+        os._exit(int(done.sum() != 4))
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def test_no_thread_is_no_number():

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Workers: what a cell that crashes, hangs or eats memory does to the others, which is nothing."""
 
-
 import pytest
 
 from testbed.sweep.errors import SweepError
