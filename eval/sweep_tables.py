@@ -6,27 +6,46 @@ from __future__ import annotations
 import numpy as np
 
 from eval.sweep_plots import Unit
-from eval.sweep_summary import Group, SweepSummary
+from eval.sweep_summary import SweepSummary
 
 
 def markdown_table(summary: SweepSummary) -> str:
     """One row a place and line, one column a particle count."""
-    head, rows = _cells(summary)
+    table = summary.table
+    head = ["place", "filter", *map(str, table.counts)]
+    rows = [
+        [place, line, *(_cell(summary, place, line, count) for count in table.counts)]
+        for place in table.places
+        for line in table.lines
+    ]
     lines = ["| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows)]
     return f"{_caption(summary)}\n\n" + "\n".join(lines) + "\n"
 
 
 def latex_table(summary: SweepSummary) -> str:
-    """The same for LaTeX with the package booktabs."""
-    head, rows = _cells(summary)
-    body = "\n".join(" & ".join(map(_escaped, row)) + r" \\" for row in rows)
+    """The same for LaTeX with the package booktabs; one row a place and particle count, one column a line, since
+    seven counts side by side are wider than a page."""
+    table = summary.table
+    head = ["place", "particles", *table.lines]
+    blocks = [
+        "\n".join(
+            _latex_row([place, str(count), *(_cell(summary, place, line, count) for line in table.lines)])
+            for count in table.counts
+        )
+        for place in table.places
+    ]
+    body = "\n\\addlinespace\n".join(blocks)
     return (
-        "\\begin{table}\n  \\centering\n"
+        "\\begin{table}\n  \\centering\\footnotesize\n"
         f"  \\caption{{{_escaped(_caption(summary))}}}\n"
-        f"  \\begin{{tabular}}{{ll{'r' * (len(head) - 2)}}}\n\\toprule\n"
-        f"{' & '.join(map(_escaped, head))} \\\\\n\\midrule\n{body}\n\\bottomrule\n"
+        f"  \\begin{{tabular}}{{lr{'r' * len(table.lines)}}}\n\\toprule\n"
+        f"{_latex_row(head)}\n\\midrule\n{body}\n\\bottomrule\n"
         "  \\end{tabular}\n\\end{table}\n"
     )
+
+
+def _latex_row(cells: list[str]) -> str:
+    return " & ".join(map(_escaped, cells)) + r" \\"
 
 
 def enough_words(count: int | None, largest: int) -> str:
@@ -42,19 +61,9 @@ def _caption(summary: SweepSummary) -> str:
     )
 
 
-def _cells(summary: SweepSummary) -> tuple[list[str], list[list[str]]]:
-    """Heading and rows."""
-    table, factor = summary.table, Unit.of(summary.table.measure).factor
-    head = ["place", "filter", *map(str, table.counts)]
-    rows = [
-        [place, line, *(_cell(summary.group(place, line, count), factor) for count in table.counts)]
-        for place in table.places
-        for line in table.lines
-    ]
-    return head, rows
-
-
-def _cell(group: Group, factor: float) -> str:
+def _cell(summary: SweepSummary, place: str, line: str, count: int) -> str:
+    """Median, interval and failures of one group."""
+    group, factor = summary.group(place, line, count), Unit.of(summary.table.measure).factor
     m = group.median
     if m.count == 0:
         return "-"
