@@ -62,7 +62,7 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
     deviations of the noise, as far as the surfel is listed for the point's cell.
     """
     points, views = placed.points, placed.views
-    place, normal, lines, first, items = surfels
+    place, normal, _, lines, first, items = surfels
     for i in range(start, stop):
         matches.surfel[i] = -1
         matches.weight[i] = 0.0

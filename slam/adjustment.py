@@ -20,11 +20,11 @@ from slam._adjustment_kernels import (
     weigh_points,
 )
 from slam._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
-from slam._surfel_kernels import Cloud
+from slam._surfel_kernels import Cells, Cloud, Placed
 from slam.config import RefineConfig
 from slam.motion import motion_prior
 from slam.parallel import Threads
-from slam.surfels import cells_of, find_surfels, noise_of, placed
+from slam.surfels import Surfels, cells_of, find_surfels, noise_of, placed
 
 GAUGE = 1e-2
 """Precision of the first pose [1/m^2, 1/rad^2]: nothing else ties the whole to the frame. Weak, so that it costs no
@@ -94,15 +94,20 @@ class Adjustment:
         cloud, config, threads = self.cloud, self.config, self.threads
         n, noise = len(cloud.ends), noise_of(config)
         there = placed(cloud, poses, threads)
-        cells, cell_of = cells_of(there.points, config.cell)
-        reach = config.spacing + gate + 3.0 * config.hit_sigma
-        surfels = find_surfels(there, cloud, cells, cell_of, config, reach, threads)
+        _, cell_of, surfels = self.walls(there, config.spacing + gate + 3.0 * config.hit_sigma)
         matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
         match = there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches
         threads.run(match_points, n, *match)
         total = np.empty(len(surfels.place))
         weigh_points(matches, cloud.each, gate, total)
         return self._collect(poses, there.points, matches, surfels.normal, total)
+
+    def walls(self, there: Placed, reach: float) -> tuple[Cells, NDArray[np.int32], Surfels]:
+        """Cells of the cloud that lies `there`, the cell of each end point (n,), and the surfels, listed for the
+        cells within `reach` [m]."""
+        config = self.config
+        cells, cell_of = cells_of(there.points, config.cell)
+        return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, reach, self.threads)
 
     def _collect(
         self,

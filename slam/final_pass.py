@@ -23,15 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam._ray_kernels import Rays
 from slam.adjustment import Adjustment
 from slam.beams import rays_of
-from slam.config import FilterConfig, MapConfig
+from slam.config import FilterConfig
+from slam.final_map import draw_map, reach_of
 from slam.occupancy import OccupancyGrid
 from slam.parallel import Threads
-from slam.particle_maps import ParticleMaps
 from slam.scan import Scan
-from slam.surfels import cloud_of
+from slam.surfels import cloud_of, placed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,12 +88,5 @@ def refine(
         poses[:, 2] = se2.wrap_angle(poses[:, 2])
     # The first pose defines the frame, but it errs as any other: it moves with them, then the whole is moved back.
     poses = se2.compose(se2.compose(initial[0], se2.inverse(poses[0])), poses)
-    return Refined(poses=poses, map=_map_of(poses, rays, config.map, workers).occupancy(0))
-
-
-def _map_of(poses: se2.Pose, rays: dict[int, Rays], config: MapConfig, threads: Threads) -> ParticleMaps:
-    """The map of all scans at given poses."""
-    maps = ParticleMaps(1, config, threads)
-    for i, ray in rays.items():
-        maps.register(poses[i : i + 1], ray)
-    return maps
+    cells, _, surfels = adjustment.walls(placed(cloud, poses[adjustment.with_scan], workers), reach_of(settings))
+    return Refined(poses=poses, map=draw_map(poses, rays, (cells, surfels), config, workers))

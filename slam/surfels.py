@@ -44,6 +44,8 @@ class Surfels(NamedTuple):
     """A point on each [m], map frame, (surfels, 2)."""
     normal: NDArray[np.float64]
     """Unit normal towards where it was seen from, (surfels, 2)."""
+    weight: NDArray[np.float64]
+    """Sum of the weights of the end points [1/m^2] of the line that each was made of, (surfels,)."""
     lines: Lines
     """The lines through the end points about each cell, among which they were chosen."""
     first: NDArray[np.int64]
@@ -112,4 +114,4 @@ def find_surfels(
     chosen = np.empty_like(order)
     chosen = chosen[: choose(order, cells, lines, config.spacing, radius, chosen)]
     place, normal = lines.place.reshape(-1, 2)[chosen], lines.normal.reshape(-1, 2)[chosen]
-    return Surfels(place, normal, lines, *list_candidates(place, cells, reach))
+    return Surfels(place, normal, weight[chosen], lines, *list_candidates(place, cells, reach))
