@@ -26,7 +26,7 @@ from slam._cell_kernels import (
 )
 from slam._jit import inlined, kernel
 from slam._ray_kernels import count_misses, rays_in_cells, tiles_on_rays
-from slam._tile_kernels import MASK, SHIFT, ask_for, in_tile, tile_at
+from slam._tile_kernels import FINE_SHIFT, MASK, SHIFT, ask_for, fine_tile_at, in_fine_tile, in_tile, tile_at
 
 LINE_REACH = 2
 LINE_FLATNESS = 0.1
@@ -42,9 +42,9 @@ class Grids(NamedTuple):
     walls: NDArray[np.uint16]
     """Which cells are walls: bit x of word y of a tile, (tiles, SIDE)."""
     surface_table: NDArray[np.int32]
-    """Tiles of `surface`: where beams have ended."""
+    """Fine tiles of `surface`: where beams have ended."""
     surface: NDArray[np.uint32]
-    """Surface words, see `_cell_kernels`, (tiles, SIDE * SIDE)."""
+    """Surface words, see `_cell_kernels`, (tiles, FINE_SIDE * FINE_SIDE)."""
     field_table: NDArray[np.int32]
     """Tiles of `nearest`: within the field's radius of walls."""
     nearest: NDArray[np.uint8] | NDArray[np.uint16]
@@ -74,7 +74,7 @@ def demand_of_scan(start, stop, grids, poses, rays, crossed, ended):
 
     poses (particles, 3);  crossed, ended: `Demand` of the counts and of the surface
     """
-    columns, hit = grids.table.shape[2], rays.hit
+    columns, fine_columns, hit = grids.table.shape[2], grids.surface_table.shape[2], rays.hit
     segments = np.empty((hit.shape[0], 4))
     for particle in range(start, stop):
         rays_in_cells(grids, poses[particle], rays, segments)
@@ -84,7 +84,7 @@ def demand_of_scan(start, stop, grids, poses, rays, crossed, ended):
         tiles, seen, count = ended.tiles[particle], ended.seen[particle], ended.count[particle]
         for beam in range(segments.shape[0]):
             if hit[beam]:
-                place = (int(segments[beam, 3]) >> SHIFT) * columns + (int(segments[beam, 2]) >> SHIFT)
+                place = (int(segments[beam, 3]) >> FINE_SHIFT) * fine_columns + (int(segments[beam, 2]) >> FINE_SHIFT)
                 count = ask_for(place, tiles, count, seen)
         ended.count[particle] = count
 
@@ -102,7 +102,7 @@ def count_hits(table, counts, surface_table, surface, segments, hit, doubtful, n
         word = counted(counts[tile, k], 1 if hit[beam] else 0)
         counts[tile, k] = word
         if hit[beam]:
-            tile = tile_at(surface_table, cx, cy)
+            tile, k = fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)
             surface[tile, k] = with_end_point(surface[tile, k], hits_of(word), x - cx, y - cy)
         if n < doubtful.shape[0]:
             doubtful[n] = packed(cx, cy)
@@ -152,7 +152,7 @@ def line_direction(table, walls, surface_table, surface, cx, cy):
         x = left
         while bits != 0:
             if bits & np.uint32(1):
-                word = surface[tile_at(surface_table, x, y), in_tile(x, y)]
+                word = surface[fine_tile_at(surface_table, x, y), in_fine_tile(x, y)]
                 mx, my = mean_x(word) + (x - cx), mean_y(word) + (y - cy)
                 n += 1
                 sx += mx
@@ -182,7 +182,7 @@ def refresh_lines(table, walls, surface_table, surface, segments, hit):
         if hit[beam] and not (cx == last_x and cy == last_y):
             last_x, last_y = cx, cy
             direction = line_direction(table, walls, surface_table, surface, cx, cy)
-            tile, k = tile_at(surface_table, cx, cy), in_tile(cx, cy)
+            tile, k = fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)
             surface[tile, k] = (surface[tile, k] & ~DIRECTION) | direction
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from slam._cell_kernels import DIRECTION, mean_x, mean_y
 from slam._field_kernels import FAR
 from slam._jit import inlined, kernel
-from slam._tile_kernels import SHIFT, in_tile, tile_at
+from slam._tile_kernels import SHIFT, fine_tile_at, in_fine_tile, in_tile, tile_at
 
 LINES = np.array(
     [(0.0, 0.0)] + [(np.cos((k + 0.5) / 255.0 * np.pi), np.sin((k + 0.5) / 255.0 * np.pi)) for k in range(255)]
@@ -86,7 +86,7 @@ def wall_distances(grids, particle, x, y, theta, hits, far, out):
             if word != FAR:
                 cx += offset[word, 0]
                 cy += offset[word, 1]
-                surface = surfaces[tile_at(surface_table, cx, cy), in_tile(cx, cy)]
+                surface = surfaces[fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)]
                 ex, ey = u - cx - mean_x(surface), v - cy - mean_y(surface)
                 direction = np.uint64(surface & DIRECTION)
                 if direction == 0:

@@ -38,14 +38,16 @@ def rays_in_cells(grids, pose, rays, out):
 
 
 @kernel
-def bounds_of_rays(start, stop, poses, rays, out):
-    """Smallest x, y and largest x, y [m] that robot and rays reach in the map, out (particles, 4), for particles
-    [start, stop); poses (particles, 3)."""
+def bounds_of_rays(poses, rays):
+    """Smallest x, y and largest x, y [m] that robot and rays reach in the map from poses (particles, 3); NaN where a
+    pose is not finite."""
     origins, ends = rays.origins, rays.ends
-    for particle in range(start, stop):
+    left, low, right, high, total = np.inf, np.inf, -np.inf, -np.inf, 0.0
+    for particle in range(poses.shape[0]):
         x, y = poses[particle, 0], poses[particle, 1]
         cos, sin = np.cos(poses[particle, 2]), np.sin(poses[particle, 2])
-        left, right, low, high = x, x, y, y
+        left, right, low, high = min(left, x), max(right, x), min(low, y), max(high, y)
+        total += x + y + cos
         for beam in range(ends.shape[0]):
             u0 = x + cos * origins[beam, 0] - sin * origins[beam, 1]
             v0 = y + sin * origins[beam, 0] + cos * origins[beam, 1]
@@ -53,7 +55,8 @@ def bounds_of_rays(start, stop, poses, rays, out):
             v1 = y + sin * ends[beam, 0] + cos * ends[beam, 1]
             left, right = min(left, u0, u1), max(right, u0, u1)
             low, high = min(low, v0, v1), max(high, v0, v1)
-        out[particle, 0], out[particle, 1], out[particle, 2], out[particle, 3] = left, low, right, high
+    nothing = 0.0 * total  # NaN where one of them is not finite
+    return left + nothing, low + nothing, right + nothing, high + nothing
 
 
 @kernel

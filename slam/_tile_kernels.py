@@ -3,7 +3,8 @@
 
 Cells are numbered from the corner of the tile tables: `cx` counts to the right, `cy` upwards, both from 0. A table
 holds the number of each particle's tile at `[particle, cy >> SHIFT, cx >> SHIFT]`; number 0 is the empty tile that
-everybody shares and nobody writes.
+everybody shares and nobody writes. Fine tiles, of half the side, are for what lies along walls, of which large tiles
+would be mostly empty.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ from slam._jit import inlined, kernel
 SHIFT = 4
 SIDE = 1 << SHIFT
 MASK = SIDE - 1
+FINE_SHIFT = 3
+FINE_SIDE = 1 << FINE_SHIFT
+FINE_MASK = FINE_SIDE - 1
 
 
 class Demand(NamedTuple):
@@ -48,6 +52,18 @@ def in_tile(cx, cy):
 
 
 @inlined
+def fine_tile_at(table, cx, cy):
+    """As `tile_at`, from a table of fine tiles."""
+    return np.uint64(table[np.uint64(cy >> FINE_SHIFT), np.uint64(cx >> FINE_SHIFT)])
+
+
+@inlined
+def in_fine_tile(cx, cy):
+    """Index of a cell in its fine tile."""
+    return np.uint64(((cy & FINE_MASK) << FINE_SHIFT) | (cx & FINE_MASK))
+
+
+@inlined
 def ask_for(place, tiles, count, seen):
     """Put a place into one particle's list, if it is not in it; returns the new count.
 
@@ -58,15 +74,6 @@ def ask_for(place, tiles, count, seen):
     new = 1 - np.int64(seen[np.uint64(place)])
     seen[np.uint64(place)] = 1
     return count + new
-
-
-@kernel
-def clear_demand(demand):
-    """Empty all lists; costs as much as there are entries."""
-    for particle in range(demand.count.shape[0]):
-        for k in range(demand.count[particle]):
-            demand.seen[particle, demand.tiles[particle, k]] = 0
-        demand.count[particle] = 0
 
 
 @kernel
@@ -84,21 +91,21 @@ def copies_needed(table, references, demand):
 
 @kernel
 def make_private(table, references, free, free_count, demand, copies):
-    """Give every particle tiles of its own where it wants to write; the caller copies the contents.
+    """Give every particle tiles of its own where it wants to write, and empty its list; the caller copies the contents.
 
     table (particles, rows, columns) tile numbers;  references (tiles,) owners of each tile
     free (tiles,) stack of unused tile numbers, its first `free_count` are valid; must hold enough
     copies (n, 2) out: tile to copy from, tile to copy to, in particle order
-    Returns the number of copies of each particle, (particles,), and the new free_count. Serial, so that tile numbers
-    do not depend on the number of threads.
+    Returns the number of copies and the new free_count. Serial, so that tile numbers do not depend on the number of
+    threads.
     """
     particles = table.shape[0]
     flat = table.reshape(particles, -1)
-    per_particle = np.zeros(particles, np.int64)
     total = 0
     for particle in range(particles):
         for k in range(demand.count[particle]):
             place = demand.tiles[particle, k]
+            demand.seen[particle, place] = 0
             old = flat[particle, place]
             if old != 0 and references[old] == 1:
                 continue
@@ -111,8 +118,8 @@ def make_private(table, references, free, free_count, demand, copies):
             copies[total, 0] = old
             copies[total, 1] = new
             total += 1
-            per_particle[particle] += 1
-    return per_particle, free_count
+        demand.count[particle] = 0
+    return total, free_count
 
 
 @kernel

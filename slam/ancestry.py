@@ -50,7 +50,7 @@ class Ancestry:
     @property
     def unique_ancestors(self) -> int:
         """Founders of which particles are alive; counting starts anew after all descended from a single one."""
-        return len(np.unique(self._founders))
+        return int(np.count_nonzero(np.bincount(self._founders)))
 
     @property
     def coalesced(self) -> bool:

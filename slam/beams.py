@@ -66,6 +66,8 @@ def rays_of(
     robot's motion between the beams is undone wherever a scan knows its beams' times.
     """
     parts = [_rays_of_one(scan, usable_range, free_range, twist, scans[0].stamp) for scan in scans]
+    if len(parts) == 1:
+        return parts[0]
     return Rays(
         origins=np.concatenate([p.origins for p in parts]),
         ends=np.concatenate([p.ends for p in parts]),
@@ -75,16 +77,19 @@ def rays_of(
 
 def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: ArrayLike | None, reference: float) -> Rays:
     aimed = _aimed(scan)
-    hit = scan.hit & aimed & (scan.ranges <= usable_range)
-    blank = ~hit & aimed & (scan.no_return | (scan.hit & (scan.ranges > usable_range)))
-    used = hit | blank if free_range > 0.0 else hit
-    length = np.where(hit, scan.ranges, min(free_range, scan.range_max))[used]
-    mount = np.asarray(scan.mount, dtype=np.float64)
-    T_robot_lidar: NDArray[np.float64] = np.broadcast_to(mount, (length.size, 3))
-    if twist is not None and scan.time_offsets is not None:
-        moved = displacement(twist, scan.stamp - reference + scan.time_offsets[used])
-        T_robot_lidar = se2.compose(moved, mount)
-    angles = scan.angles[used]
+    hit = used = scan.hit & aimed & (scan.ranges <= usable_range)
+    lengths = scan.ranges
+    if free_range > 0.0:
+        used = hit | aimed & (scan.no_return | scan.hit)
+        lengths = np.where(hit, scan.ranges, min(free_range, scan.range_max))
+    length, angles = lengths[used], scan.angles[used]
     in_lidar = np.stack([length * np.cos(angles), length * np.sin(angles)], axis=-1)
+    mount = np.asarray(scan.mount, dtype=np.float64)
+    if twist is None or scan.time_offsets is None:
+        return Rays(
+            origins=np.tile(mount[:2], (length.size, 1)), ends=se2.transform_points(mount, in_lidar), hit=hit[used]
+        )
+    moved = displacement(twist, scan.stamp - reference + scan.time_offsets[used])
+    T_robot_lidar = se2.compose(moved, mount)
     ends = se2.transform_points(T_robot_lidar, in_lidar[:, None, :])[:, 0, :]
     return Rays(origins=np.ascontiguousarray(T_robot_lidar[:, :2]), ends=ends, hit=hit[used])

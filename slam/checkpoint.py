@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
 
-VERSION = 2
+VERSION = 3
 
 
 class CheckpointError(ValueError):

@@ -6,8 +6,9 @@ from __future__ import annotations
 import os
 import threading
 import weakref
+from collections import deque
 from collections.abc import Callable
-from itertools import pairwise
+from functools import lru_cache
 from queue import SimpleQueue
 from typing import Any
 
@@ -39,7 +40,7 @@ class Threads:
         return self._inboxes
 
     def run(self, kernel: Callable[..., object], rows: int, *arguments: Any) -> None:
-        """Call the kernel for rows [0, rows), split evenly.
+        """Call the kernel for rows [0, rows), in ranges of which each thread takes the next when it is done with one.
 
         Returns, or raises what any of them or Ctrl-C has raised, only when no thread works on it any more.
         """
@@ -47,17 +48,19 @@ class Threads:
         if parts < 2:
             kernel(0, rows, *arguments)
             return
-        first, *others = pairwise([rows * k // parts for k in range(parts + 1)])
+        ranges = deque(_ranges(rows, parts))
+        first = ranges.popleft()
         bell: SimpleQueue[None] = SimpleQueue()
         outcomes: list[BaseException | None] = []  # one of each thread, there before it rings the bell
         posted = 0
         raised: BaseException | None = None
         inboxes = self._started()
         try:
-            for inbox, (start, stop) in zip(inboxes, others, strict=False):
+            for inbox in inboxes[: parts - 1]:
                 posted += 1
-                inbox.put((bell, outcomes, kernel, start, stop, arguments))
-            kernel(*first, *arguments)  # this thread works too
+                inbox.put((bell, outcomes, kernel, ranges, arguments))
+            kernel(*first, *arguments)  # this thread works too, before the others are awake
+            _take(ranges, kernel, arguments)
         except BaseException as error:
             raised = error
         while len(outcomes) < posted:
@@ -73,14 +76,36 @@ class Threads:
 def _work(inbox: SimpleQueue[Any]) -> None:
     """Do what comes in, until None does; holds on to nothing in between."""
     while (job := inbox.get()) is not None:
-        bell, outcomes, kernel, start, stop, arguments = job
+        bell, outcomes, kernel, ranges, arguments = job
         try:
-            kernel(start, stop, *arguments)
+            _take(ranges, kernel, arguments)
             outcomes.append(None)
         except BaseException as error:
             outcomes.append(error)
         bell.put(None)
-        del job, bell, outcomes, kernel, arguments
+        del job, bell, outcomes, kernel, ranges, arguments
+
+
+def _take(ranges: deque[tuple[int, int]], kernel: Callable[..., object], arguments: tuple[Any, ...]) -> None:
+    """Call the kernel for one range after the other, until none is left."""
+    while True:
+        try:
+            start, stop = ranges.popleft()
+        except IndexError:
+            return
+        kernel(start, stop, *arguments)
+
+
+@lru_cache
+def _ranges(rows: int, parts: int) -> tuple[tuple[int, int], ...]:
+    """Rows [0, rows) in ranges, large ones first: each 1 / (2 parts) of what is left, so that threads which wake late
+    or have more to do come to their end with the others, and 1 / (4 parts) of all at least, since a call costs."""
+    ranges, start, least = [], 0, -(-rows // (4 * parts))
+    while start < rows:
+        stop = min(start + max((rows - start) // (2 * parts), least), rows)
+        ranges.append((start, stop))
+        start = stop
+    return tuple(ranges)
 
 
 def _dismiss(inboxes: list[SimpleQueue[Any]]) -> None:

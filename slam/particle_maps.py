@@ -14,7 +14,7 @@ from slam._cell_kernels import VISITS, hits_of
 from slam._field_kernels import LARGEST_RADIUS, disc_of, register_scans_and_ask, update_fields
 from slam._map_kernels import Changes, Grids, demand_of_scan
 from slam._ray_kernels import Rays, bounds_of_rays
-from slam._tile_kernels import SHIFT, SIDE
+from slam._tile_kernels import FINE_SIDE, SHIFT, SIDE
 from slam.config import MapConfig
 from slam.occupancy import OccupancyGrid
 from slam.parallel import Threads
@@ -45,7 +45,7 @@ class ParticleMaps:
         cells = SIDE * SIDE
         word = np.uint8 if len(self._disc.offset) <= 256 else np.uint16
         self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
-        self._surface = TilePool(particles, [(np.uint32, cells)])
+        self._surface = TilePool(particles, [(np.uint32, FINE_SIDE * FINE_SIDE)])
         self._field = TilePool(particles, [(word, cells)])
         self._corner = np.zeros(2, np.int64)
 
@@ -97,12 +97,22 @@ class ParticleMaps:
 
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
         """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
-        margin = self._disc.radius * self.config.cell
+        margin, tile = self._disc.radius * self.config.cell, SIDE * self.config.cell
+        left, low, right, high = bounds_of_rays(poses, rays)  # too short to wake a thread for
+        left, low, right, high = (
+            (left - margin) / tile,
+            (low - margin) / tile,
+            (right + margin) / tile,
+            (high + margin) / tile,
+        )
+        rows, columns = self._counts.table.shape[1:]
+        x, y = int(self._corner[0]) >> SHIFT, int(self._corner[1]) >> SHIFT
+        if not (x <= left and y <= low and right < x + columns and high < y + rows):
+            self._extend(np.floor([left, low]), np.floor([right, high]))
+
+    def _extend(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        """Extend the tables to the tiles from `low` (2,) to `high` (2,), counted in tiles from the map's origin."""
         tile = SIDE * self.config.cell
-        bounds = np.empty((len(poses), 4))
-        bounds_of_rays(0, len(poses), poses, rays, bounds)  # too short to wake a thread for
-        low = np.floor((bounds[:, :2].min(axis=0) - margin) / tile)
-        high = np.floor((bounds[:, 2:].max(axis=0) + margin) / tile)
         size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
         first = self._corner >> SHIFT if size.all() else low
         new_first, last = np.minimum(first, low), np.maximum(first + size - 1, high)
@@ -114,9 +124,8 @@ class ParticleMaps:
             )
         left, below = (int(n) for n in first - new_first)
         right, above = (int(n) for n in last - (first + size - 1))
-        if left or below or right or above:
-            for pool in self._pools:
-                pool.extend(below, above, left, right)
+        for pool, per_tile in zip(self._pools, (1, SIDE // FINE_SIDE, 1), strict=True):
+            pool.extend(below * per_tile, above * per_tile, left * per_tile, right * per_tile)
         self._corner = new_first.astype(np.int64) << SHIFT
 
     def descend(self, ancestors: NDArray[np.int64]) -> None:

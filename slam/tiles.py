@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from slam._tile_kernels import Demand, clear_demand, copies_needed, copy_tiles, make_private
+from slam._tile_kernels import Demand, copies_needed, copy_tiles, make_private
 from slam.parallel import Threads
 
+FIRST_BYTES = 40_000_000
+"""Size of a pool's array at first. Memory that was never touched costs nothing, and blocks above 32 MB are mapped on
+their own (mallopt(3), M_MMAP_THRESHOLD): the system can move them when they grow, and smaller ones leave no holes."""
 WORTH_SHARING = 4096
 """Tiles to copy from which on it pays to wake another thread."""
 
@@ -27,7 +30,9 @@ class TilePool:
         """An empty table (particles, 0, 0) and one array (tiles, words) per (dtype, words) of the layout."""
         self.table: NDArray[np.int32] = np.zeros((particles, 0, 0), np.int32)
         self.references: NDArray[np.int32] = np.ones(1, np.int32)
-        self.data = [np.zeros((1, words), dtype) for dtype, words in layout]
+        self.data = [
+            np.zeros((FIRST_BYTES // (np.dtype(dtype).itemsize * words), words), dtype) for dtype, words in layout
+        ]
         self._free: NDArray[np.int32] = np.zeros(1, np.int32)
         self._free_count = 0
         self.demand = self._no_demand()
@@ -64,16 +69,14 @@ class TilePool:
             if wanted > self._free_count:
                 self._grow(wanted - self._free_count)
         copies = np.empty((wanted, 2), np.int32)
-        per_particle, self._free_count = make_private(
+        count, self._free_count = make_private(
             self.table, self.references, self._free, self._free_count, self.demand, copies
         )
-        count = int(per_particle.sum())
         for array in self.data:
             if count < WORTH_SHARING:
                 copy_tiles(0, count, array, copies)
             else:
                 threads.run(copy_tiles, count, array, copies)
-        clear_demand(self.demand)
 
     def _grow(self, missing: int) -> None:
         """Enlarge the pool by a sixteenth, in place: the system moves large blocks without a second copy of them."""
@@ -81,7 +84,8 @@ class TilePool:
         new = old + max(missing, old // 16, 64)
         self.references = np.concatenate([self.references, np.zeros(new - old, np.int32)])
         for array in self.data:
-            array.resize((new, array.shape[1]), refcheck=False)  # nobody keeps a view beyond a call
+            if new > len(array):
+                array.resize((new, array.shape[1]), refcheck=False)  # nobody keeps a view beyond a call
         free = np.empty(new, np.int32)
         free[: self._free_count] = self._free[: self._free_count]
         free[self._free_count : self._free_count + new - old] = np.arange(new - 1, old - 1, -1)
@@ -105,7 +109,7 @@ class TilePool:
             f"{name}_table": self.table,
             f"{name}_references": self.references,
             f"{name}_free": self._free[: self._free_count],
-            **{f"{name}_data{k}": array for k, array in enumerate(self.data)},
+            **{f"{name}_data{k}": array[: len(self.references)] for k, array in enumerate(self.data)},
         }
 
     def restore(self, name: str, state: Mapping[str, NDArray[Any]]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
+from slam._weight_kernels import mixture_covariance
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +62,6 @@ def pose_covariance(poses: se2.Pose, weights: NDArray[np.float64], spread: NDArr
 
     poses (particles, 3): means;  weights (particles,): their sum is 1;  spread (particles, 3, 3): covariances
     """
-    heading = np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))
-    away = np.column_stack([poses[:, :2], se2.wrap_angle(poses[:, 2] - heading)])
-    away -= weights @ away
-    within = (weights @ spread.reshape(len(weights), 9)).reshape(3, 3)
-    covariance: NDArray[np.float64] = (weights[:, None] * away).T @ away + within
+    covariance = np.empty((3, 3))
+    mixture_covariance(poses, weights, spread, covariance)
     return covariance

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
 """A room whose walls are parallel to no axis, exact scans in it, and what tests read out of the maps."""
 
+import math
+
 import numpy as np
 
 from slam import Scan, se2
 from slam._cell_kernels import VISITS, hits_of
 from slam._ray_kernels import Rays
-from slam._tile_kernels import SIDE
 from slam.config import MapConfig
 from slam.parallel import Threads
 from slam.particle_maps import ParticleMaps
@@ -57,8 +58,9 @@ def empty_maps(particles=1, threads=1, **changes):
 
 def dense(table, data):
     """One particle's cells as a plain array (rows, columns), from its table and the pool's data."""
-    tiles = data[table].reshape(*table.shape, SIDE, SIDE)
-    return tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
+    side = math.isqrt(data.shape[1])
+    tiles = data[table].reshape(*table.shape, side, side)
+    return tiles.swapaxes(1, 2).reshape(table.shape[0] * side, table.shape[1] * side)
 
 
 def counts_of(maps, particle=0):

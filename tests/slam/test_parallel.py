@@ -6,13 +6,14 @@ import os
 import signal
 import threading
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slam.parallel import Threads
+from slam.parallel import Threads, _ranges
 
 
 @given(st.integers(1, 5), st.integers(0, 12))
@@ -27,6 +28,16 @@ def test_every_row_is_done_once(count, rows):
     for _ in range(3):
         threads.run(kernel, rows, 2)
     np.testing.assert_array_equal(done, 6)
+
+
+@given(st.integers(1, 5000), st.integers(1, 64))
+def test_ranges_are_all_rows_in_their_order(rows, parts):
+    ranges = _ranges(rows, parts)
+    assert ranges[0][0] == 0
+    assert ranges[-1][1] == rows
+    assert all(stop == start for (_, stop), (start, _) in pairwise(ranges))
+    assert all(start < stop for start, stop in ranges)
+    assert len(ranges) <= 4 * parts + 4
 
 
 @pytest.mark.parametrize("bad", [0, 1, 2])
@@ -74,10 +85,13 @@ def test_an_interrupted_loop_is_over_when_the_interruption_comes_through():
 
 
 def test_ctrl_c_while_waiting_for_the_others_waits_on():
-    threads, over = Threads(2), []
+    threads, over, begun = Threads(2), [], threading.Event()
 
     def kernel(start, stop):
-        if start == 1:
+        if start == 0:
+            begun.wait()  # or this thread would take the other row too
+        else:
+            begun.set()
             time.sleep(0.2)
             signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
             time.sleep(0.2)

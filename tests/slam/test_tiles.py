@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from slam._ray_kernels import Rays
-from slam._tile_kernels import SIDE
+from slam._tile_kernels import FINE_SIDE, SIDE
 from slam.parallel import Threads
 from slam.tiles import TilePool
 from tests.slam.rooms import counts_of, empty_maps
@@ -145,7 +145,8 @@ def test_memory_is_that_of_the_tiles_in_use_and_the_tables():
     assert maps.bytes_in_use == 0
     maps.register(np.zeros((3, 3)), Rays(np.zeros((1, 2)), np.array([[0.55, 0.05]]), np.ones(1, bool)))
     rows, columns = maps.grids.table.shape[1:]
-    tables = 3 * 3 * rows * columns * 4
+    tables = 3 * (1 + 4 + 1) * rows * columns * 4  # the surface has four fine tiles where the others have one
     counts, surface, field = (pool.tiles_in_use for pool in maps._pools)
     assert counts == surface == 3
-    assert maps.bytes_in_use == tables + SIDE * SIDE * (counts * 2 + surface * 4 + field) + SIDE * counts * 2
+    words = SIDE * SIDE * (counts * 2 + field) + FINE_SIDE * FINE_SIDE * surface * 4
+    assert maps.bytes_in_use == tables + words + SIDE * counts * 2
