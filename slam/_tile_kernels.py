@@ -123,6 +123,25 @@ def make_private(table, references, free, free_count, demand, copies):
 
 
 @kernel
+def count_owners(table, references, free):
+    """Count the owners of each tile anew, after tables were copied or dropped.
+
+    table (particles, rows, columns) tile numbers;  references (tiles,) out;  free (tiles,) out: stack of the tiles that
+    nobody owns, the lowest number on top. Returns how many these are.
+    """
+    references[:] = 0
+    for tile in table.ravel():
+        references[tile] += 1
+    references[0] = 1  # the empty tile
+    count = 0
+    for tile in range(references.shape[0] - 1, 0, -1):
+        if references[tile] == 0:
+            free[count] = tile
+            count += 1
+    return count
+
+
+@kernel
 def copy_tiles(start, stop, data, copies):
     """Copy whole tiles: rows [start, stop) of copies (n, 2) as (from, to); data (tiles, cells)."""
     for k in range(start, stop):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from slam._tile_kernels import Demand, copies_needed, copy_tiles, make_private
+from slam._tile_kernels import Demand, copies_needed, copy_tiles, count_owners, make_private
 from slam.parallel import Threads
 
 FIRST_BYTES = 40_000_000
@@ -79,9 +79,9 @@ class TilePool:
                 threads.run(copy_tiles, count, array, copies)
 
     def _grow(self, missing: int) -> None:
-        """Enlarge the pool by a sixteenth, in place: the system moves large blocks without a second copy of them."""
+        """Enlarge the pool by 3 %, in place: the system moves large blocks without a second copy of them."""
         old = len(self.references)
-        new = old + max(missing, old // 16, 64)
+        new = old + max(missing, old // 32, 64)
         self.references = np.concatenate([self.references, np.zeros(new - old, np.int32)])
         for array in self.data:
             if new > len(array):
@@ -95,11 +95,7 @@ class TilePool:
         """Let particle i take over the table of particle `ancestors[i]` (heirs,); contents are shared, not copied."""
         resized = len(ancestors) != len(self.table)
         self.table = np.ascontiguousarray(self.table[ancestors])
-        self.references[:] = np.bincount(self.table.ravel(), minlength=len(self.references))
-        self.references[0] = 1
-        unused = np.flatnonzero(self.references == 0)[::-1]
-        self._free_count = len(unused)
-        self._free[: self._free_count] = unused
+        self._free_count = count_owners(self.table, self.references, self._free)
         if resized:
             self.demand = self._no_demand()
 
