@@ -10,6 +10,7 @@
 import argparse
 import json
 import resource
+from collections import deque
 
 from slam import FilterConfig, GMapping
 from testbed.formats import open_log
@@ -28,7 +29,9 @@ def main() -> None:
     args = parser.parse_args()
     mapper, in_use = GMapping(FilterConfig(particles=args.particles)), []
     before = resident_mb()
-    for frame in open_log(args.log).frames:
+    frames = deque(open_log(args.log).frames)
+    while frames:  # what was read is let go: the figure is the filter's
+        frame = frames.popleft()
         if frame.scan is not None:
             in_use.append(mapper.process(frame.odometry, frame.scan, twist=frame.twist).map_bytes)
     figures = {
