@@ -52,7 +52,12 @@ def row(name: str, table: SweepTable, places: list[int]) -> str:
     heading = float(np.median(table.cube("trajectory.heading_rmse_deg")[places].ravel()[done]))
     odometry = float(np.median(table.cube("trajectory.odometry.ate_rmse_m")[places].ravel()[done]))
     nees = float(np.median(table.cube("filter.consistency.nees_mean")[places].ravel()[done]))
+    within, thickness, truly = (
+        float(np.nanmedian(table.cube(f"map.{measure}")[places]))
+        for measure in ("iou_1_cells", "wall_thickness_m", "true_wall_thickness_m")
+    )
     cells = [name, f"{runs}", median, worst, f"{failures}", f"{heading:.2f}°", f"{odometry:.2f} m", f"{nees:.0f}"]
+    cells += [f"{within:.2f}", f"{100.0 * thickness:.1f} cm, {100.0 * truly:.1f} cm"]
     return "| " + " | ".join(cells) + " |"
 
 
@@ -60,7 +65,9 @@ def text(table: SweepTable) -> str:
     """The table, with a line for all worlds but the open ones."""
     known = [place for place, name in enumerate(table.places) if table.ran[place].any()]
     closed = [place for place in known if table.places[place] not in OPEN]
-    lines = ["| world | runs | ATE, median | worst | not `ok` | heading | odometry's ATE | NEES |", "|---" * 8 + "|"]
+    head = ["world", "runs", "ATE, median", "worst", "not `ok`", "heading", "odometry's ATE", "NEES"]
+    head += ["map", "walls, true walls"]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     lines += [row(table.places[place], table, [place]) for place in closed]
     lines.append(row("**all of these**", table, closed))
     lines += [row(f"{table.places[place]} (open)", table, [place]) for place in known if place not in closed]

@@ -98,20 +98,20 @@ class ParticleMaps:
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
         """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
         margin, tile = self._disc.radius * self.config.cell, SIDE * self.config.cell
-        left, low, right, high = bounds_of_rays(poses, rays)  # too short to wake a thread for
-        left, low, right, high = (
-            (left - margin) / tile,
-            (low - margin) / tile,
-            (right + margin) / tile,
-            (high + margin) / tile,
-        )
+        x0, y0, x1, y1 = bounds_of_rays(poses, rays)  # too short to wake a thread for
+        left, below = (x0 - margin) / tile, (y0 - margin) / tile
+        right, above = (x1 + margin) / tile, (y1 + margin) / tile
         rows, columns = self._counts.table.shape[1:]
         x, y = int(self._corner[0]) >> SHIFT, int(self._corner[1]) >> SHIFT
-        if not (x <= left and y <= low and right < x + columns and high < y + rows):
-            self._extend(np.floor([left, low]), np.floor([right, high]))
+        if not (x <= left and y <= below and right < x + columns and above < y + rows):  # also where one is NaN
+            self._extend(np.floor([left, below]), np.floor([right, above]))
 
     def _extend(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
-        """Extend the tables to the tiles from `low` (2,) to `high` (2,), counted in tiles from the map's origin."""
+        """Extend the tables to the tiles from `low` (2,) to `high` (2,), counted in tiles from the map's origin.
+
+        Raises:
+            ValueError: the tables would become larger than `LARGEST_TABLE` tiles, or a bound is not finite.
+        """
         tile = SIDE * self.config.cell
         size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
         first = self._corner >> SHIFT if size.all() else low
