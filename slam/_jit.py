@@ -16,16 +16,21 @@ import numba
 from numba.core import config as numba_config
 
 
+def kernel_files(package: Path) -> list[Path]:
+    """All kernel files of a top-level package, at any depth."""
+    return sorted(package.rglob("_*_kernels.py"))
+
+
 @cache
 def cache_folder(package: Path) -> Path:
-    """Folder of the compiled kernels of one package: its name changes when any kernel file of the package changes.
+    """Folder of the compiled kernels of one top-level package: its name changes when any of its kernel files changes.
 
     numba's own cache looks at the file of the calling kernel only, and so returns stale code after an edit of a
-    function in another file. A folder named by the hash of all `_*_kernels.py` cannot go stale.
+    function in another file. A folder named by the hash of all kernel files below the package cannot go stale.
     """
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(package.glob("_*_kernels.py")):
-        digest.update(source.read_bytes())
+    for source in kernel_files(package):
+        digest.update(f"{source.relative_to(package)}\n".encode() + source.read_bytes())
     root = os.environ.get("TESTBED_CACHE") or os.path.join(
         os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "slam-testbed"
     )
@@ -38,6 +43,14 @@ def cache_folder(package: Path) -> Path:
     return folder
 
 
+def top_package(source: Path) -> Path:
+    """Folder of the outermost package that a source file belongs to."""
+    folder = source.parent
+    while (folder.parent / "__init__.py").is_file():
+        folder = folder.parent
+    return folder
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` on first use, keep the machine code on disk, release the GIL while it runs.
 
@@ -46,7 +59,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     """
     settings: Any = numba_config  # its attributes are made at run time
     previous = settings.CACHE_DIR
-    settings.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent))
+    settings.CACHE_DIR = str(cache_folder(top_package(Path(inspect.getfile(function)))))
     try:
         return numba.njit(cache=os.environ.get("SLAM_KERNEL_CACHE", "1") == "1", nogil=True, error_model="numpy")(
             function
