@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from eval.association import Association
-from eval.relations import SHORT, RelationError, Relations
-from eval.trajectory_error import Pairs, absolute_error, pair_errors, stretches
+from eval.trajectory.association import Association
+from eval.trajectory.errors import Pairs, absolute_error, pair_errors, stretches
+from eval.trajectory.relations import SHORT, RelationError, Relations
 
 Label = Literal["ok", "drift", "broken loop", "lost", "collided", "timeout", "interrupted", "failed", "unjudged"]
 Ended = Literal["collided", "timeout", "interrupted", "failed"]
@@ -73,7 +73,7 @@ class Evidence:
 def evidence_from_truth(matched: Association, covered: float = 1.0) -> Evidence:
     """Evidence of a run with known truth: path pieces of one metre, and `loop_pairs` for the visits.
 
-    covered: see `eval.association.covered_share`.
+    covered: see `eval.trajectory.association.covered_share`.
     """
     estimate, truth = matched.estimate.poses, matched.reference.poses
     pairs = stretches(matched, 1.0)

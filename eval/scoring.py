@@ -13,22 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from eval import suspicions
-from eval.alignment import MIN_POSES
-from eval.association import Association, associate, covered_share
-from eval.consistency import Columns, column, consistency, filter_health
-from eval.grids import cell_centres
-from eval.lidar_view import LidarView
-from eval.map_alignment import best_rigid_alignment
-from eval.map_error import TOLERANCES, MapError, map_error
-from eval.map_server import read_map
-from eval.map_structure import map_structure
-from eval.observability import observable_cells
+from eval.files.map_server import read_map
+from eval.files.tum import read_tum
+from eval.filter.health import Columns, column, consistency, filter_health
+from eval.map.alignment import best_rigid_alignment
+from eval.map.error import TOLERANCES, MapError, map_error
+from eval.map.grids import cell_centres
+from eval.map.lidar_view import LidarView
+from eval.map.observability import observable_cells
+from eval.map.structure import map_structure
 from eval.outcome import Evidence, evidence_from_relations, evidence_from_truth, judge
-from eval.relations import PairErrors, RelationError, Relations, read_relations, relation_error
-from eval.trajectory import Trajectory
-from eval.trajectory_error import AbsoluteError, RelativeError, Statistics, absolute_error, drift, relative_error
-from eval.tum import read_tum
+from eval.trajectory import input_checks as suspicions
+from eval.trajectory.alignment import MIN_POSES
+from eval.trajectory.association import Association, associate, covered_share
+from eval.trajectory.errors import AbsoluteError, RelativeError, Statistics, absolute_error, drift, relative_error
+from eval.trajectory.relations import PairErrors, RelationError, Relations, read_relations, relation_error
+from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, transform_points, wrap_angle
 
@@ -57,7 +57,7 @@ class Reference:
     relations: Relations | None = None
     """Hand-checked relative poses."""
     grid: OccupancyGrid | None = None
-    """The true map: 1 occupied, 0 free, NaN what no lidar can see (`eval.grids.true_grid`)."""
+    """The true map: 1 occupied, 0 free, NaN what no lidar can see (`eval.map.grids.true_grid`)."""
     lidars: Sequence[LidarView] = ()
     """What the lidars see: true cells that were never in their view are asked of no map. None of them = unknown:
     everything in sight of the true path counts, which the notes say."""

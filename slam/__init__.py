@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from slam.checkpoint import load_checkpoint, save_checkpoint
-    from slam.config import FilterConfig
-    from slam.final_pass import Refined, refine
+    from slam.config.filter import FilterConfig
     from slam.gmapping import GMapping, StepReport
-    from slam.localization import Localization
+    from slam.localization.localizer import Localization
     from slam.occupancy import OccupancyGrid
+    from slam.refinement.refine import Refined, refine
     from slam.scan import Scan
 
 __all__ = [
@@ -34,15 +34,15 @@ __all__ = [
 ]
 
 _HOMES = {
-    "FilterConfig": "slam.config",
+    "FilterConfig": "slam.config.filter",
     "GMapping": "slam.gmapping",
-    "Localization": "slam.localization",
+    "Localization": "slam.localization.localizer",
     "OccupancyGrid": "slam.occupancy",
-    "Refined": "slam.final_pass",
+    "Refined": "slam.refinement.refine",
     "Scan": "slam.scan",
     "StepReport": "slam.gmapping",
     "load_checkpoint": "slam.checkpoint",
-    "refine": "slam.final_pass",
+    "refine": "slam.refinement.refine",
     "save_checkpoint": "slam.checkpoint",
 }
 

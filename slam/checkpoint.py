@@ -16,7 +16,7 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.config import FilterConfig
+from slam.config.filter import FilterConfig
 from slam.gmapping import GMapping
 
 VERSION = 3

@@ -13,22 +13,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
-from slam._match_kernels import Evidence
-from slam._proposal_kernels import Proposed
-from slam._ray_kernels import Rays
-from slam.adaptation import next_count
-from slam.ancestry import Ancestry
-from slam.beams import Readings, rays_of, readings_of
-from slam.config import FilterConfig
-from slam.motion import checked_odometry, motion_prior
+from slam._threads import Threads
+from slam.config.filter import FilterConfig
+from slam.grid._traversal_kernels import Rays
+from slam.grid.particle_maps import ParticleMaps
+from slam.matching._likelihood_kernels import Evidence
+from slam.matching._proposal_kernels import Proposed
+from slam.matching.proposal import beam_model, propose_poses, search_of
+from slam.motion.odometry_model import checked_odometry, motion_prior
 from slam.occupancy import OccupancyGrid
-from slam.parallel import Threads
-from slam.particle_maps import ParticleMaps
-from slam.proposal import beam_model, propose_poses, search_of
-from slam.resampling import SCHEMES
-from slam.revisits import Revisits
+from slam.particles.ancestry import Ancestry
+from slam.particles.particle_count import next_count
+from slam.particles.resampling import SCHEMES
+from slam.particles.weights import Weights, pose_covariance
 from slam.scan import Scan
-from slam.weights import Weights, pose_covariance
+from slam.sensor.rays import Readings, rays_of, readings_of
+from slam.step.loop_detector import Revisits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

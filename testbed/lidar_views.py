@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable
 
-from eval.lidar_view import LidarView
+from eval.map.lidar_view import LidarView
 from slam.scan import Scan
 from testbed.frame import Frame
 

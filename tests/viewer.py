@@ -11,8 +11,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from testbed.views import entities
-from testbed.views.headless import HeadlessViewer, NoDriverError, headless_viewer
+from testbed.views.rerun import entities
+from tools.headless_viewer import HeadlessViewer, NoDriverError, headless_viewer
 
 
 @contextmanager

@@ -2,16 +2,16 @@
 """What a place is: walls, blocks, start and tour, in TOML files; and the true map drawn from the same geometry."""
 
 from worlds.check import check_world
-from worlds.clutter import add_clutter
 from worlds.difficulty import measure_difficulty
 from worlds.elements import Block, Box, Disc, Opening, Wall
 from worlds.errors import WorldError
-from worlds.files import catalogue, dumps, load
-from worlds.floor_plan import import_map, is_map, map_image, world_from_grid
-from worlds.generators import KINDS, generate
+from worlds.format.files import catalogue, dumps, load
+from worlds.format.floor_plan import import_map, is_map, map_image, world_from_grid
+from worlds.generate.clutter import add_clutter
+from worlds.generate.generators import KINDS, generate
+from worlds.generate.tour_planner import plan_tour
 from worlds.movers import PERSON_RADIUS, Door, Person
 from worlds.raster import TrueMap, true_map
-from worlds.tour_planner import plan_tour
 from worlds.world import Difficulty, Start, Tour, World
 
 __all__ = [

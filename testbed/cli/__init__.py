@@ -11,9 +11,9 @@ from importlib.metadata import version
 
 from cyclopts import App, CycloptsError, Parameter
 
-from testbed.cli.config_file import apply_config_file
-from testbed.cli.help_texts import HELP
-from testbed.cli.status import INTERRUPTED, USAGE_ERROR
+from testbed.cli.shared.config_file import apply_config_file
+from testbed.cli.shared.help_texts import HELP
+from testbed.cli.shared.status import INTERRUPTED, USAGE_ERROR
 
 app = App(
     name="testbed",

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from testbed.cli.console import console
+from testbed.cli.shared.console import console
 from testbed.formats import open_log
-from testbed.formats.writing import HOLDS, Form, parts_of, write_log
+from testbed.formats.write import HOLDS, Form, parts_of, write_log
 
 
 def convert(

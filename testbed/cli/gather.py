@@ -5,16 +5,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from eval.sweep_report import write_sweep_report
-from eval.sweep_summary import worst_runs
-from eval.sweep_table import read_sweep
-from testbed.cli.console import announce_compilation, console, progress_line, results
-from testbed.cli.status import GATE_FAILED
-from testbed.sweep.compute import check_inputs
+from eval.sweep.report import write_sweep_report
+from eval.sweep.results import read_sweep
+from eval.sweep.summary import worst_runs
+from testbed.cli.shared.console import announce_compilation, console, progress_line, results
+from testbed.cli.shared.status import GATE_FAILED
 from testbed.sweep.errors import SweepError
+from testbed.sweep.execution.compute import check_inputs
 from testbed.sweep.gather import gather as gather_tables
+from testbed.sweep.rerun_worst import is_recorded, record
 from testbed.sweep.store import SweepDirectory
-from testbed.sweep.worst import is_recorded, record
 
 NAMED = 20
 """Cells without a result that are named one by one."""

@@ -6,11 +6,11 @@ from __future__ import annotations
 from cyclopts import App
 from rich.table import Table
 
-from testbed.cli.console import results
+from testbed.cli.shared.console import results
 from testbed.presets import lidars, load_lidar, load_robot, robots
 from testbed.presets.models import LidarPreset, RobotPreset
-from testbed.simulation.odometry import GRADES
-from testbed.simulation.umbmark import umbmark as drive_squares
+from testbed.simulation.robot.odometry import GRADES
+from testbed.simulation.robot.umbmark import umbmark as drive_squares
 
 app = App(name="presets", help="Robots and lidars that come with the package.")
 

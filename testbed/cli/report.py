@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from eval.comparison import write_comparison
-from eval.report import write_report
-from testbed.cli.console import results
+from eval.report.comparison import write_comparison
+from eval.report.run_report import write_report
+from testbed.cli.shared.console import results
 
 
 def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:

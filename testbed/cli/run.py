@@ -5,15 +5,15 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from eval.grids import true_grid
-from testbed.cli.ending import carry_out
-from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
-from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
+from eval.map.grids import true_grid
+from testbed.cli.shared.finish import carry_out
 from testbed.exploration import ExploreDriver
-from testbed.provenance import config_document, settings_as_markdown
-from testbed.run import Job, drive_ended
+from testbed.run.execute import Job, drive_ended
+from testbed.run.provenance import config_document, settings_as_markdown
+from testbed.settings.estimator import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
+from testbed.settings.simulator import SIMULATOR, SimulatorOptions
 from testbed.simulation import Simulation, simulate
-from testbed.simulation.urdf import robot_urdf
+from testbed.simulation.physics.urdf import robot_urdf
 from testbed.views import Scene
 from worlds import true_map
 

@@ -10,13 +10,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from eval.files import write_aside
-from eval.gate import Limit, check
-from eval.lidar_view import LidarView
+from eval.files.atomic_write import write_aside
+from eval.limits import Limit, check
+from eval.map.lidar_view import LidarView
 from eval.scoring import score_files
-from testbed.cli.console import console
-from testbed.cli.status import GATE_FAILED
-from testbed.cli.summary import headline_table
+from testbed.cli.shared.console import console
+from testbed.cli.shared.status import GATE_FAILED
+from testbed.cli.shared.summary import headline_table
 from testbed.formats import open_log
 from testbed.lidar_views import lidar_views
 

@@ -18,11 +18,11 @@ from typing import Any
 from cyclopts import Parameter
 from rich.progress import track
 
-from testbed.cli.console import announce_compilation, console, results
-from testbed.cli.simulator_options import SIMULATOR, SimulatorOptions
-from testbed.cli.variants import Variant, variants
-from testbed.dataset import Format, discard_unfinished, is_complete, write_dataset
+from testbed.cli.shared.console import announce_compilation, console, results
+from testbed.cli.shared.variants import Variant, variants
+from testbed.datasets.simulated import Format, discard_unfinished, is_complete, write_dataset
 from testbed.formats.commands import Command
+from testbed.settings.simulator import SIMULATOR, SimulatorOptions
 from testbed.simulation import SimulationConfig
 from testbed.simulation.simulator import check_fits
 from worlds import World

@@ -10,20 +10,20 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from eval.relations import read_relations
-from eval.tum import read_tum
-from slam.config import LocalizationConfig
+from eval.files.tum import read_tum
+from eval.trajectory.relations import read_relations
+from slam.config.filter import LocalizationConfig
 from slam.occupancy import OccupancyGrid
-from testbed.cli.console import console
-from testbed.cli.ending import carry_out
-from testbed.cli.options import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
+from testbed.cli.shared.console import console
+from testbed.cli.shared.finish import carry_out
+from testbed.datasets.truth import with_truth
 from testbed.formats import open_log
 from testbed.formats.maps import read_map_inside
 from testbed.frame import Frame
-from testbed.known_map import KnownMap
-from testbed.provenance import config_document, settings_as_markdown
-from testbed.run import Job
-from testbed.truth import with_truth
+from testbed.run.execute import Job
+from testbed.run.known_map import KnownMap
+from testbed.run.provenance import config_document, settings_as_markdown
+from testbed.settings.estimator import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
 from testbed.views import Scene
 
 LOCALIZATION_GROUP = Group("Localisation (with --map)", sort_key=11)

@@ -12,23 +12,23 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from eval.sweep_gate import compare_with_baseline, write_baseline
-from eval.sweep_table import read_sweep
-from testbed.cli.console import announce_compilation, console, results
+from eval.sweep.regression_check import compare_with_baseline, write_baseline
+from eval.sweep.results import read_sweep
 from testbed.cli.gather import gather_and_report
-from testbed.cli.options import FLAG
-from testbed.cli.status import GATE_FAILED, INTERRUPTED
-from testbed.cli.sweep_progress import sweep_progress
-from testbed.interruption import sigterm_interrupts
-from testbed.rundir import default_directory
-from testbed.sweep.cluster import run_on_cluster
+from testbed.cli.shared.console import announce_compilation, console, results
+from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
+from testbed.cli.shared.sweep_progress import sweep_progress
+from testbed.run.interruption import sigterm_interrupts
+from testbed.run.run_directory import default_directory
+from testbed.settings.estimator import FLAG
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import Executor, execute, pending, prepare
-from testbed.sweep.plan import Shard
-from testbed.sweep.pool import run_locally
-from testbed.sweep.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
+from testbed.sweep.execution.dask_cluster import run_on_cluster
+from testbed.sweep.execution.local_pool import run_locally
+from testbed.sweep.execution.worker_process import Limits
+from testbed.sweep.spec.plan import Shard
+from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
 from testbed.sweep.store import SweepDirectory
-from testbed.sweep.worker_process import Limits
 
 
 @Parameter(name="*")

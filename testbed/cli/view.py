@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from testbed.cli.console import console
+from testbed.cli.shared.console import console
 from testbed.views import open_run
 
 

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from testbed.cli.console import announce_compilation, console
-from testbed.warmup import is_compiled
+from testbed.cli.shared.console import announce_compilation, console
+from testbed.kernels import is_compiled
 
 
 def warmup() -> None:

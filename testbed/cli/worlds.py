@@ -10,10 +10,10 @@ import numpy as np
 from cyclopts import App, Parameter
 from rich.table import Table
 
-from eval.files import write_aside
-from testbed.cli.console import results
+from eval.files.atomic_write import write_aside
+from testbed.cli.shared.console import results
 from worlds import World, catalogue, dumps, generate, import_map, load, true_map
-from worlds.generators import Kind
+from worlds.generate.generators import Kind
 
 app = App(name="worlds", help="The catalogue of worlds.")
 

@@ -11,7 +11,7 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from numpy.typing import NDArray
 
 from testbed.envs.drive_task import DriveReward, DriveTask, Outcome
-from testbed.envs.rendering import MODES, Screen, check_render_mode
+from testbed.envs.observation.rendering import MODES, Screen, check_render_mode
 from testbed.envs.settings import EnvironmentSettings
 
 Observation = dict[str, NDArray[np.float32]]

@@ -13,10 +13,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from slam.se2 import Pose, between
-from testbed.envs.robot_io import RobotIO
-from testbed.envs.scenario import Place, Wish
+from testbed.envs.scenario.robot_io import RobotIO
+from testbed.envs.scenario.scenario import Place, Wish
 from testbed.envs.settings import EnvironmentSettings
-from testbed.simulation.robot_group import Readings
+from testbed.simulation.fleet.robot_group import Readings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from testbed.envs.drive import Observation
 from testbed.envs.drive_task import DriveReward, DriveTask, Outcome
-from testbed.envs.rendering import MODES, Screen, check_render_mode
-from testbed.envs.scenario import Wish
+from testbed.envs.observation.rendering import MODES, Screen, check_render_mode
+from testbed.envs.scenario.scenario import Wish
 from testbed.envs.settings import EnvironmentSettings
 
 Flags = NDArray[np.bool_]

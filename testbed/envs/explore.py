@@ -12,20 +12,20 @@ from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from numpy.typing import NDArray
 
-from slam.config import FilterConfig
+from slam.config.filter import FilterConfig
 from slam.gmapping import GMapping, StepReport
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, between, compose
 from testbed.envs.drive import Observation
-from testbed.envs.egocentric import Crop
-from testbed.envs.map_score import Mapped, MapScore
-from testbed.envs.rendering import MODES, Screen, check_render_mode, scan_of
-from testbed.envs.robot_io import RobotIO
+from testbed.envs.observation.egocentric import Crop
+from testbed.envs.observation.map_score import Mapped, MapScore
+from testbed.envs.observation.rendering import MODES, Screen, check_render_mode, scan_of
+from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.settings import EnvironmentSettings
 from testbed.exploration.belief import Belief
 from testbed.frame import Frame
-from testbed.simulation.robot_group import Outfit, Readings
+from testbed.simulation.fleet.robot_group import Outfit, Readings
 from worlds import TrueMap
 
 _SPREAD_LIMIT = np.array([10.0, 10.0, np.pi])
@@ -190,7 +190,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         return observation, readings
 
     def _snapshot(self, scan: Scan, odometry: Pose, report: StepReport, readings: Readings) -> Any:
-        from testbed.run import snapshot
+        from testbed.run.execute import snapshot
 
         frame = Frame(stamp=scan.stamp, odometry=odometry, scan=scan, truth=readings.truth[0])
         return snapshot(frame, report, self._mapper, collided=bool(readings.contact[0]))

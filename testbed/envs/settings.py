@@ -6,14 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from testbed.envs.generated_worlds import GeneratedWorlds
-from testbed.envs.scenario import Scenario, Start
+from testbed.envs.scenario.generated_worlds import GeneratedWorlds
+from testbed.envs.scenario.scenario import Scenario, Start
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
-from testbed.simulation.backend_robot import BackendRobot
-from testbed.simulation.fleet import Fleet
-from testbed.simulation.lidar import LidarLayers
-from testbed.simulation.odometry import OdometryConfig
-from testbed.simulation.robot_group import Outfit, RobotGroup
+from testbed.simulation.fleet.fleet import Fleet
+from testbed.simulation.fleet.robot_group import Outfit, RobotGroup
+from testbed.simulation.fleet.single_robot import BackendRobot
+from testbed.simulation.robot.lidar import LidarLayers
+from testbed.simulation.robot.odometry import OdometryConfig
 from worlds import World
 
 MOST_BEAMS = 10_000
@@ -67,7 +67,7 @@ class EnvironmentSettings:
             raise ValueError(f"backend must be 'fast' or 'pybullet', got {self.backend!r}")
         if robots != 1:
             raise ValueError(f"{robots} robots in one process need the fast backend; PyBullet's go into AsyncVectorEnv")
-        from testbed.simulation.pybullet_backend import PyBulletBackend, import_pybullet
+        from testbed.simulation.physics.pybullet import PyBulletBackend, import_pybullet
 
         import_pybullet()
         return BackendRobot(outfit, PyBulletBackend)

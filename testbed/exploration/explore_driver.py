@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from slam.beams import displacement
 from slam.gmapping import GMapping, StepReport
 from slam.scan import Scan
 from slam.se2 import compose
+from slam.sensor.rays import displacement
 from testbed.exploration.belief import Belief
 from testbed.exploration.explorer import Explorer
 from testbed.frame import Frame

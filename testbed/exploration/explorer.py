@@ -10,10 +10,10 @@ from numpy.random import Generator
 
 from testbed.exploration.belief import Belief
 from testbed.exploration.frontier_explorer import FrontierExplorer
-from testbed.exploration.goals import information_gain, nearest
+from testbed.exploration.planning.goals import information_gain, nearest
 from testbed.exploration.reactive import RandomWalk, WallFollower
 from testbed.presets import LidarPreset, RobotPreset
-from testbed.simulation.driver import DriverConfig, Strategy
+from testbed.simulation.drivers.driver import DriverConfig, Strategy
 
 STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
 

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.exploration.belief import Belief
-from testbed.exploration.floor import Cell, Floor, Ways
-from testbed.exploration.frontiers import SMALLEST, Frontier, border_of, find_frontiers
-from testbed.exploration.goals import GoalChoice
 from testbed.exploration.guard import Guard
+from testbed.exploration.planning.floor import Cell, Floor, Ways
+from testbed.exploration.planning.frontiers import SMALLEST, Frontier, border_of, find_frontiers
+from testbed.exploration.planning.goals import GoalChoice
 from testbed.presets import RobotPreset
-from testbed.simulation.back_off import BackOff
-from testbed.simulation.driver import DriverConfig
-from testbed.simulation.pursuit import PurePursuit
+from testbed.simulation.drivers.driver import DriverConfig
+from testbed.simulation.drivers.pursuit import PurePursuit
+from testbed.simulation.drivers.stuck_recovery import BackOff
 
 REPLAN = 2.0
 """The way is planned anew after this time at the latest [s]: the map grows meanwhile."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
-from testbed.simulation.driver import DriverConfig
+from testbed.simulation.drivers.driver import DriverConfig
 
 GAP = 0.05
 """Distance that is kept from obstacles ahead [m], besides what braking takes."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from testbed.exploration.belief import Belief
 from testbed.exploration.guard import Guard
 from testbed.presets import RobotPreset
-from testbed.simulation.back_off import BackOff
-from testbed.simulation.driver import DriverConfig
+from testbed.simulation.drivers.driver import DriverConfig
+from testbed.simulation.drivers.stuck_recovery import BackOff
 
 _NEAR = 0.1
 """With less room ahead than this the robot turns away [m]."""

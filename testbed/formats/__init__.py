@@ -7,12 +7,12 @@ import re
 import zlib
 from pathlib import Path
 
-from testbed.formats.carmen import MESSAGES, read_carmen
+from testbed.formats.carmen.reader import MESSAGES, read_carmen
 from testbed.formats.checksums import CONFIG, verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import TABLE, read_parquet
-from testbed.formats.ros_bag import read_bag
-from testbed.formats.trajectories import ODOMETRY, read_trajectories
+from testbed.formats.ros.reader import read_bag
+from testbed.formats.tum import ODOMETRY, read_trajectories
 
 __all__ = ["Log", "LogError", "open_log"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.formats.log import LogError
-from testbed.provenance import dump_toml, versions
+from testbed.run.provenance import dump_toml, versions
 
 CONFIG = "config.toml"
 LARGEST_CONFIG = 1_000_000

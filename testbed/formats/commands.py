@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from eval.files import write_aside
+from eval.files.atomic_write import write_aside
 from testbed.formats import LogError, open_log
 from testbed.frame import Frame
 

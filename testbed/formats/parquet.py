@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.map_server import write_map
+from eval.files.map_server import write_map
 from slam.scan import Scan
 from testbed.formats.checksums import verify
 from testbed.formats.log import Log, LogError

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The simulator: a robot drives the tour of a world; its lidar and wheels give frames."""
 
-from testbed.simulation.driver import DriverConfig
-from testbed.simulation.lidar import LidarLayers
-from testbed.simulation.odometry import OdometryConfig
+from testbed.simulation.drivers.driver import DriverConfig
+from testbed.simulation.robot.lidar import LidarLayers
+from testbed.simulation.robot.odometry import OdometryConfig
 from testbed.simulation.simulator import Simulation, SimulationConfig, simulate
 from testbed.simulation.warm_up import warm_up
 

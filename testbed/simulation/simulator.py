@@ -14,15 +14,15 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.frame import Frame
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
-from testbed.simulation._lidar_kernels import place_beams
-from testbed.simulation.backend import STEP_RATE, Backend, Limits
-from testbed.simulation.driver import Driver, DriverConfig
+from testbed.seeds import streams
+from testbed.simulation.drivers.driver import Driver, DriverConfig
+from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.history import History
-from testbed.simulation.lidar import Lidar, LidarLayers
-from testbed.simulation.movers import Movers
-from testbed.simulation.odometry import Odometry, OdometryConfig
-from testbed.simulation.tour_driver import TourDriver
-from testbed.streams import streams
+from testbed.simulation.movers.movers import Movers
+from testbed.simulation.physics.backend import STEP_RATE, Backend, Limits
+from testbed.simulation.robot._lidar_kernels import place_beams
+from testbed.simulation.robot.lidar import Lidar, LidarLayers
+from testbed.simulation.robot.odometry import Odometry, OdometryConfig
 from worlds import World, WorldError, check_world
 
 CONTROL_STEPS = 12
@@ -179,10 +179,10 @@ def _backend(world: World, config: SimulationConfig) -> Backend:
         min(config.driver.turn_acceleration, config.robot.max_turn_acceleration),
     )
     if config.backend == "fast":
-        from testbed.simulation.fast_backend import FastBackend
+        from testbed.simulation.physics.fast import FastBackend
 
         return FastBackend(world, config.robot, limits)
-    from testbed.simulation.pybullet_backend import PyBulletBackend
+    from testbed.simulation.physics.pybullet import PyBulletBackend
 
     return PyBulletBackend(world, config.robot, limits)
 

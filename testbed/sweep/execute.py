@@ -8,11 +8,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Protocol
 
-from testbed.sweep.cell import Cell
-from testbed.sweep.code_version import code_version
-from testbed.sweep.plan import Costs, Shard, by_work, input_digests
-from testbed.sweep.pool import Event, Finished
-from testbed.sweep.spec import SweepSpec
+from testbed.sweep.execution.local_pool import Event, Finished
+from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.code_version import code_version
+from testbed.sweep.spec.plan import Costs, Shard, by_work, input_digests
+from testbed.sweep.spec.spec import SweepSpec
 from testbed.sweep.store import Manifest, SweepDirectory
 
 Executor = Callable[[Sequence[Cell]], Generator[Event, None, None]]

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eval.files import write_aside
-from eval.report import flat
-from testbed.sweep.cell import Cell
-from testbed.sweep.compute import CellResult
+from eval.files.atomic_write import write_aside
+from eval.report.run_report import flat
+from testbed.sweep.execution.compute import CellResult
+from testbed.sweep.spec.cell import Cell
 from testbed.sweep.store import SweepDirectory
 
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")

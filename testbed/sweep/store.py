@@ -24,13 +24,13 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from eval.files import write_aside
-from testbed.provenance import dump_toml, versions
-from testbed.sweep.cell import Cell
-from testbed.sweep.compute import CellResult
+from eval.files.atomic_write import write_aside
+from testbed.run.provenance import dump_toml, versions
 from testbed.sweep.errors import SweepError
-from testbed.sweep.plan import Shard, plan
-from testbed.sweep.spec import SweepSpec, parse_spec
+from testbed.sweep.execution.compute import CellResult
+from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.plan import Shard, plan
+from testbed.sweep.spec.spec import SweepSpec, parse_spec
 
 MANIFEST = "sweep.toml"
 

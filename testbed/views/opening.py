@@ -9,7 +9,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from testbed.views import programs
+from testbed.views.live import programs
 from testbed.views.view import NullView, Scene, View, ViewOptions
 
 logger = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None 
         return NullView()
     # read by Rerun when it is imported: errors of its file writer are raised, and need not be told twice
     os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
-    from testbed.views.rerun_view import RerunView
+    from testbed.views.rerun.rerun_view import RerunView
 
     return RerunView(recording, scene, options or ViewOptions())
 

@@ -19,13 +19,13 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam._match_kernels import Evidence
-from slam._proposal_kernels import IMPROVED, match
-from slam.beams import rays_of
-from slam.config import GateConfig, ResampleConfig
-from slam.motion import motion_prior
-from slam.proposal import beam_model, search_of
-from slam.resampling import systematic
+from slam.config.filter import GateConfig, ResampleConfig
+from slam.matching._likelihood_kernels import Evidence
+from slam.matching._proposal_kernels import IMPROVED, match
+from slam.matching.proposal import beam_model, search_of
+from slam.motion.odometry_model import motion_prior
+from slam.particles.resampling import systematic
+from slam.sensor.rays import rays_of
 from tests.slam.rooms import drive, scan_at
 
 pytestmark = pytest.mark.benchmark
@@ -201,7 +201,7 @@ def test_second_thread_on_the_intel_log(benchmark):
 def test_memory_of_300_particles_on_the_whole_intel_log(benchmark):
     """Maps per particle at the worst moment and at the end, and the peak of a process of its own, over 4519 scans."""
     log = INTEL.with_name("intel-merged.clf.gz")
-    command = [sys.executable, "-m", "tests.benchmarks.memory_of_log", str(log), "--particles", "300"]
+    command = [sys.executable, "-m", "tools.measure.memory_of_log", str(log), "--particles", "300"]
 
     def run():
         return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout

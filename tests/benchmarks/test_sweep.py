@@ -12,17 +12,17 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from eval.sweep_report import write_sweep_report
-from testbed.sweep.code_version import code_version
-from testbed.sweep.compute import CellResult, compute
+from eval.sweep.report import write_sweep_report
+from testbed.kernels import compile_kernels
 from testbed.sweep.execute import execute, pending, prepare
+from testbed.sweep.execution.compute import CellResult, compute
+from testbed.sweep.execution.local_pool import Event, run_locally
+from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.gather import gather
-from testbed.sweep.plan import Costs, by_work, input_digests, plan
-from testbed.sweep.pool import Event, run_locally
-from testbed.sweep.spec import SweepSpec, parse_spec
+from testbed.sweep.spec.code_version import code_version
+from testbed.sweep.spec.plan import Costs, by_work, input_digests, plan
+from testbed.sweep.spec.spec import SweepSpec, parse_spec
 from testbed.sweep.store import SweepDirectory
-from testbed.sweep.worker_process import Limits
-from testbed.warmup import compile_kernels
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(1200)]
 

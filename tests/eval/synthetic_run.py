@@ -13,16 +13,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
-from eval.diagnosis import find
-from eval.finding_file import write_finding
-from eval.grids import cell_centres
-from eval.lidar_view import LidarView
-from eval.map_server import write_map
-from eval.observability import observable_cells
-from eval.relations import Relations
+from eval.files.failure_json import write_finding
+from eval.files.map_server import write_map
+from eval.files.tum import write_tum
+from eval.first_failure import find
+from eval.map.grids import cell_centres
+from eval.map.lidar_view import LidarView
+from eval.map.observability import observable_cells
 from eval.scoring import Reference, score
-from eval.trajectory import Trajectory
-from eval.tum import write_tum
+from eval.trajectory.relations import Relations
+from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, between, compose, inverse, transform_points
 from tests.eval.helpers import chain, room, with_wall

@@ -4,16 +4,16 @@
 import numpy as np
 import pytest
 
-from eval.association import associate, covered_share
+from eval.files.tum import read_tum
 from eval.outcome import (
     evidence_from_relations,
     evidence_from_truth,
     judge,
     loop_pairs,
 )
-from eval.relations import Relations, read_relations, relation_error
-from eval.trajectory import Trajectory
-from eval.tum import read_tum
+from eval.trajectory.association import associate, covered_share
+from eval.trajectory.relations import Relations, read_relations, relation_error
+from eval.trajectory.trajectory import Trajectory
 from slam.se2 import between, compose
 from tests.eval.helpers import chain, datasets
 from tests.eval.synthetic_run import drive

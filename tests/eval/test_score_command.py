@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eval.map_server import read_map, write_map
-from eval.trajectory import Trajectory
-from eval.tum import read_tum, write_tum
+from eval.files.map_server import read_map, write_map
+from eval.files.tum import read_tum, write_tum
+from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose
 from tests.eval.helpers import moved

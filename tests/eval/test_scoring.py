@@ -7,13 +7,13 @@ import shutil
 import numpy as np
 import pytest
 
-from eval.association import AssociationError
-from eval.lidar_view import LidarView
-from eval.map_server import read_map, write_map
-from eval.relations import Relations, RelationsError
+from eval.files.map_server import read_map, write_map
+from eval.files.tum import read_tum, write_tum
+from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score, score_files
-from eval.trajectory import Trajectory
-from eval.tum import read_tum, write_tum
+from eval.trajectory.association import AssociationError
+from eval.trajectory.relations import Relations, RelationsError
+from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import between, compose
 from tests.eval.helpers import moved, noisy, random_walk, room

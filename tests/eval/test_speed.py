@@ -10,10 +10,10 @@ import time
 import numpy as np
 import pytest
 
-from eval.grids import true_grid
-from eval.lidar_view import LidarView
+from eval.map.grids import true_grid
+from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
-from eval.trajectory import Trajectory
+from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose, inverse
 from tests.eval.helpers import moved, noisy, random_walk

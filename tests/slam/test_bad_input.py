@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, Scan
-from slam.config import (
+from slam.config.filter import (
     GateConfig,
     MapConfig,
     MatchConfig,

@@ -8,7 +8,7 @@ import pytest
 
 from slam import FilterConfig, GMapping, Scan, load_checkpoint, save_checkpoint
 from slam.checkpoint import CheckpointError
-from slam.config import AdaptConfig
+from slam.config.filter import AdaptConfig
 
 ANGLES = np.linspace(-np.pi, np.pi, 90, endpoint=False)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam.beams import rays_of
-from slam.config import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
+from slam.config.filter import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
+from slam.sensor.rays import rays_of
 from tests.slam.reference_filter import ReferenceFilter
 from tests.slam.rooms import counts_of, drive, scan_at
 

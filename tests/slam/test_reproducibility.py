@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam.config import AdaptConfig, GateConfig, MapConfig, MatchConfig, ProposalConfig, ResampleConfig
+from slam.config.filter import AdaptConfig, GateConfig, MapConfig, MatchConfig, ProposalConfig, ResampleConfig
 from tests.slam.rooms import drive, scan_at
 
 ROOT = Path(__file__).parents[2]

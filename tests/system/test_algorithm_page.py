@@ -11,7 +11,7 @@ TEXT = PAGE.read_text(encoding="utf-8")
 LINKS = sorted(set(re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", TEXT)))
 WORDS = {"office"}
 """Names of places, which are no code."""
-SOURCES = "\n".join(path.read_text(encoding="utf-8") for path in (PAGE.parents[1] / "slam").glob("*.py"))
+SOURCES = "\n".join(path.read_text(encoding="utf-8") for path in (PAGE.parents[1] / "slam").rglob("*.py"))
 NAMES = sorted(set(re.findall(r"`((?:[A-Za-z]\w*\.)?_?[a-z]\w+)`", TEXT)) - WORDS)
 
 

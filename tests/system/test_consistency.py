@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import worlds
-from eval.consistency import LEVEL, chi_square, nees
-from slam.config import FilterConfig
-from testbed.estimation import Estimation
+from eval.filter.health import LEVEL, chi_square, nees
+from slam.config.filter import FilterConfig
+from testbed.run.estimation import Estimation
+from testbed.seeds import streams
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate
-from testbed.streams import streams
 
 SEEDS = 6
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eval.map_server import read_map
-from eval.tum import read_tum
+from eval.files.map_server import read_map
+from eval.files.tum import read_tum
 from tests.shell import TESTBED
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eval.association import associate
-from eval.trajectory import Trajectory
-from eval.trajectory_error import absolute_error
-from eval.tum import read_tum
-from testbed.rundir import RUN_FILES
+from eval.files.tum import read_tum
+from eval.trajectory.association import associate
+from eval.trajectory.errors import absolute_error
+from eval.trajectory.trajectory import Trajectory
+from testbed.run.run_directory import RUN_FILES
 from tests.shell import TESTBED
 
 DATASETS = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).parents[3] / "shared" / "datasets"))

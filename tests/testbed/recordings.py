@@ -11,7 +11,7 @@ from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from testbed.formats import Log, open_log
-from testbed.formats.writing import HOLDS, write_log
+from testbed.formats.write import HOLDS, write_log
 from testbed.frame import Frame
 
 FORMS = [form for form in HOLDS if form != "map_server"]

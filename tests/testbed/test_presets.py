@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from testbed.presets import PresetError, lidars, load_lidar, load_robot, robots
-from testbed.simulation.backend import STEP_RATE, Limits
-from testbed.simulation.umbmark import umbmark
+from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.simulation.robot.umbmark import umbmark
 from tests.testbed.simulation.places import room
 
 ROBOT = """
@@ -65,7 +65,7 @@ def test_lidars_have_sane_angles_and_times(name):
 
 @pytest.mark.parametrize("name", robots())
 def test_every_robot_drives_straight_and_turns_true_in_pybullet(name):
-    module = pytest.importorskip("testbed.simulation.pybullet_backend")
+    module = pytest.importorskip("testbed.simulation.physics.pybullet")
     robot = load_robot(name)
     speed, turn_rate = 0.9 * robot.max_speed, min(0.5, robot.max_turn_rate)
     backend = module.PyBulletBackend(room(half=30.0), robot, Limits(0.3, 2.0))

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from testbed.cli.help_texts import HELP
-from testbed.rundir import RUN_FILES
+from testbed.cli.shared.help_texts import HELP
+from testbed.run.run_directory import RUN_FILES
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -10,11 +10,11 @@ from gymnasium.error import ClosedEnvironmentError, Error, InvalidAction, ResetN
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import testbed  # noqa: F401  # registers the environments
-from eval.grids import true_grid
+from eval.map.grids import true_grid
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose, inverse
 from testbed.envs import Crop, ExploreReward, GeneratedWorlds
-from testbed.envs.map_score import MapScore
+from testbed.envs.observation.map_score import MapScore
 from testbed.exploration import make_explorer
 from testbed.simulation import DriverConfig, LidarLayers
 from tests.testbed.exploration.places import grid_of

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from slam.config import FilterConfig
+from slam.config.filter import FilterConfig
 from slam.gmapping import GMapping
 from testbed.exploration import STRATEGIES, ExploreDriver, make_explorer
 from testbed.exploration.guard import GAP, LATENCY, Guard
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import DriverConfig, SimulationConfig, simulate
-from testbed.simulation.back_off import BackOff
+from testbed.simulation.drivers.stuck_recovery import BackOff
 from tests.testbed.exploration.places import belief, grid_of, scan_of
 from worlds import Box, Start, Wall, World, generate, true_map
 

@@ -10,8 +10,8 @@ import pytest
 from slam.se2 import between, compose, transform_points
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import LidarLayers, SimulationConfig, simulate
-from testbed.simulation.backend import STEP_RATE, Limits
-from testbed.simulation.fast_backend import FastBackend
+from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.simulation.physics.fast import FastBackend
 from tests.testbed.simulation.places import perfect, room
 from worlds import Box, WorldError, catalogue, load
 
@@ -21,7 +21,7 @@ LIMITS = Limits(0.5, 3.0)
 def make_backend(kind, world, robot):
     if kind == "fast":
         return FastBackend(world, robot, LIMITS)
-    module = pytest.importorskip("testbed.simulation.pybullet_backend")
+    module = pytest.importorskip("testbed.simulation.physics.pybullet")
     return module.PyBulletBackend(world, robot, LIMITS)
 
 
@@ -183,7 +183,7 @@ def test_a_tour_is_finished_and_the_robot_stands_at_its_end(kind):
 
 
 def test_closing_early_frees_the_physics_client():
-    module = pytest.importorskip("testbed.simulation.pybullet_backend")
+    module = pytest.importorskip("testbed.simulation.physics.pybullet")
     closed = []
     original = module.PyBulletBackend.close
     with pytest.MonkeyPatch.context() as patch:
@@ -208,7 +208,7 @@ def test_worlds_without_a_fitting_tour_are_refused():
 def test_missing_pybullet_is_explained_in_one_line(monkeypatch):
     import sys
 
-    from testbed.simulation.pybullet_backend import PyBulletMissingError
+    from testbed.simulation.physics.pybullet import PyBulletMissingError
 
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(PyBulletMissingError, match="pip install --no-build-isolation pybullet") as caught:

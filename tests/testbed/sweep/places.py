@@ -3,9 +3,9 @@
 
 from pathlib import Path
 
-from testbed.sweep.cell import Cell
-from testbed.sweep.code_version import code_version
-from testbed.sweep.plan import file_digest
+from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.code_version import code_version
+from testbed.sweep.spec.plan import file_digest
 from worlds import Start, Tour, Wall, World, dumps
 
 

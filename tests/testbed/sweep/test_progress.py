@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from testbed.cli import sweep_progress
-from testbed.cli.sweep_progress import SweepProgress
-from testbed.sweep.plan import Costs
-from testbed.sweep.pool import Finished, Started
+from testbed.cli.shared import sweep_progress
+from testbed.cli.shared.sweep_progress import SweepProgress
+from testbed.sweep.execution.local_pool import Finished, Started
+from testbed.sweep.spec.plan import Costs
 from tests.testbed.sweep.places import room_cell, room_file
 
 

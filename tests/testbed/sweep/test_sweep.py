@@ -13,8 +13,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from testbed.sweep import cluster
-from testbed.sweep.plan import Shard, file_digest
+from testbed.sweep.execution import dask_cluster as cluster
+from testbed.sweep.spec.plan import Shard, file_digest
 from testbed.sweep.store import SweepDirectory
 from tests.shell import TESTBED, assert_refused, call
 from tests.testbed.sweep.places import room_cell, room_file
@@ -215,7 +215,7 @@ def test_results_are_kept_once_even_when_two_processes_finish_the_same_cell(copi
 
 
 def test_a_worker_refuses_cells_of_another_code_version(world):
-    from testbed.sweep.worker_process import CellFailedError, Limits, WorkerProcess
+    from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess
 
     worker = WorkerProcess(Limits())
     try:

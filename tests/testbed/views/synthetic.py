@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from slam import se2
-from slam.config import FilterConfig, MatchConfig, ResampleConfig
+from slam.config.filter import FilterConfig, MatchConfig, ResampleConfig
 from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from testbed.frame import Frame
-from testbed.run import snapshot
+from testbed.run.execute import snapshot
 from testbed.views import Scene, Snapshot
 
 WIDTH, HEIGHT = 8.0, 6.0

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import worlds
-from eval.grids import true_grid
-from slam.config import FilterConfig
-from testbed.estimation import Estimation
-from testbed.run import snapshot
+from eval.map.grids import true_grid
+from slam.config.filter import FilterConfig
+from testbed.run.estimation import Estimation
+from testbed.run.execute import snapshot
+from testbed.simulation.physics.urdf import robot_urdf
 from testbed.simulation.simulator import SimulationConfig, simulate
-from testbed.simulation.urdf import robot_urdf
 from testbed.views import Scene, open_view
 
 

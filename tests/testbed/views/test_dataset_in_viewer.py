@@ -13,12 +13,12 @@ import pytest
 import rerun as rr
 from scipy.ndimage import binary_dilation
 
-from eval.tum import read_tum
+from eval.files.tum import read_tum
 from slam import se2
-from testbed.dataset import write_dataset
+from testbed.datasets.simulated import write_dataset
 from testbed.presets import load_lidar, load_robot
 from testbed.simulation import SimulationConfig
-from testbed.views import programs
+from testbed.views.live import programs
 from tests.viewer import near, pixels, viewer_or_skip
 from worlds import load
 

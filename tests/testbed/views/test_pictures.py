@@ -13,13 +13,14 @@ import rerun as rr
 from scipy.ndimage import binary_dilation
 
 from slam import se2
-from testbed.views import ViewOptions, drawing, entities, open_view, rerun_view
-from testbed.views.drawing import HEAVY, LIGHT
-from testbed.views.headless import HeadlessViewer
-from testbed.views.styles import ESTIMATE, ODOMETRY, SCAN, TRUTH
+from testbed.views import ViewOptions, open_view
+from testbed.views.rerun import drawing, entities, rerun_view
+from testbed.views.rerun.drawing import HEAVY, LIGHT
+from testbed.views.rerun.styles import ESTIMATE, ODOMETRY, SCAN, TRUTH
 from tests.testbed.views.conftest import SECONDS, Recorded
 from tests.testbed.views.synthetic import BOX, scene, snapshots
 from tests.viewer import near, pixels, viewer_or_skip
+from tools.headless_viewer import HeadlessViewer
 
 PAPER = (236, 238, 242)
 WALL, FREE, UNKNOWN = (0, 0, 0), (222, 222, 222), (112, 137, 134)

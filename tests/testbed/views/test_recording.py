@@ -15,8 +15,9 @@ import rerun as rr
 from slam import se2
 from slam.occupancy import OccupancyGrid
 from testbed.presets import load_robot
-from testbed.simulation.urdf import robot_urdf
-from testbed.views import NullView, ViewOptions, entities, open_run, open_view
+from testbed.simulation.physics.urdf import robot_urdf
+from testbed.views import NullView, ViewOptions, open_run, open_view
+from testbed.views.rerun import entities
 from tests.testbed.views.conftest import Recorded
 from tests.testbed.views.synthetic import scene, snapshots, true_map
 

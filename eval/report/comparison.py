@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: MIT
+"""Several runs side by side, as one HTML file: what was different, and what came of it."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eval.files.atomic_write import write_aside
+from eval.files.run_reader import RunFiles, read_run
+from eval.report import plots
+from eval.report.map_images import draw_map, frame_around
+from eval.report.run_report import Plot, flat, render
+from eval.report.verdict import LEADS
+from eval.trajectory.association import AssociationError, associate
+from eval.trajectory.errors import absolute_error
+from slam.se2 import Pose
+
+COLOURS = ("#1864ab", "#e67700", "#2b8a3e", "#9c36b5", "#1b1f24", "#c92a2a", "#0b7285", "#846358")
+MAX_PICTURES = 12
+"""Maps and curves are drawn for this many runs at most."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One row of the table of results."""
+
+    key: str
+    """In `metrics.json`, with dots."""
+    label: str
+    form: str
+    factor: float = 1.0
+    better: int = -1
+    """-1: less is better; 1: more is better; 0: neither."""
+
+
+MEASURES = (
+    Measure("trajectory.ate_rmse_m", "trajectory error, rmse [cm]", "{:.2f}", 100.0),
+    Measure("trajectory.ate_max_m", "trajectory error, worst [cm]", "{:.1f}", 100.0),
+    Measure("trajectory.heading_rmse_deg", "heading error, rmse [deg]", "{:.3f}"),
+    Measure("trajectory.rpe.1m.trans_rmse_m", "error per 1 m of path [cm]", "{:.2f}", 100.0),
+    Measure("trajectory.drift_percent", "drift [% of distance]", "{:.2f}"),
+    Measure("trajectory.odometry.ate_rmse_m", "odometry alone, rmse [cm]", "{:.1f}", 100.0, 0),
+    Measure("relations.trans_mean_m", "relation error [cm]", "{:.2f}", 100.0),
+    Measure("relations.loops.trans_mean_m", "relation error, loops [cm]", "{:.2f}", 100.0),
+    Measure("relations.rot_mean_deg", "relation error [deg]", "{:.3f}"),
+    Measure("map.wall_distance_m", "walls from truth [cm]", "{:.2f}", 100.0),
+    Measure("map.iou", "IoU of walls", "{:.3f}", 1.0, 1),
+    Measure("map.f1_1_cells", "F1 of walls within a cell", "{:.3f}", 1.0, 1),
+    Measure("map.double_wall_rate", "double walls [%]", "{:.2f}", 100.0),
+    Measure("map.log_loss", "log loss of the map [nats]", "{:.4f}"),
+    Measure("map.coverage", "coverage [%]", "{:.1f}", 100.0, 1),
+    Measure("particles", "particles", "{:.0f}", 1.0, 0),
+    Measure("filter.mean_ess", "effective particles", "{:.1f}", 1.0, 0),
+    Measure("filter.resamplings", "resamplings", "{:.0f}", 1.0, 0),
+    Measure("filter_s", "time in the filter [s]", "{:.2f}"),
+    Measure("realtime_factor", "speed [x real time]", "{:.1f}", 1.0, 1),
+    Measure("peak_rss_mb", "memory [MB]", "{:.0f}"),
+)
+
+
+def write_comparison(run_directories: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> Path:
+    """Compare two or more runs in the file `out`, and return its path.
+
+    Raises ValueError for fewer than two directories, RunFilesError where one holds no run.
+    """
+    if len(run_directories) < 2:
+        raise ValueError(f"a comparison takes two or more run directories, got {len(run_directories)}")
+    runs = [read_run(directory) for directory in run_directories]
+    named = list(zip(_names(runs), runs, strict=True))
+    places = [_place(run) for run in runs]
+    one_place = len(set(places)) == 1
+    page = render(
+        "comparison.html.j2",
+        runs=[(name, run.metric("outcome"), _mood(run), run.metric("outcome_reason")) for name, run in named],
+        failures=_failures(runs),
+        places=places,
+        one_place=one_place,
+        results=[row for measure in MEASURES if (row := _result_row(measure, runs, mark_best=one_place)) is not None],
+        settings=_differing_settings(runs),
+        plots=_curves(named[:MAX_PICTURES]),
+        maps=_maps(named[:MAX_PICTURES]),
+        left_out=max(0, len(runs) - MAX_PICTURES),
+    )
+    path = Path(out)
+    with write_aside(path) as aside:
+        aside.write_text(page, encoding="utf-8")
+    return path
+
+
+def _names(runs: Sequence[RunFiles]) -> list[str]:
+    """Names of the directories, with their parents' where two are the same."""
+    counts = Counter(run.name for run in runs)
+    return [run.name if counts[run.name] == 1 else "/".join(run.path.resolve().parts[-2:]) for run in runs]
+
+
+def _mood(run: RunFiles) -> str:
+    return LEADS.get(str(run.metric("outcome")), ("", "none"))[1]
+
+
+def _failures(runs: Sequence[RunFiles]) -> str:
+    """How many of the runs that can be judged went wrong: it belongs beside every mean."""
+    judged = [mood for mood in map(_mood, runs) if mood != "none"]
+    if not judged:
+        return "None of the runs can be judged."
+    bad = sum(mood == "bad" for mood in judged)
+    return f"{bad} of {len(judged)} judged runs failed."
+
+
+def _place(run: RunFiles) -> str:
+    """What was mapped: the world or the log; a dash where the run does not say."""
+    settings = run.config.get("settings", {})
+    return _short(settings.get("world", settings.get("log", "–")))
+
+
+def _short(value: Any) -> str:
+    """A setting in few letters: of a path the last part."""
+    text = str(value)
+    return text.rstrip("/").rpartition("/")[2] if text.startswith("/") else text
+
+
+def _result_row(
+    measure: Measure, runs: Sequence[RunFiles], *, mark_best: bool
+) -> tuple[str, list[tuple[str, bool]]] | None:
+    """Label and, for each run, the figure and whether it is the best; None where no run has it."""
+    values = [run.metric(measure.key) for run in runs]
+    known = [value for value in values if value is not None]
+    if not known:
+        return None
+    texts = ["–" if value is None else measure.form.format(measure.factor * value) for value in values]
+    best = min(known) if measure.better < 0 else max(known)
+    best_text = measure.form.format(measure.factor * best)
+    distinct = mark_best and measure.better != 0 and len({text for text in texts if text != "–"}) > 1
+    return measure.label, [(text, distinct and text == best_text) for text in texts]
+
+
+def _differing_settings(runs: Sequence[RunFiles]) -> list[tuple[str, list[str]]]:
+    """Settings of which two runs that have them differ, with each run's value."""
+    tables = [dict(flat(run.config.get("settings", {}))) for run in runs]
+    keys = sorted({key for table in tables for key in table} - {"world", "log"})
+    rows = [(key, [_short(table[key]) if key in table else "–" for table in tables]) for key in keys]
+    return [(key, values) for key, values in rows if len(set(values) - {"–"}) > 1]
+
+
+def _curves(runs: Sequence[tuple[str, RunFiles]]) -> list[Plot]:
+    """Error over the path travelled, of the runs with truth."""
+    curves, longest = [], np.zeros(1)
+    for index, (name, run) in enumerate(runs):
+        if run.estimate is None or run.truth is None:
+            continue
+        try:
+            matched = associate(run.estimate, run.truth)
+        except AssociationError:
+            continue
+        path = matched.reference.distance
+        curves.append((name, path, 100.0 * absolute_error(matched, "se2").translation_errors, COLOURS[index % 8]))
+        longest = path if path[-1] > longest[-1] else longest
+    if len(curves) < 2:
+        return []
+    at = np.linspace(0.0, longest[-1], 1000)
+    series: list[plots.Series] = [
+        (name, np.interp(at, path, error, right=np.nan), colour) for name, path, error, colour in curves
+    ]
+    source = plots.over_time(at, series, "error [cm]", axis="distance travelled [m]")
+    return [Plot("Position error along the path", source, "Each run after SE(2) alignment of all its poses.")]
+
+
+def _maps(runs: Sequence[tuple[str, RunFiles]]) -> list[Plot]:
+    pictures = []
+    for name, run in runs:
+        if run.grid is None or not run.grid.known.any():
+            continue
+        T = _frame(run)
+        picture = draw_map(run.grid, frame_around(run.grid, T, [], 0.5), T)
+        pictures.append(Plot(name, picture.data_uri, str(run.metric("outcome")), True))
+    return pictures
+
+
+def _frame(run: RunFiles) -> Pose:
+    """The truth's frame, so that maps of one world lie alike; else the map's own."""
+    T: Any = run.metric("trajectory.T_truth_estimate")
+    return np.zeros(3) if T is None else np.asarray(T, dtype=np.float64)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""A run in plain words and headline figures, from its measures alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from eval.files.run_reader import RunFiles
+from eval.wording import length, share, spread
+
+Mood = Literal["good", "fair", "bad", "none"]
+LEADS: dict[str, tuple[str, Mood]] = {
+    "ok": ("Map and path hold together.", "good"),
+    "drift": ("Nothing broke, but the path drifts.", "fair"),
+    "broken loop": ("The map is broken: places visited twice do not meet.", "bad"),
+    "lost": ("The robot lost its way.", "bad"),
+    "collided": ("The robot ran into something before it was done.", "bad"),
+    "timeout": ("The time was over before the robot was done.", "bad"),
+    "interrupted": ("The run was stopped by hand; this is what was there.", "none"),
+    "failed": ("The run broke off with an error; this is what was there.", "bad"),
+    "unjudged": ("The run came to its end.", "none"),
+}
+"""First sentence and mood for each outcome (`eval.outcome`)."""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """One figure that a reader looks for first."""
+
+    value: str
+    label: str
+    hint: str = ""
+    """What to compare it with."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What to think of a run."""
+
+    outcome: str
+    mood: Mood
+    lead: str
+    sentences: tuple[str, ...]
+    headlines: tuple[Headline, ...]
+
+
+def verdict(run: RunFiles) -> Verdict:
+    """The verdict on a run by what its `metrics.json` says."""
+    outcome = str(run.metrics.get("outcome", "unjudged"))
+    lead, mood = LEADS.get(outcome, (f"Outcome: {outcome}.", "none"))
+    reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
+    sentences = [_sentence(reason), _path_sentence(run), _relations_sentence(run), _map_sentence(run)]
+    return Verdict(outcome, mood, lead, tuple(filter(None, sentences)), tuple(_headlines(run)))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""
+
+
+def _path_sentence(run: RunFiles) -> str:
+    error = run.metric("trajectory.ate_rmse_m")
+    if error is None:
+        return ""
+    text = (
+        f"Over {run.metric('trajectory.length_m'):.0f} m of path the estimate is {length(error)} off "
+        f"(root mean square, after alignment)"
+    )
+    odometry = run.metric("trajectory.odometry.ate_rmse_m")
+    return f"{text}; wheel odometry alone is {length(odometry)} off." if odometry is not None else f"{text}."
+
+
+def _relations_sentence(run: RunFiles) -> str:
+    mean = run.metric("relations.trans_mean_m")
+    if mean is None:
+        return ""
+    loops = run.metric("relations.loops.trans_mean_m")
+    text = (
+        f"Against {run.metric('relations.pairs')} hand-checked relations it is off by "
+        f"{spread(mean, run.metric('relations.trans_std_m'))} and {run.metric('relations.rot_mean_deg'):.2f} ± "
+        f"{run.metric('relations.rot_std_deg'):.2f} degrees"
+    )
+    return f"{text}; by {length(loops)} between visits more than 20 s apart." if loops is not None else f"{text}."
+
+
+def _map_sentence(run: RunFiles) -> str:
+    distance, coverage = run.metric("map.wall_distance_m"), run.metric("map.coverage")
+    if distance is None or coverage is None:
+        return ""
+    text = (
+        f"The walls of the map are {length(distance)} from the true ones; "
+        f"{share(coverage)} of what could be seen is mapped"
+    )
+    double = run.metric("map.double_wall_rate")
+    return f"{text}; {share(double)} of the walls stand double." if double is not None else f"{text}."
+
+
+def _headlines(run: RunFiles) -> list[Headline]:
+    found = []
+
+    def add(key: str, form: str, label: str, hint: str = "") -> None:
+        value = run.metric(key)
+        if value is not None:
+            found.append(Headline(length(value) if form == "length" else form.format(value), label, hint))
+
+    odometry = run.metric("trajectory.odometry.ate_rmse_m")
+    add(
+        "trajectory.ate_rmse_m",
+        "length",
+        "trajectory error",
+        f"odometry: {length(odometry)}" if odometry else "ATE rmse",
+    )
+    add("trajectory.heading_rmse_deg", "{:.2f}°", "heading error", "rmse")
+    std = run.metric("relations.trans_std_m")
+    add("relations.trans_mean_m", "length", "relation error", f"± {length(std)}" if std is not None else "")
+    add("relations.rot_mean_deg", "{:.2f}°", "relation error, rotation", "mean")
+    add("map.wall_distance_m", "length", "walls from truth", "mean, both ways")
+    add("map.f1_1_cells", "{:.3f}", "map agreement", "F1 of walls within a cell")
+    count = run.metric("mean_particles")
+    add("filter.mean_ess", "{:.1f}", "effective particles", f"of {count:.0f}" if count is not None else "")
+    add("realtime_factor", "{:.1f}×", "real time", f"{run.metric('duration_s') or 0.0:.0f} s of data")
+    return found

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: MIT
+"""What the runs of a sweep say, group by group: a group is all seeds of one place, line and particle count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eval.sweep.results import SweepTable
+from eval.sweep.statistics import (
+    Interval,
+    bootstrap_interval,
+    enough_particles,
+    minimum_detectable_effect,
+    paired_difference,
+    wilson_interval,
+)
+
+WORST_PER_LINE = 2
+WORST = 8
+
+
+@dataclass(frozen=True)
+class Group:
+    """Figures over the seeds; errors in the unit of the sweep's measure."""
+
+    place: str
+    line: str
+    count: int
+    """Particles."""
+    runs: int
+    """Cells that were computed."""
+    failures: int
+    """Runs that went wrong."""
+    failure_interval: tuple[float, float]
+    """Wilson interval of the failure rate, shares."""
+    median: Interval
+    mean: Interval
+    to_baseline: Interval | None
+    """Median paired difference to the baseline line with the same count; None for the baseline itself."""
+    to_largest: Interval | None
+    """Median paired difference to the largest count of the same line; None for the largest itself."""
+    detectable: float
+    """Smallest difference to the baseline (for itself: to the largest count) that the seeds would show; NaN where there
+    is nothing to compare with."""
+    cost: float
+    """Median time in the filter per update, all particles [ms]; NaN where times are unknown."""
+    inside_share: float
+    """Median share of the updates with the truth inside the filter's own 95 % ellipsoid; NaN if unknown."""
+    median_nees: float
+    """Median over the runs of their mean NEES; 3 for an honest covariance."""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepSummary:
+    """All groups, in the order of the table's axes."""
+
+    table: SweepTable
+    groups: tuple[Group, ...]
+
+    def group(self, place: str, line: str, count: int) -> Group:
+        """One group by name."""
+        t = self.table
+        flat = (t.places.index(place) * len(t.lines) + t.lines.index(line)) * len(t.counts) + t.counts.index(count)
+        return self.groups[flat]
+
+    def enough(self, place: str, line: str) -> int | None:
+        """Particle count beyond which more does not help there, see `eval.sweep.statistics.enough_particles`."""
+        t = self.table
+        p, k = t.places.index(place), t.lines.index(line)
+        return enough_particles(t.counts, t.error[p, k], t.failed[p, k].sum(axis=1))
+
+
+@dataclass(frozen=True)
+class WorstRun:
+    """A run that went worse than the others of its line."""
+
+    place: str
+    line: str
+    count: int
+    seed: int
+    error: float
+    """In the unit of the measure."""
+    outcome: str
+    key: str
+    """Of the cell."""
+
+
+def worst_runs(table: SweepTable) -> list[WorstRun]:
+    """Of each line the runs with the largest errors, one a place, `WORST_PER_LINE` of them; `WORST` in all at most."""
+    found: list[WorstRun] = []
+    for k, line in enumerate(table.lines):
+        error = np.where(np.isfinite(table.error[:, k]), table.error[:, k], -np.inf)
+        worst = [(p, *divmod(int(np.argmax(error[p])), len(table.seeds))) for p in range(len(table.places))]
+        ranked = sorted((w for w in worst if np.isfinite(error[w])), key=lambda w: -float(error[w]))
+        for p, c, s in ranked[:WORST_PER_LINE]:
+            outcome, key = (table.columns[name][p, k, c, s] for name in ("outcome", "key"))
+            where = table.places[p], line, table.counts[c], table.seeds[s]
+            found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key)))
+    return found[:WORST]
+
+
+def summarise(table: SweepTable) -> SweepSummary:
+    """Figures of all groups."""
+    return SweepSummary(table, tuple(_group(table, *index) for index in np.ndindex(*table.shape[:3])))
+
+
+def _group(table: SweepTable, p: int, k: int, c: int) -> Group:
+    error, base = table.error, table.lines.index(table.baseline)
+    runs, failures = int(table.ran[p, k, c].sum()), int(table.failed[p, k, c].sum())
+    to_baseline = paired_difference(error[p, k, c], error[p, base, c]) if k != base else None
+    to_largest = paired_difference(error[p, k, c], error[p, k, -1]) if c != len(table.counts) - 1 else None
+    compared = to_baseline or to_largest
+    milliseconds = 1e3 * table.cube("filter_s")[p, k, c] / table.cube("filter.updates")[p, k, c]
+    return Group(
+        place=table.places[p],
+        line=table.lines[k],
+        count=table.counts[c],
+        runs=runs,
+        failures=failures,
+        failure_interval=wilson_interval(failures, runs),
+        median=bootstrap_interval(error[p, k, c], np.median),
+        mean=bootstrap_interval(error[p, k, c], np.mean),
+        to_baseline=to_baseline,
+        to_largest=to_largest,
+        detectable=minimum_detectable_effect(compared) if compared is not None else np.nan,
+        cost=_median(milliseconds),
+        inside_share=_median(table.cube("filter.consistency.inside_share")[p, k, c]),
+        median_nees=_median(table.cube("filter.consistency.nees_mean")[p, k, c]),
+    )
+
+
+def _median(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: MIT
+"""The grid maps of all particles: counts, sub-cell surface and nearest-wall field, in shared tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam._threads import Threads
+from slam.config.filter import MapConfig
+from slam.grid._cell_kernels import VISITS, hits_of
+from slam.grid._distance_field_kernels import LARGEST_RADIUS, disc_of, register_scans_and_ask, update_fields
+from slam.grid._tile_kernels import FINE_SIDE, SHIFT, SIDE
+from slam.grid._traversal_kernels import Rays, bounds_of_rays
+from slam.grid._update_kernels import Changes, Grids, demand_of_scan
+from slam.grid.tile_pool import TilePool
+from slam.occupancy import OccupancyGrid
+
+LARGEST_TABLE = 1 << 22
+"""Tiles that the table of one particle may span; at 0.05 m cells a square of 1.6 km."""
+
+
+class ParticleMaps:
+    """One occupancy grid per particle; grows where the beams go."""
+
+    def __init__(self, particles: int, config: MapConfig, threads: Threads) -> None:
+        """Empty maps.
+
+        Raises:
+            ValueError: the field's radius is less than one cell or more than 63.
+        """
+        self.config = config
+        self.threads = threads
+        radius = round(config.field_radius / config.cell)
+        if not 1 <= radius <= LARGEST_RADIUS:
+            raise ValueError(
+                f"MapConfig.field_radius must be 1 to {LARGEST_RADIUS} cells of {config.cell} m, "
+                f"got {config.field_radius} m"
+            )
+        self._disc = disc_of(radius)
+        cells = SIDE * SIDE
+        word = np.uint8 if len(self._disc.offset) <= 256 else np.uint16
+        self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
+        self._surface = TilePool(particles, [(np.uint32, FINE_SIDE * FINE_SIDE)])
+        self._field = TilePool(particles, [(word, cells)])
+        self._corner = np.zeros(2, np.int64)
+
+    @property
+    def _pools(self) -> tuple[TilePool, TilePool, TilePool]:
+        return self._counts, self._surface, self._field
+
+    @property
+    def grids(self) -> Grids:
+        """The arrays that the kernels read; valid until the next change of the maps."""
+        counts, walls = self._counts.data
+        return Grids(
+            self._counts.table,
+            counts,
+            walls,
+            self._surface.table,
+            self._surface.data[0],
+            self._field.table,
+            self._field.data[0],
+            self._disc.offset,
+            self._corner,
+            self.config.cell,
+            1.0 / self.config.cell,
+        )
+
+    @property
+    def bytes_in_use(self) -> int:
+        """Memory of all maps together [bytes]."""
+        return sum(pool.bytes_in_use for pool in self._pools)
+
+    def register(self, poses: se2.Pose, rays: Rays) -> None:
+        """Count one scan into every map; poses (particles, 3) of the robot in the map's frame.
+
+        Raises:
+            ValueError: the map would become larger than `LARGEST_TABLE` tiles; it is then as it was before.
+        """
+        particles = len(poses)
+        self._make_room(poses, rays)
+        crossed, ended = self._counts.demand, self._surface.demand
+        self.threads.run(demand_of_scan, particles, self.grids, poses, rays, crossed, ended)
+        self._counts.make_private(self.threads)
+        self._surface.make_private(self.threads)
+        room = 512 + 2 * len(rays.hit)
+        changes = Changes(np.empty((particles, room), np.int64), np.zeros(particles, np.int64))
+        share, radius, wanted = self.config.occupied_share, self._disc.radius, self._field.demand
+        self.threads.run(register_scans_and_ask, particles, self.grids, poses, rays, share, changes, radius, wanted)
+        self._field.make_private(self.threads)
+        self.threads.run(update_fields, particles, self.grids, changes, self._disc)
+
+    def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
+        """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
+        margin, tile = self._disc.radius * self.config.cell, SIDE * self.config.cell
+        x0, y0, x1, y1 = bounds_of_rays(poses, rays)  # too short to wake a thread for
+        left, below = (x0 - margin) / tile, (y0 - margin) / tile
+        right, above = (x1 + margin) / tile, (y1 + margin) / tile
+        rows, columns = self._counts.table.shape[1:]
+        x, y = int(self._corner[0]) >> SHIFT, int(self._corner[1]) >> SHIFT
+        if not (x <= left and y <= below and right < x + columns and above < y + rows):  # also where one is NaN
+            self._extend(np.floor([left, below]), np.floor([right, above]))
+
+    def _extend(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        """Extend the tables to the tiles from `low` (2,) to `high` (2,), counted in tiles from the map's origin.
+
+        Raises:
+            ValueError: the tables would become larger than `LARGEST_TABLE` tiles, or a bound is not finite.
+        """
+        tile = SIDE * self.config.cell
+        size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
+        first = self._corner >> SHIFT if size.all() else low
+        new_first, last = np.minimum(first, low), np.maximum(first + size - 1, high)
+        columns, rows = (last - new_first + 1).tolist()
+        if not columns * rows <= LARGEST_TABLE:  # also where a reading or pose is not finite
+            raise ValueError(
+                f"the map would span {columns * tile:.3g} x {rows * tile:.3g} m, more than {LARGEST_TABLE} tiles "
+                f"of {tile:g} m: is there a jump in the odometry, or a reading beyond all range?"
+            )
+        left, below = (int(n) for n in first - new_first)
+        right, above = (int(n) for n in last - (first + size - 1))
+        for pool, per_tile in zip(self._pools, (1, SIDE // FINE_SIDE, 1), strict=True):
+            pool.extend(below * per_tile, above * per_tile, left * per_tile, right * per_tile)
+        self._corner = new_first.astype(np.int64) << SHIFT
+
+    def descend(self, ancestors: NDArray[np.int64]) -> None:
+        """Let particle i go on with the map of particle `ancestors[i]`; any number of heirs, (heirs,)."""
+        for pool in self._pools:
+            pool.descend(ancestors)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All maps, as arrays."""
+        return {
+            "map_corner": self._corner,
+            **self._counts.state("counts"),
+            **self._surface.state("surface"),
+            **self._field.state("field"),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over what `state` gave."""
+        self._corner = state["map_corner"]
+        self._counts.restore("counts", state)
+        self._surface.restore("surface", state)
+        self._field.restore("field", state)
+
+    def occupancy(self, particle: int) -> OccupancyGrid:
+        """The map of one particle, cut to what was observed.
+
+        The counts are read as a log-odds grid in which a hit adds `HIT_LOG_ODDS` and a pass takes away as much as
+        makes a cell even at the configured occupied share, clamped as in OctoMap (Hornung et al. 2013).
+        """
+        counts = self._dense(particle)
+        rows = np.flatnonzero(counts.any(axis=1))
+        columns = np.flatnonzero(counts.any(axis=0))
+        if len(rows) == 0:
+            raise ValueError("the map is empty: no scan was taken in")
+        counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        hits = hits_of(counts).astype(np.float32)
+        visits = (counts & VISITS).astype(np.float32)
+        share = self.config.occupied_share
+        log_odds = HIT_LOG_ODDS * (hits - (visits - hits) * share / (1.0 - share))
+        probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, *LOG_ODDS_LIMITS)))
+        probability[visits == 0] = np.nan
+        cell = self.config.cell
+        return OccupancyGrid(
+            probability=probability.astype(np.float32),
+            resolution=cell,
+            origin=(
+                float(self._corner[0] + columns[0]) * cell,
+                float(self._corner[1] + rows[0]) * cell,
+                0.0,
+            ),
+        )
+
+    def _dense(self, particle: int) -> NDArray[np.uint16]:
+        """Counts words of one particle's whole table, (rows, columns) of cells."""
+        table = self._counts.table[particle]
+        tiles = self._counts.data[0][table].reshape(*table.shape, SIDE, SIDE)
+        dense: NDArray[np.uint16] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
+        return dense
+
+
+HIT_LOG_ODDS = 1.2
+"""What one hit adds to a cell's log-odds; at the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, 0.4)."""
+LOG_ODDS_LIMITS = (-2.0, 3.5)
+"""Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""

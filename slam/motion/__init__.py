@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""The motion model p(x | x', u)."""

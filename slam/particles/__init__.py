@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Weights, resampling, ancestry and the number of particles."""

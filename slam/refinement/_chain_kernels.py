@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: MIT
+# mypy: ignore-errors
+"""Compiled parts of the final pass: Gauss-Newton over a whole trajectory as a chain of 3 x 3 blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam._jit import kernel
+from slam.matching._likelihood_kernels import cholesky, deviation, log_components, solve
+
+
+@kernel
+def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
+    """Add the cost of the odometry between all neighbours to the equations of the chain.
+
+    poses (n, 3);  motions (n - 1, 3) measured displacements;  prior: precision (n - 1, 2, 3), log_scale (n - 1, 2)
+    diagonal (n, 3, 3), coupling (n - 1, 3, 3) and gradient (n, 3) are added to. As in `linearise_motion` the shares
+    of the two components of the prior are held fixed.
+    """
+    guess, e = np.empty(3), np.empty(3)
+    A, B = np.zeros((3, 3)), np.zeros((3, 3))
+    for t in range(motions.shape[0]):
+        cos, sin = np.cos(poses[t, 2]), np.sin(poses[t, 2])
+        dx, dy = cos * motions[t, 0] - sin * motions[t, 1], sin * motions[t, 0] + cos * motions[t, 1]
+        guess[0], guess[1] = poses[t, 0] + dx, poses[t, 1] + dy
+        guess[2] = poses[t, 2] + motions[t, 2]
+        e[0], e[1], e[2] = deviation(guess, poses[t + 1, 0], poses[t + 1, 1], poses[t + 1, 2])
+        a, b = log_components(prior.precision[t], prior.log_scale[t], e[0], e[1], e[2])
+        second = 1.0 / (1.0 + np.exp(min(a - b, 700.0)))
+        # Jacobians of the deviation e by the pose before (A) and by the pose after (B)
+        cos, sin = np.cos(guess[2]), np.sin(guess[2])
+        B[0, 0], B[0, 1], B[1, 0], B[1, 1], B[2, 2] = cos, sin, -sin, cos, 1.0
+        A[:] = -B
+        A[0, 2] = cos * dy - sin * dx + e[1]
+        A[1, 2] = -sin * dy - cos * dx - e[0]
+        for r in range(3):
+            p = (1.0 - second) * prior.precision[t, 0, r] + second * prior.precision[t, 1, r]
+            for i in range(3):
+                gradient[t, i] += A[r, i] * p * e[r]
+                gradient[t + 1, i] += B[r, i] * p * e[r]
+                for j in range(3):
+                    diagonal[t, i, j] += A[r, i] * p * A[r, j]
+                    diagonal[t + 1, i, j] += B[r, i] * p * B[r, j]
+                    coupling[t, i, j] += A[r, i] * p * B[r, j]
+
+
+@kernel
+def factor_chain(diagonal, coupling, factors, eliminated):
+    """Factors of a block tridiagonal matrix, L D L^T by blocks, the pivots by Cholesky (Golub, Van Loan 2013, section
+    4.5.1); returns whether it is positive definite.
+
+    diagonal (n, 3, 3), coupling (n - 1, 3, 3) upper blocks;  factors (n, 3, 3), eliminated (n - 1, 3, 3) out
+    """
+    n = diagonal.shape[0]
+    pivot, column = diagonal[0].copy(), np.empty(3)
+    for i in range(n):
+        if not cholesky(pivot, factors[i]):
+            return False
+        if i + 1 == n:
+            break
+        for j in range(3):
+            column[:] = coupling[i, :, j]
+            solve(factors[i], column)
+            eliminated[i, :, j] = column
+        pivot[:] = diagonal[i + 1]
+        for r in range(3):
+            for k in range(3):
+                for j in range(3):
+                    pivot[r, j] -= coupling[i, k, r] * eliminated[i, k, j]
+    return True
+
+
+@kernel
+def solve_chain(factors, eliminated, coupling, right, x):
+    """Solve the block tridiagonal system that `factor_chain` has factored: x (n, 3) out, right (n, 3)."""
+    n = right.shape[0]
+    for i in range(n):
+        x[i] = right[i]
+        if i > 0:
+            for r in range(3):
+                for k in range(3):
+                    x[i, r] -= coupling[i - 1, k, r] * x[i - 1, k]
+        solve(factors[i], x[i])
+    for i in range(n - 2, -1, -1):
+        for r in range(3):
+            for k in range(3):
+                x[i, r] -= eliminated[i, r, k] * x[i + 1, k]
+
+
+@kernel
+def multiply_chain(diagonal, coupling, x, out):
+    """out (n, 3) = the block tridiagonal matrix times x (n, 3)."""
+    n = x.shape[0]
+    for i in range(n):
+        for r in range(3):
+            total = 0.0
+            for k in range(3):
+                total += diagonal[i, r, k] * x[i, k]
+                if i + 1 < n:
+                    total += coupling[i, r, k] * x[i + 1, k]
+                if i > 0:
+                    total += coupling[i - 1, k, r] * x[i - 1, k]
+            out[i, r] = total

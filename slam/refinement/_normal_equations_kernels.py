@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: MIT
+# mypy: ignore-errors
+"""Compiled parts of the adjustment: end points matched to surfels, and the equations of all poses without surfels.
+
+A surfel e is a line with a fixed normal n_e and a free offset o_e along it. With the weights w_i of its end points p_i
+the cost 1/2 sum_i w_i (n_e . p_i - o_e)^2 has its minimum at the weighted mean, so the offsets can be eliminated from
+the equations (variable projection; Golub, Pereyra 1973; in bundle adjustment the Schur complement):
+
+    H = D - B W^-1 B^T,    D block diagonal, a block a scan,    B a 3-vector for each scan that sees a surfel
+
+H is never formed; conjugate gradients need its product with a vector.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam._jit import kernel
+
+LEAST_COSINE = 0.05
+"""Least cosine of the angle of incidence with which a surfel can have been seen."""
+PARALLEL = 0.9
+"""Least cosine of the angle between a surfel and the line through the end points about one that belongs to it: what
+stands before a wall, or about a corner, does not."""
+
+
+class Matches(NamedTuple):
+    """Which surfel each end point belongs to."""
+
+    surfel: NDArray[np.int32]
+    """Its number, (n,); -1 = none."""
+    across: NDArray[np.float64]
+    """Distance of the end point along the normal [m], (n,): from its surfel's place, after `weigh_points` from the
+    weighted mean of its surfel's end points."""
+    variance: NDArray[np.float64]
+    """Variance of that distance [m^2], (n,)."""
+    weight: NDArray[np.float64]
+    """Weight in the equations [1/m^2], (n,); 0 where there is no surfel."""
+
+
+class Sights(NamedTuple):
+    """Each surfel as each scan sees it: the 3-vectors B, those of scan i from first[i] to first[i + 1]."""
+
+    first: NDArray[np.int64]
+    """(scans + 1,)."""
+    surfel: NDArray[np.int32]
+    """(sights,)."""
+    weight: NDArray[np.float64]
+    """Sum of the weights of the end points [1/m^2], (sights,)."""
+    lever: NDArray[np.float64]
+    """Sum of the weights times the derivatives of n . p by the heading [1/m], (sights,)."""
+
+
+@kernel
+def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, gate, matches):
+    """Find the surfel of each end point in [start, stop).
+
+    The nearest of those that face where the point was seen from and are parallel to the line through the end points
+    about it, on a piece of wall `spacing` [m] long to both sides, no farther across than `gate` [m] plus three standard
+    deviations of the noise, as far as the surfel is listed for the point's cell.
+    """
+    points, views = placed.points, placed.views
+    place, normal, _, lines, first, items = surfels
+    for i in range(start, stop):
+        matches.surfel[i] = -1
+        matches.weight[i] = 0.0
+        nearest = np.inf
+        cell = cell_of[i]
+        ahead = lines.normal[cell, 0, 0] * views[i, 0] + lines.normal[cell, 0, 1] * views[i, 1] >= 0.0
+        side = 0 if lines.weight[cell, 0] > 0.0 and ahead else 1
+        if not lines.weight[cell, side] > 0.0:
+            continue
+        ax, ay = lines.normal[cell, side]
+        spread = noise.share2 * ranges[i] * ranges[i]
+        for k in range(first[cell_of[i]], first[cell_of[i] + 1]):
+            e = items[k]
+            nx, ny = normal[e, 0], normal[e, 1]
+            cosine = nx * views[i, 0] + ny * views[i, 1]
+            if cosine < LEAST_COSINE or ax * nx + ay * ny < PARALLEL:
+                continue
+            dx, dy = points[i, 0] - place[e, 0], points[i, 1] - place[e, 1]
+            across, along = nx * dx + ny * dy, abs(nx * dy - ny * dx)
+            variance = noise.floor2 + spread * cosine * cosine
+            if along > spacing or abs(across) > gate + 3.0 * np.sqrt(variance):
+                continue
+            beyond = max(along - 0.5 * spacing, 0.0)
+            distance = across * across + beyond * beyond + 1e-4 * along * along  # of equals the one in the middle
+            if distance < nearest:
+                nearest = distance
+                matches.surfel[i], matches.across[i], matches.variance[i] = e, across, variance
+
+
+@kernel
+def weigh_points(matches, each, gate, total):
+    """Weights of all end points, and their distances from the weighted means of their surfels.
+
+    Bounded loss of Geman and McClure (1985) with the scale of `match_points`' gate, by two rounds of reweighting.
+    each: how many hits an end point stands for;  total (surfels,) out: sums of the weights
+    """
+    surfel, across, variance, weight = matches
+    mean = np.empty(total.shape[0])
+    for _ in range(2):
+        total[:] = 0.0
+        mean[:] = 0.0
+        for i in range(surfel.shape[0]):
+            e = surfel[i]
+            if e >= 0:
+                bound = gate + 3.0 * np.sqrt(variance[i])
+                rho = 1.0 / (1.0 + across[i] * across[i] / (bound * bound))
+                weight[i] = each * rho * rho / variance[i]
+                total[e] += weight[i]
+                mean[e] += weight[i] * across[i]
+        for i in range(surfel.shape[0]):
+            if surfel[i] >= 0:
+                across[i] -= mean[surfel[i]] / total[surfel[i]]
+
+
+@kernel
+def collect(start, stop, poses, points, matches, normal, diagonal, gradient, sights, count):
+    """Equations of the scans [start, stop): diagonal (scans, 3, 3) and gradient (scans, 3) are added to.
+
+    sights out: arrays as long as the cloud, those of scan i from first[i] on, where its end points begin too
+    count (scans,) out: how many these are
+    """
+    first = sights.first
+    row_of = np.full(normal.shape[0], -1, np.int64)
+    for scan in range(start, stop):
+        H, g, begin = diagonal[scan], gradient[scan], first[scan]
+        end = begin
+        for i in range(begin, first[scan + 1]):
+            e = matches.surfel[i]
+            if e < 0:
+                continue
+            w, nx, ny = matches.weight[i], normal[e, 0], normal[e, 1]
+            nt = ny * (points[i, 0] - poses[scan, 0]) - nx * (points[i, 1] - poses[scan, 1])
+            r = w * matches.across[i]
+            H[0, 0] += w * nx * nx
+            H[0, 1] += w * nx * ny
+            H[1, 1] += w * ny * ny
+            H[0, 2] += w * nx * nt
+            H[1, 2] += w * ny * nt
+            H[2, 2] += w * nt * nt
+            g[0] += r * nx
+            g[1] += r * ny
+            g[2] += r * nt
+            row = row_of[e]
+            if row < begin:  # of an earlier scan, or none
+                row_of[e] = row = end
+                sights.surfel[row], sights.weight[row], sights.lever[row] = e, 0.0, 0.0
+                end += 1
+            sights.weight[row] += w
+            sights.lever[row] += w * nt
+        H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
+        count[scan] = end - begin
+
+
+@kernel
+def subtract_surfels(sights, normal, total, x, out):
+    """out (scans, 3) -= B W^-1 B^T x: what the surfels' following takes off; x (scans, 3), total (surfels,) = W."""
+    first, surfel, weight, lever = sights
+    follows = np.zeros(total.shape[0])
+    for scan in range(x.shape[0]):
+        for k in range(first[scan], first[scan + 1]):
+            e = surfel[k]
+            follows[e] += weight[k] * (normal[e, 0] * x[scan, 0] + normal[e, 1] * x[scan, 1]) + lever[k] * x[scan, 2]
+    for e in range(total.shape[0]):
+        follows[e] = follows[e] / total[e] if total[e] > 0.0 else 0.0
+    for scan in range(x.shape[0]):
+        a, b, c = 0.0, 0.0, 0.0
+        for k in range(first[scan], first[scan + 1]):
+            e = surfel[k]
+            a += weight[k] * normal[e, 0] * follows[e]
+            b += weight[k] * normal[e, 1] * follows[e]
+            c += lever[k] * follows[e]
+        out[scan, 0] -= a
+        out[scan, 1] -= b
+        out[scan, 2] -= c
+
+
+@kernel
+def dot(a, b):
+    """Sum of the products of two arrays (n, 3), in order: BLAS adds up in parts whose number depends on its threads."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i, 0] * b[i, 0] + a[i, 1] * b[i, 1] + a[i, 2] * b[i, 2]
+    return total

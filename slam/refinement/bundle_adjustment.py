@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: MIT
+"""One Gauss-Newton step for all poses of a recording at once: scans against surfels that follow, odometry between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam._threads import Threads
+from slam.config.filter import RefineConfig
+from slam.motion.odometry_model import motion_prior
+from slam.refinement._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
+from slam.refinement._normal_equations_kernels import (
+    Matches,
+    Sights,
+    collect,
+    dot,
+    match_points,
+    subtract_surfels,
+    weigh_points,
+)
+from slam.refinement._surfel_kernels import Cells, Cloud, Placed
+from slam.refinement.surfels import Surfels, cells_of, find_surfels, noise_of, placed
+
+GAUGE = 1e-2
+"""Precision of the first pose [1/m^2, 1/rad^2]: nothing else ties the whole to the frame. Weak, so that it costs no
+iterations: who needs the first pose where it was moves the whole back."""
+TOLERANCE = 1e-8
+"""The equations count as solved where the residual, in the norm of the preconditioner, has fallen by this factor;
+that norm hardly notices bends of the whole, so it has to be small."""
+MAX_ITERATIONS = 500
+"""Of conjugate gradients in one step; the next step goes on from there."""
+
+
+class ScanEquations(NamedTuple):
+    """What the scans say of their poses, the surfels' offsets eliminated."""
+
+    diagonal: NDArray[np.float64]
+    """(scans, 3, 3)."""
+    gradient: NDArray[np.float64]
+    """(scans, 3)."""
+    sights: Sights
+    normal: NDArray[np.float64]
+    """Of the surfels, (surfels, 2)."""
+    total: NDArray[np.float64]
+    """Sums of the weights of the surfels' end points [1/m^2], (surfels,)."""
+
+
+class Adjustment:
+    """The equations of a recording: scans that see the same surfels, and odometry between neighbours."""
+
+    def __init__(
+        self, odometry: se2.Pose, cloud: Cloud, with_scan: NDArray[np.int64], config: RefineConfig, threads: Threads
+    ) -> None:
+        """odometry (frames, 3): `T_odom_robot`;  with_scan (scans,): frames to which the cloud's scans belong."""
+        self.cloud, self.with_scan, self.config, self.threads = cloud, with_scan, config, threads
+        self.motions = se2.between(odometry[:-1], odometry[1:])
+        self.prior = motion_prior(self.motions, config.motion)
+
+    def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
+        """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
+        n, k = len(poses), self.with_scan
+        diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
+        add_odometry_steps(self.prior, poses, self.motions, diagonal, coupling, gradient)
+        diagonal[0] += np.eye(3) * GAUGE
+        scans = self.scan_equations(poses[k], gate)
+        gradient[k] += scans.gradient
+        diagonal[k] += scans.diagonal
+
+        def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
+            out, followed = np.empty_like(x), np.zeros((len(k), 3))
+            multiply_chain(diagonal, coupling, x, out)
+            subtract_surfels(scans.sights, scans.normal, scans.total, np.ascontiguousarray(x[k]), followed)
+            out[k] += followed
+            return out
+
+        factors, eliminated = np.empty((n, 3, 3)), np.empty((n - 1, 3, 3))
+        if not factor_chain(diagonal, coupling, factors, eliminated):
+            raise FloatingPointError("the equations of the final pass are not positive definite")
+
+        def precondition(x: NDArray[np.float64]) -> NDArray[np.float64]:
+            out = np.empty_like(x)
+            solve_chain(factors, eliminated, coupling, x, out)
+            return out
+
+        return -conjugate_gradients(product, precondition, gradient)
+
+    def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
+        """Find the surfels at poses (scans, 3) and set up what the scans say."""
+        cloud, config, threads = self.cloud, self.config, self.threads
+        n, noise = len(cloud.ends), noise_of(config)
+        there = placed(cloud, poses, threads)
+        _, cell_of, surfels = self.walls(there, config.spacing + gate + 3.0 * config.hit_sigma)
+        matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
+        match = there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches
+        threads.run(match_points, n, *match)
+        total = np.empty(len(surfels.place))
+        weigh_points(matches, cloud.each, gate, total)
+        return self._collect(poses, there.points, matches, surfels.normal, total)
+
+    def walls(self, there: Placed, reach: float) -> tuple[Cells, NDArray[np.int32], Surfels]:
+        """Cells of the cloud that lies `there`, the cell of each end point (n,), and the surfels, listed for the
+        cells within `reach` [m]."""
+        config = self.config
+        cells, cell_of = cells_of(there.points, config.cell)
+        return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, reach, self.threads)
+
+    def _collect(
+        self,
+        poses: se2.Pose,
+        points: NDArray[np.float64],
+        matches: Matches,
+        normal: NDArray[np.float64],
+        total: NDArray[np.float64],
+    ) -> ScanEquations:
+        """The equations from points (n, 2) in the map's frame and their surfels; total (surfels,): sums of weights."""
+        first, scans, n = self.cloud.first, len(poses), len(points)
+        diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
+        rows = Sights(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+        self.threads.run(collect, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
+        hits = np.diff(first)
+        used = np.arange(n) - np.repeat(first[:-1], hits) < np.repeat(count, hits)
+        begins = np.concatenate([[0], np.cumsum(count)])
+        sights = Sights(begins, rows.surfel[used], rows.weight[used], rows.lever[used])
+        return ScanEquations(diagonal, gradient, sights, normal, total)
+
+
+def conjugate_gradients(
+    product: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    precondition: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    right: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Solve H x = right for a symmetric positive semidefinite H; right and x (n, 3).
+
+    Preconditioned conjugate gradients (Golub, Van Loan 2013, algorithm 11.5.1): with the walls held the equations are a
+    chain, which is solved at once; the remaining iterations let walls and poses move together.
+    """
+    x, residual = np.zeros_like(right), right.copy()
+    z = precondition(residual)
+    direction = z.copy()
+    rz = start = dot(residual, z)
+    for _ in range(MAX_ITERATIONS):
+        if rz <= TOLERANCE**2 * start:
+            break
+        image = product(direction)
+        curvature = dot(direction, image)
+        if not curvature > 0.0:  # a direction that nothing holds but round-off
+            break
+        alpha = rz / curvature
+        x += alpha * direction
+        residual -= alpha * image
+        z = precondition(residual)
+        before, rz = rz, dot(residual, z)
+        direction = z + rz / before * direction
+    return x

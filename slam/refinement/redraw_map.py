@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: MIT
+"""The map of a finished run: every reading that belongs to a piece of wall ends on that wall.
+
+A cell behind a wall is reached by none but readings that are too long, all of which end there or beyond: a count of
+ends and passes takes it for a wall, and walls grow thick on their far side. Once the walls are known as lines, an end
+point with covariance C about its own true place has, given that this place lies on the line n . p = o, the mean
+
+    p - C n (n . p - o) / (n^T C n)
+
+(the update of a Kalman filter by a measurement without noise; Thrun, Burgard, Fox 2005, table 3.1). C is that of the
+final pass: a floor in all directions and a share of the range along the beam, so a distant end point moves along its
+beam, a near one across the wall. End points without a wall stay where they are.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from slam import se2
+from slam._threads import Threads
+from slam.config.filter import FilterConfig, RefineConfig
+from slam.grid._traversal_kernels import Rays
+from slam.grid.particle_maps import ParticleMaps
+from slam.occupancy import OccupancyGrid
+from slam.refinement._redraw_kernels import SIGMAS, move_onto_walls
+from slam.refinement._surfel_kernels import Cells
+from slam.refinement.surfels import Surfels, cloud_of, noise_of, placed
+
+DEPTH = 0.1
+"""How far end points are put into their wall, in cells: they lie on its face, and where that is the border of two
+cells, the one behind is solid."""
+FAR = 10.0
+"""Up to this range [m] an end point finds its wall wherever the noise may have put it; beyond, where it is near."""
+BATCH = 512
+"""Scans whose end points are moved at once: enough to keep the threads busy, and little memory."""
+
+
+def reach_of(config: RefineConfig) -> float:
+    """How far from the place of its surfel an end point may lie [m]."""
+    noise = noise_of(config)
+    return config.spacing + config.last_gate + SIGMAS * float(np.sqrt(noise.floor2 + noise.share2 * FAR**2))
+
+
+def draw_map(
+    poses: se2.Pose,
+    rays: Mapping[int, Rays],
+    walls: tuple[Cells, Surfels],
+    config: FilterConfig,
+    threads: Threads,
+) -> OccupancyGrid:
+    """The map of all scans.
+
+    poses (frames, 3);  rays: those of the scan of each frame that has one;  walls: as found at these poses
+    """
+    maps = ParticleMaps(1, config.map, threads)
+    frames = list(rays)
+    for begin in range(0, len(frames), BATCH):
+        batch = frames[begin : begin + BATCH]
+        moved = on_walls([rays[i] for i in batch], poses[batch], walls, config, threads)
+        for frame, ray in zip(batch, moved, strict=True):
+            maps.register(poses[frame : frame + 1], ray)
+    return maps.occupancy(0)
+
+
+def on_walls(
+    rays: Sequence[Rays], poses: se2.Pose, walls: tuple[Cells, Surfels], config: FilterConfig, threads: Threads
+) -> list[Rays]:
+    """Rays of scans at poses (scans, 3), the end points of hits moved onto the walls that they belong to."""
+    cells, surfels = walls
+    cloud, settings = cloud_of(rays, most=sys.maxsize), config.refine
+    there = placed(cloud, poses, threads)
+    belongs = noise_of(settings), settings.spacing, settings.last_gate
+    depth = DEPTH * config.map.cell
+    threads.run(move_onto_walls, len(cloud.ends), there, cloud.ranges, cells, surfels, *belongs, depth)
+    moved = []
+    for i, ray in enumerate(rays):
+        ends = ray.ends.copy()
+        in_map = there.points[cloud.first[i] : cloud.first[i + 1]]
+        ends[ray.hit] = se2.transform_points(se2.inverse(poses[i]), in_map)
+        moved.append(ray._replace(ends=ends))
+    return moved

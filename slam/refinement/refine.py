@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: MIT
+"""The final pass over a recording: the whole trajectory and the walls that it saw, estimated together.
+
+The filter decides once and for all at every scan; after the run the chosen trajectory can be re-estimated with all
+scans in view. Two steps alternate: short pieces of wall (surfels) are found where end points of many scans lie; then
+all poses make one Gauss-Newton step towards the optimum of
+
+    min_{x,o}  1/2 sum_i rho((n_e . p_i(x) - o_e)^2 / sigma_i^2)  -  sum_t log p(x_t+1 | x_t, u_t),
+
+end points p_i against the offsets o_e of their surfels, which follow, under a bounded loss rho, and odometry between
+neighbours. Beams count as independent: odometry only decides where they say nothing. Holding the
+walls while the poses move, and the poses while the walls are drawn, would get to the same place in many more rounds.
+Poses of frames without a scan take part through their odometry, so the result has a pose at every frame. It is a
+local refinement: loops that the filter left open stay open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam._threads import Threads
+from slam.config.filter import FilterConfig
+from slam.occupancy import OccupancyGrid
+from slam.refinement.bundle_adjustment import Adjustment
+from slam.refinement.redraw_map import draw_map, reach_of
+from slam.refinement.surfels import cloud_of, placed
+from slam.scan import Scan
+from slam.sensor.rays import rays_of
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refined:
+    """Result of the final pass."""
+
+    poses: se2.Pose
+    """Poses of all frames in the map's frame, (frames, 3)."""
+    map: OccupancyGrid
+    """Map of all scans, each at its refined pose."""
+
+
+def refine(
+    odometry: se2.Pose,
+    scans: Sequence[Scan | None],
+    initial: se2.Pose,
+    config: FilterConfig,
+    *,
+    twists: Sequence[NDArray[np.float64] | None] | None = None,
+    threads: int | None = None,
+) -> Refined:
+    """Refine a trajectory and its map.
+
+    odometry (frames, 3): `T_odom_robot`;  scans: one per frame or None;  initial (frames, 3): poses to begin from
+    twists: velocity (3,) of the robot while each scan was taken, or None
+
+    Raises:
+        ValueError: the lengths differ, a pose is not finite, or no frame has a scan with a hit.
+    """
+    n = len(odometry)
+    if len(scans) != n or len(initial) != n or (twists is not None and len(twists) != n):
+        raise ValueError(f"odometry, scans and initial must be of one length, got {n}, {len(scans)}, {len(initial)}")
+    odometry = np.asarray(odometry, dtype=np.float64)
+    if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
+        raise ValueError("odometry and initial must be finite")
+    rays = {
+        i: rays_of(
+            [scan],
+            usable_range=config.map.usable_range,
+            free_range=config.map.free_range,
+            twist=twists[i] if twists is not None and config.deskew else None,
+        )
+        for i, scan in enumerate(scans)
+        if scan is not None
+    }
+    seen = {i: ray for i, ray in rays.items() if ray.hit.any()}
+    if not seen:
+        raise ValueError("no frame has a scan with a hit: nothing to refine")
+    workers, settings = Threads(threads), config.refine
+    cloud = cloud_of(list(seen.values()), settings.most_points)
+    adjustment = Adjustment(odometry, cloud, np.fromiter(seen, np.int64), settings, workers)
+    poses = np.array(initial, dtype=np.float64)
+    for passed in range(settings.rounds):
+        poses += adjustment.step(poses, max(settings.first_gate * settings.gate_decay**passed, settings.last_gate))
+        poses[:, 2] = se2.wrap_angle(poses[:, 2])
+    # The first pose defines the frame, but it errs as any other: it moves with them, then the whole is moved back.
+    poses = se2.compose(se2.compose(initial[0], se2.inverse(poses[0])), poses)
+    cells, _, surfels = adjustment.walls(placed(cloud, poses[adjustment.with_scan], workers), reach_of(settings))
+    return Refined(poses=poses, map=draw_map(poses, rays, (cells, surfels), config, workers))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: MIT
+"""From scans to rays: readings sorted into hits, no returns and invalid ones, in the robot's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slam import se2
+from slam.grid._traversal_kernels import Rays
+from slam.scan import Scan
+
+
+class Readings(NamedTuple):
+    """How the readings of one moment were taken, see `Scan`."""
+
+    hits: int
+    """Within the lidar's range."""
+    no_returns: int
+    """At or beyond its range, infinity included."""
+    invalid: int
+    """NaN, zero, negative or below its range, or without a direction: they say nothing."""
+
+
+def readings_of(scans: Sequence[Scan]) -> Readings:
+    """Count the readings of one or several lidars by kind."""
+    total = hits = no_returns = 0
+    for scan in scans:
+        aimed = _aimed(scan)
+        total += len(scan.ranges)
+        hits += int(np.count_nonzero(scan.hit & aimed))
+        no_returns += int(np.count_nonzero(scan.no_return & aimed))
+    return Readings(hits, no_returns, total - hits - no_returns)
+
+
+def _aimed(scan: Scan) -> NDArray[np.bool_]:
+    """Beams of which direction and time are known, (beams,)."""
+    aimed: NDArray[np.bool_] = np.isfinite(scan.angles)
+    return aimed if scan.time_offsets is None else aimed & np.isfinite(scan.time_offsets)
+
+
+def displacement(twist: ArrayLike, seconds: ArrayLike) -> se2.Pose:
+    """Pose (..., 3) reached from the origin at constant twist `(vx, vy, omega)` after `seconds` (...,).
+
+    The exponential map of SE(2), Sola et al. (2018), equation 158.
+    """
+    twist, seconds = np.asarray(twist, dtype=np.float64), np.asarray(seconds, dtype=np.float64)
+    angle = twist[2] * seconds
+    # sin(a)/a and (1 - cos(a))/a with their limits at 0
+    s = np.sinc(angle / np.pi)
+    c = np.sinc(angle / (2.0 * np.pi)) * np.sin(angle / 2.0)
+    x, y = twist[0] * seconds, twist[1] * seconds
+    return np.stack([s * x - c * y, c * x + s * y, angle], axis=-1)
+
+
+def rays_of(
+    scans: Sequence[Scan], *, usable_range: float, free_range: float = 0.0, twist: ArrayLike | None = None
+) -> Rays:
+    """Rays of one or several lidars in the robot's frame at the time of the first beam of the first scan.
+
+    Hits beyond `usable_range` [m] count as no returns; these become rays without a hit up to `free_range` [m], or are
+    left out where it is 0; invalid readings are left out. With a `twist` `(vx, vy, omega)` [m/s, m/s, rad/s] the
+    robot's motion between the beams is undone wherever a scan knows its beams' times.
+    """
+    parts = [_rays_of_one(scan, usable_range, free_range, twist, scans[0].stamp) for scan in scans]
+    if len(parts) == 1:
+        return parts[0]
+    return Rays(
+        origins=np.concatenate([p.origins for p in parts]),
+        ends=np.concatenate([p.ends for p in parts]),
+        hit=np.concatenate([p.hit for p in parts]),
+    )
+
+
+def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: ArrayLike | None, reference: float) -> Rays:
+    aimed = _aimed(scan)
+    hit = used = scan.hit & aimed & (scan.ranges <= usable_range)
+    lengths = scan.ranges
+    if free_range > 0.0:
+        used = hit | aimed & (scan.no_return | scan.hit)
+        lengths = np.where(hit, scan.ranges, min(free_range, scan.range_max))
+    length, angles = lengths[used], scan.angles[used]
+    in_lidar = np.stack([length * np.cos(angles), length * np.sin(angles)], axis=-1)
+    mount = np.asarray(scan.mount, dtype=np.float64)
+    if twist is None or scan.time_offsets is None:
+        return Rays(
+            origins=np.tile(mount[:2], (length.size, 1)), ends=se2.transform_points(mount, in_lidar), hit=hit[used]
+        )
+    moved = displacement(twist, scan.stamp - reference + scan.time_offsets[used])
+    T_robot_lidar = se2.compose(moved, mount)
+    ends = se2.transform_points(T_robot_lidar, in_lidar[:, None, :])[:, 0, :]
+    return Rays(origins=np.ascontiguousarray(T_robot_lidar[:, :2]), ends=ends, hit=hit[used])

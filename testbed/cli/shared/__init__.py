@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""What several commands share: console, summary, exit statuses, config files, help texts."""

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""What a person sees while a command works: a progress line and news. Results go to stdout, all else to stderr, so that
+results can be piped."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+
+from testbed.kernels import compile_kernels, is_compiled
+
+console = Console(stderr=True, highlight=False)
+"""For news."""
+results = Console(highlight=False, soft_wrap=True)
+"""For what a command was asked for."""
+
+
+def announce_compilation() -> None:
+    """Compile the kernels if that has not been done yet, and tell so: it takes a while."""
+    if is_compiled():
+        return
+    console.print("Compiling the kernels: once per version, about a minute …")
+    seconds = compile_kernels()
+    console.print(f"The kernels were compiled in {seconds:.0f} s and are kept on disk.")
+
+
+class ProgressLine:
+    """A line with a bar: time in the recording, real-time factor, current error. Implements `testbed.run.execute.Watcher`."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._task = progress.add_task("", total=None, status="")
+        self._started = time.perf_counter()
+        self._first_stamp: float | None = None
+
+    def stage(self, text: str) -> None:
+        """A new stage of the job begins."""
+        self._progress.update(self._task, description=text, status="")
+
+    def step(self, stamp: float, share: float | None, error: float | None) -> None:
+        """One frame is done: its stamp [s], the share of the job behind us, the position error where known [m]."""
+        if self._first_stamp is None:
+            self._first_stamp, self._started = stamp, time.perf_counter()
+        seconds = stamp - self._first_stamp
+        factor = seconds / max(time.perf_counter() - self._started, 1e-9)
+        status = f"{seconds:7.1f} s  {factor:5.1f} x real time" + ("" if error is None else f"  error {error:.3f} m")
+        self._progress.update(self._task, total=None if share is None else 1.0, completed=share or 0.0, status=status)
+
+
+@contextmanager
+def progress_line() -> Iterator[ProgressLine]:
+    """Show a progress line while the block runs; where stderr is no terminal nothing is drawn."""
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description:<14}"),
+        BarColumn(bar_width=30),
+        TextColumn("{task.fields[status]}"),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        yield ProgressLine(progress)

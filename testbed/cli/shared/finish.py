@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+"""What `run` and `slam` do once their job is put together: carry it out, report, choose the exit status."""
+
+from __future__ import annotations
+
+from eval.limits import check
+from eval.report.run_report import write_report
+from testbed.cli.shared.console import announce_compilation, console, progress_line, results
+from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
+from testbed.cli.shared.summary import headline_table
+from testbed.run.execute import Job, execute
+from testbed.run.run_directory import RunDirectory
+from testbed.settings.estimator import OutputOptions
+from testbed.views import Scene, open_view
+
+
+def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
+    """Compile the kernels if need be, run the job under a progress line, write the report, print the headline figures.
+
+    Returns the exit status.
+    """
+    with directory.marked():
+        announce_compilation()
+        view = open_view(directory / "recording.rrd", scene, output.view_options)
+    if view.address is not None:
+        console.print(f"live view: {view.address}", soft_wrap=True)
+    with progress_line() as watcher:
+        metrics = execute(job, directory, watcher, view)
+        if metrics["outcome"] in ("interrupted", "failed"):
+            console.print(f"{metrics['outcome']}: {directory.path} keeps what there was")
+            return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED
+        watcher.stage("report")
+        with directory.marked(metrics):
+            report = write_report(directory.path)
+    results.print(headline_table(metrics))
+    broken = check(metrics, output.limits)
+    for sentence in broken:
+        console.print(f"limit broken: {sentence}")
+    results.print(f"report: {report.resolve()}")
+    view.wait()
+    return GATE_FAILED if broken else 0

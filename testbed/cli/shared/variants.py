@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT
+"""`--vary KEY=A,B,C`: the same drive with other sensors, so that differences between results have one cause.
+
+Only settings that leave the robot's path alone may vary. The streams of random numbers of all else stay as they are.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from testbed.settings.simulator import SimulatorOptions
+from testbed.simulation import LidarLayers, OdometryConfig
+
+GROUPS = {"odometry": OdometryConfig, "layers": LidarLayers}
+KEYS = {
+    **dict.fromkeys(("lidar", "beams", "noise", "clutter"), SimulatorOptions),
+    **{f"{group}.{field.name}": owner for group, owner in GROUPS.items() for field in fields(owner)},
+}
+"""What may vary, and the class whose field it is."""
+
+
+class Variant(NamedTuple):
+    """One way to take the data of a drive."""
+
+    name: str
+    """Part of the names of its datasets; empty without `--vary`."""
+    simulator: SimulatorOptions
+    """Its settings."""
+
+
+def variants(simulator: SimulatorOptions, vary: Sequence[str]) -> list[Variant]:
+    """All combinations of what varies; ValueError for keys that are unknown or change the path, and for bad values."""
+    axes = [_axis(text) for text in vary]
+    if len({key for key, _ in axes}) < len(axes):
+        raise ValueError(f"--vary names a key twice: {', '.join(key for key, _ in axes)}")
+    found = []
+    for values in itertools.product(*(values for _, values in axes)):
+        changed = simulator
+        for (key, _), value in zip(axes, values, strict=True):
+            changed = _with(changed, key, value)
+        names = (
+            f"{key}-{Path(value).name.removesuffix('.toml')}" for (key, _), value in zip(axes, values, strict=True)
+        )
+        found.append(Variant(re.sub(r"[^A-Za-z0-9.-]+", "_", "-".join(names)), changed))
+    if len({variant.name for variant in found}) < len(found):
+        raise ValueError(f"--vary gives variants the same name: {', '.join(variant.name for variant in found)}")
+    return found
+
+
+def _axis(text: str) -> tuple[str, list[str]]:
+    key, equals, values = text.partition("=")
+    key = key.strip().replace("-", "_")
+    if key not in KEYS:
+        raise ValueError(f"--vary {text}: expected KEY=A,B,C with a key that keeps the path: {', '.join(KEYS)}")
+    chosen = [value.strip() for value in values.split(",")]
+    if not equals or "" in chosen:
+        raise ValueError(f"--vary {text}: expected {key}=A,B,C")
+    return key, chosen
+
+
+def _with(simulator: SimulatorOptions, key: str, value: str) -> SimulatorOptions:
+    """The settings with another value, given as text."""
+    owner, name = KEYS[key], key.rpartition(".")[2]
+    try:
+        converted: Any = TypeAdapter(get_type_hints(owner)[name]).validate_python(value)
+    except ValidationError as error:
+        raise ValueError(f"--vary {key}={value}: {error.errors(include_url=False)[0]['msg']}") from None
+    if owner is SimulatorOptions:
+        return replace(simulator, **{name: converted})
+    group = key.partition(".")[0]
+    return replace(simulator, **{group: replace(getattr(simulator, group), **{name: converted})})

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Synthetic datasets: written by the simulator, each with its truth."""

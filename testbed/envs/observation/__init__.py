@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""What an agent observes, and how a person sees it."""

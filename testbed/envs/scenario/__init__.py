@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Where an episode takes place: world, start, sensors, wheels."""

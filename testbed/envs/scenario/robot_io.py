@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: MIT
+"""Between a policy's numbers and a robot's: actions to velocities, readings to observations, and their spaces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import InvalidAction
+from numpy.typing import NDArray
+
+from slam.se2 import Pose, between
+from testbed.simulation.fleet.robot_group import Outfit, Readings
+
+_ODOMETRY_MARGIN = 4.0
+"""Odometry increments are limited to so many times what the robot can drive in a period: slipping wheels spin ahead."""
+
+
+class RobotIO:
+    """Spaces and conversions for robots of one outfit; arrays have one row per robot."""
+
+    def __init__(self, outfit: Outfit) -> None:
+        self.outfit = outfit
+        robot, period = outfit.robot, outfit.period
+        self.fastest = np.array([robot.max_speed, robot.max_turn_rate])
+        """Speed [m/s] and turn rate [rad/s] of the actions 1."""
+        reach = _ODOMETRY_MARGIN * period * self.fastest
+        self._odometry_limit = np.array([reach[0], reach[0], reach[1]], dtype=np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        """Speed and turn rate as shares of the robot's largest."""
+        self.observation_spaces: dict[str, spaces.Space[Any]] = {
+            "scan": spaces.Box(0.0, np.float32(outfit.lidar.range_max), (outfit.lidar.beams,), np.float32),
+            "odometry": spaces.Box(-self._odometry_limit, self._odometry_limit, dtype=np.float32),
+        }
+        """Of the observations that `observe` gives."""
+
+    def target(self, action: Any) -> NDArray[np.float64]:
+        """As `targets` for the action of a single robot, (1, 2)."""
+        return self.targets(np.asarray(action)[None] if np.ndim(action) else action, 1)
+
+    def targets(self, actions: Any, robots: int, acting: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+        """Speed [m/s] and turn rate [rad/s], (robots, 2); zero for robots that are not `acting` (robots,).
+
+        Raises `InvalidAction` for actions of wrong shape, not finite or outside of the action space.
+        """
+        try:
+            given = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InvalidAction(f"action must be numbers, got {actions!r}") from None
+        if given.shape != (robots, 2):
+            raise InvalidAction(f"action must be speed and turn rate for {robots} robot(s), got shape {given.shape}")
+        acting = np.ones(robots, np.bool_) if acting is None else acting
+        given = np.where(acting[:, None], given, 0.0)
+        if not (np.abs(given) <= 1.0).all():  # NaN is not either
+            raise InvalidAction(f"action must be numbers in [-1, 1], got {actions!r}")
+        targets: NDArray[np.float64] = given * self.fastest
+        return targets
+
+    def observe(self, readings: Readings, odometry_before: Pose) -> dict[str, NDArray[np.float32]]:
+        """What the robots see: `scan` [m] (robots, beams), no return = the maximum range, nothing valid = 0; and
+        `odometry`, the motion (dx, dy, dtheta) of the last period in the robot's own frame [m, m, rad], (robots, 3)."""
+        reach = self.outfit.lidar.range_max
+        scan = np.nan_to_num(readings.ranges, nan=0.0, posinf=reach, neginf=0.0).astype(np.float32)
+        increment = between(odometry_before, readings.odometry).astype(np.float32)
+        return {
+            "scan": np.clip(scan, 0.0, np.float32(reach)),
+            "odometry": np.clip(increment, -self._odometry_limit, self._odometry_limit),
+        }

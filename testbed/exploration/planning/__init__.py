@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Planning on the map so far: floor, frontiers, goals, shortest paths."""

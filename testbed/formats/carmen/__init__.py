@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""CARMEN logs in and out."""

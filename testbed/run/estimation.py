@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""From frames to an estimate: the filter is fed frame by frame, its answers are kept, gaps filled by odometry."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.trajectory.trajectory import Trajectory
+from slam import se2
+from slam.config.filter import FilterConfig
+from slam.gmapping import GMapping, StepReport
+from slam.localization.localizer import Localization
+from slam.occupancy import OccupancyGrid
+from slam.refinement.refine import refine
+from slam.scan import Scan
+from slam.se2 import Pose
+from testbed.frame import Frame
+from testbed.run.dense_path import carry
+from testbed.run.known_map import KnownMap
+from testbed.run.step_table import StepTable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """What is believed of a whole recording at its end; poses are `T_map_robot`."""
+
+    dense: Trajectory
+    """At every frame, in the order of the recording."""
+    scan_frames: NDArray[np.intp]
+    """Which frames carry a scan, (scans,)."""
+    map: OccupancyGrid
+    """The map that belongs to the poses."""
+
+    @property
+    def at_scans(self) -> Trajectory:
+        """At every scan."""
+        return self.dense[self.scan_frames]
+
+
+@dataclass
+class Estimation:
+    """Runs the filter over a recording, one frame after the other, and remembers what its files will need."""
+
+    config: FilterConfig
+    seed: int | np.random.SeedSequence
+    threads: int | None = None
+    """Threads of the filter; None = all cores. The result does not depend on it."""
+    known_map: KnownMap | None = None
+    """The map to localise in; None = the map is to be made."""
+    mapper: GMapping | Localization = field(init=False)
+    steps: StepTable = field(init=False)
+    frames: list[Frame] = field(init=False, default_factory=list)
+    _waiting: dict[str, tuple[Pose, Scan]] = field(init=False, default_factory=dict)
+    """The newest scan of each lidar since the filter last took scans in, and the odometry (3,) of its time."""
+
+    def __post_init__(self) -> None:
+        known = self.known_map
+        if known is None:
+            self.mapper = GMapping(self.config, seed=self.seed, threads=self.threads)
+        else:
+            self.mapper = Localization(
+                known.grid, self.config, known.settings, start=known.start, seed=self.seed, threads=self.threads
+            )
+        self.steps = StepTable(aligned=known is None or not known.has_frame_of_truth)
+
+    def process(self, frame: Frame) -> StepReport | None:
+        """Take in one frame: its scan goes to the filter; None where it has no scan.
+
+        Where a robot has several lidars, the newest scan of each other one goes with it, unless the filter had it
+        before: its update gates would otherwise leave most of the lidars out.
+        """
+        self.frames.append(frame)
+        if frame.scan is None:
+            return None
+        others = [_seen_from(frame, *seen) for name, seen in self._waiting.items() if name != frame.lidar]
+        start = time.perf_counter()
+        try:
+            report = self.mapper.process(frame.odometry, [frame.scan, *others], twist=frame.twist)
+        except BaseException:  # Ctrl-C within the filter: the frame was not taken in
+            self.frames.pop()
+            raise
+        if report.updated:
+            self._waiting.clear()
+        else:
+            self._waiting[frame.lidar] = frame.odometry, frame.scan
+        self.steps.add(frame, report, time.perf_counter() - start)
+        return report
+
+    @property
+    def scan_frames(self) -> NDArray[np.intp]:
+        """Which frames carry a scan, (scans,)."""
+        return np.flatnonzero([frame.scan is not None for frame in self.frames])
+
+    @property
+    def odometry(self) -> Pose:
+        """`T_odom_robot` at every frame, (frames, 3)."""
+        return np.array([frame.odometry for frame in self.frames])
+
+    @property
+    def stamps(self) -> NDArray[np.float64]:
+        """Stamps of the frames [s], (frames,)."""
+        return np.array([frame.stamp for frame in self.frames])
+
+    def trajectory_at_scans(self, source: Literal["odometry", "truth"]) -> Trajectory | None:
+        """Odometry or truth at every scan where it is known; None where it is known at no scan."""
+        known = [
+            (frame.stamp, pose)
+            for frame in self.frames
+            if frame.scan is not None and (pose := getattr(frame, source)) is not None
+        ]
+        if not known:
+            return None
+        stamps, poses = zip(*known, strict=True)
+        return Trajectory(np.array(stamps), np.array(poses))
+
+    def filtered(self) -> Estimate:
+        """The best particle's path and map; needs at least one scan."""
+        scan_frames = self.scan_frames
+        updates = scan_frames[np.asarray(self.mapper.update_scans)]
+        dense = carry(self.odometry, updates, self.mapper.path())
+        return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
+
+    def refined(self, estimate: Estimate) -> Estimate:
+        """The estimate after the final pass over all frames, see `slam.refinement.refine`."""
+        scans: list[Scan | None] = [frame.scan for frame in self.frames]
+        twists = [frame.twist for frame in self.frames]
+        result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
+        dense = Trajectory(self.stamps, result.poses)
+        return Estimate(dense=dense, scan_frames=estimate.scan_frames, map=result.map)
+
+
+def _seen_from(frame: Frame, odometry: Pose, scan: Scan) -> Scan:
+    """A scan that was taken earlier, at `odometry` (3,), as if its lidar had been mounted there at the frame's time."""
+    x, y, theta = se2.compose(se2.between(frame.odometry, odometry), scan.mount).tolist()
+    return replace(scan, mount=(x, y, theta), stamp=frame.stamp)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: MIT
+"""The table of a run: one row per scan, the columns of docs/run-directory.md."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.files.atomic_write import write_aside
+from slam import se2
+from slam.gmapping import StepReport
+from slam.se2 import Pose
+from slam.sensor.rays import Readings
+from testbed.frame import Frame
+
+FLAGS = ("updated", "resampled", "loop_closed")
+COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *Readings._fields)
+TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
+
+
+@dataclass
+class StepTable:
+    """Rows in the order of the scans; errors are those of the online pose, in the frame of the first pose where truth
+    has another frame than the map."""
+
+    aligned: bool = True
+    """Whether truth is in a frame of its own; if not, it is in the map's."""
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    _first: tuple[Pose, Pose] | None = None
+
+    def add(self, frame: Frame, report: StepReport, filter_seconds: float) -> None:
+        """Append the row of one scan; `filter_seconds` is the time spent in the filter [s]."""
+        cov = report.covariance
+        row: dict[str, Any] = {
+            "scan": len(self.rows),
+            "stamp": frame.stamp,
+            "updated": report.updated,
+            "x": report.pose[0],
+            "y": report.pose[1],
+            "theta": report.pose[2],
+            "cov_xx": cov[0, 0],
+            "cov_xy": cov[0, 1],
+            "cov_yy": cov[1, 1],
+            "cov_xt": cov[0, 2],
+            "cov_yt": cov[1, 2],
+            "cov_tt": cov[2, 2],
+            "particles": report.particles,
+            "ess": report.ess,
+            "resampled": report.resampled,
+            "matched_share": report.matched_share,
+            "match_failures": report.match_failures,
+            "log_evidence": report.log_evidence,
+            "unique_ancestors": report.unique_ancestors,
+            **report.readings._asdict(),
+            "map_bytes": report.map_bytes,
+            "loop_closed": report.loop_closed,
+            "filter_s": filter_seconds,
+            **{f"{stage}_s": report.seconds.get(stage, 0.0) for stage in ("match", "sample", "map", "resample")},
+        }
+        self.rows.append(row | self._truth(frame, report.pose))
+
+    def _truth(self, frame: Frame, pose: Pose) -> dict[str, float]:
+        if frame.truth is None:
+            return dict.fromkeys(TRUTH_COLUMNS, math.nan)
+        expected = pose
+        if self.aligned:
+            if self._first is None:
+                self._first = (pose, frame.truth)
+            # T_world_estimate: both paths start at the same pose
+            first_pose, first_truth = self._first
+            expected = se2.compose(first_truth, se2.between(first_pose, pose))
+        miss = se2.between(frame.truth, expected)
+        values = (*frame.truth, np.hypot(miss[0], miss[1]), np.degrees(abs(miss[2])))
+        return dict(zip(TRUTH_COLUMNS, map(float, values), strict=True))
+
+    @property
+    def last_error(self) -> float | None:
+        """Position error of the last row [m]; None where truth is unknown."""
+        error = self.rows[-1]["error_m"] if self.rows else math.nan
+        return None if math.isnan(error) else error
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The table as arrays (scans,); what is unknown is NaN."""
+        names = self.rows[0] if self.rows else ()
+        return {name: np.array([row[name] for row in self.rows]) for name in names}
+
+    def write(self, path: Path) -> None:
+        """Write the table as parquet, aside and renamed; unknown truth is null."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        kinds = {**dict.fromkeys(FLAGS, pa.bool_()), **dict.fromkeys(COUNTS, pa.int64())}
+        columns = {
+            name: pa.array(values, type=kinds.get(name, pa.float64()), from_pandas=True)  # from_pandas: NaN is null
+            for name, values in self.columns().items()
+        }
+        with write_aside(path) as aside:
+            pq.write_table(pa.table(columns), aside)

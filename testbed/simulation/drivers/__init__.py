@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""What decides where the simulated robot drives."""

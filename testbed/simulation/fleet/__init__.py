@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Many robots of one kind, simulated together."""

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+# mypy: ignore-errors
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Rays against circles and segments that move while the scan is taken."""
+
+import numpy as np
+
+from slam._jit import kernel
+from testbed.simulation.physics._ray_kernels import distance_along
+
+
+@kernel
+def _distance_to_circle(circle, x, y, cos, sin):
+    """Distance [m] from (x, y) along (cos, sin) to the circle (3,) `(x, y, radius)`; inf if missed or begun inside."""
+    ax, ay = circle[0] - x, circle[1] - y
+    along, across = ax * cos + ay * sin, ax * sin - ay * cos
+    inside = circle[2] * circle[2] - across * across
+    if inside < 0.0:
+        return np.inf
+    distance = along - np.sqrt(inside)
+    return distance if distance >= 0.0 else np.inf
+
+
+@kernel
+def nearest_mover(circles, segments, positions, origins, directions):
+    """Distances [m] (rays,) to the nearest mover and cosines of the angle of incidence (rays,); inf where none is.
+
+    circles (n, c, 3): `(x, y, radius)` [m] at a constant rate;  segments (n, s, 4): `(x0, y0, x1, y1)` [m];
+    positions (rays,): when each ray is cast, as a fractional index into the n instants
+    """
+    rays, last = directions.shape[0], circles.shape[0] - 1
+    distances, cos_incidence = np.full(rays, np.inf), np.zeros(rays)
+    for i in range(rays):
+        cos, sin = np.cos(directions[i]), np.sin(directions[i])
+        k = min(max(int(positions[i]), 0), last)
+        after, weight = min(k + 1, last), positions[i] - k
+        x, y = origins[i, 0], origins[i, 1]
+        for c in range(circles.shape[1]):
+            circle = circles[k, c] + weight * (circles[after, c] - circles[k, c])
+            distance = _distance_to_circle(circle, x, y, cos, sin)
+            if distance < distances[i]:
+                distances[i] = distance
+                across = (circle[0] - x) * sin - (circle[1] - y) * cos
+                cos_incidence[i] = np.sqrt(max(1.0 - (across / circle[2]) ** 2, 0.0))
+        for s in range(segments.shape[1]):
+            segment = segments[k, s] + weight * (segments[after, s] - segments[k, s])
+            distance = distance_along(segment, x, y, cos, sin)
+            if distance < distances[i]:
+                distances[i] = distance
+                ex, ey = segment[2] - segment[0], segment[3] - segment[1]
+                cos_incidence[i] = abs(cos * ey - sin * ex) / np.sqrt(ex * ex + ey * ey)
+    return distances, cos_incidence

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Backends: what moves the robot and what the lidar's rays hit."""

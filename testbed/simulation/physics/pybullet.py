@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""The reference backend: PyBullet moves the robot and casts the rays. The only module that imports pybullet."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.presets import RobotPreset
+from testbed.simulation.physics.backend import Hits, Limits, Motion, ramp
+from testbed.simulation.physics.pybullet_scene import borrow, give_back
+from worlds import World
+
+
+class PyBulletMissingError(ValueError):
+    """PyBullet is not installed; the message says what to do."""
+
+
+class PyBulletBackend:
+    """A world and a robot, moved by physics. Each one that is open has a physics client of its own (about 30 MB)."""
+
+    def __init__(self, world: World, robot: RobotPreset, limits: Limits) -> None:
+        """The robot stands at the start of the world. Raises `PyBulletMissingError` if pybullet cannot be imported."""
+        self._scene = borrow(import_pybullet(), world, robot)
+        self._open = True
+        self._half_track, self._wheel_radius, self._limits = robot.track / 2.0, robot.wheel_radius, limits
+        self._command = (0.0, 0.0)
+        self._wheel_zero = self._scene.wheel_angles()
+
+    def drive(self, speed: float, turn_rate: float, steps: int) -> Motion:
+        """Steer towards that speed [m/s] and turn rate [rad/s] for some steps of 1 / `STEP_RATE` s."""
+        scene = self._scene
+        speeds = ramp(self._command[0], speed, self._limits.acceleration, steps)
+        turn_rates = ramp(self._command[1], turn_rate, self._limits.turn_acceleration, steps)
+        rims = np.stack([speeds - self._half_track * turn_rates, speeds + self._half_track * turn_rates], axis=-1)
+        poses, contact = np.empty((steps, 3)), False
+        for k, rates in enumerate((rims / self._wheel_radius).tolist()):
+            scene.turn_wheels(rates)
+            scene.step()
+            poses[k] = scene.pose()
+            contact = contact or scene.touching()
+        self._command = (float(speeds[-1]), float(turn_rates[-1]))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return Motion(poses, np.subtract(scene.wheel_angles(), self._wheel_zero), contact)
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
+        """Level rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame, at
+        `height` above the floor [m]."""
+        n = len(directions)
+        cos, sin = np.cos(directions), np.sin(directions)
+        begin = np.column_stack([origins, np.full(n, height)])
+        end = begin + reach * np.column_stack([cos, sin, np.zeros(n)])
+        answers = self._scene.cast(begin, end)
+        missed = np.array([answer[0] for answer in answers]) < 0
+        distances = reach * np.array([answer[2] for answer in answers])
+        distances[missed] = np.inf
+        normals = np.array([answer[4] for answer in answers]).reshape(n, 3)
+        head_on = np.abs(normals[:, 0] * cos + normals[:, 1] * sin)
+        return Hits(distances, np.clip(head_on, 0.0, 1.0))
+
+    def close(self) -> None:
+        """Give the scene back, after which nothing else may be called; may be called twice."""
+        if self._open:
+            give_back(self._scene)
+            self._open = False
+
+
+def import_pybullet() -> Any:
+    """The module; raises `PyBulletMissingError` where it is absent or was built without numpy."""
+    try:
+        with _silent_stdio():
+            import pybullet
+    except ImportError:
+        raise PyBulletMissingError(
+            "PyBullet is not installed: use the fast backend, or run "
+            "'pip install numpy setuptools wheel; pip install --no-build-isolation pybullet' "
+            f"(ready-made up to Python 3.11, a long build on {sys.version_info[0]}.{sys.version_info[1]})"
+        ) from None
+    if not pybullet.isNumpyEnabled():
+        raise PyBulletMissingError(
+            "PyBullet was built without numpy: run 'pip install numpy setuptools wheel; "
+            "pip install --force-reinstall --no-build-isolation pybullet'"
+        )
+    return pybullet
+
+
+@contextmanager
+def _silent_stdio() -> Iterator[None]:
+    """PyBullet's C code prints its build time on import, past Python's streams."""
+    if "pybullet" in sys.modules:
+        yield
+        return
+    saved = [(fd, os.dup(fd)) for fd in (1, 2)]
+    sys.stdout.flush()
+    sys.stderr.flush()
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for fd, _ in saved:
+            os.dup2(null, fd)
+        yield
+    finally:
+        os.close(null)
+        for fd, copy in saved:
+            os.dup2(copy, fd)
+            os.close(copy)

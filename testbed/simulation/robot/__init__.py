@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""The robot's lidar and wheel odometry, with their errors."""

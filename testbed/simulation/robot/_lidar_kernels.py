@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: MIT
+# mypy: ignore-errors
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Where the beams of a scan start and go, and what the device reads for what they meet."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slam._jit import kernel
+
+_EDGE = 0.1  # neighbouring beams whose ranges differ by more lie on two sides of an edge [m]
+
+
+class Optics(NamedTuple):
+    """Sizes of all imperfections of a lidar; zero where a layer is off."""
+
+    spot: float
+    """Width of the beam [rad]."""
+    field_of_view: float
+    """Field of view [rad]."""
+    full_turn: bool
+    """The last beam is the first one's neighbour."""
+    grazing: float
+    """Surfaces met with a smaller cosine of the angle of incidence send nothing back."""
+    short_return_rate: float
+    """Readings before the surface, per metre of beam [1/m]."""
+    noise_floor: float
+    """Standard deviation near by [m]."""
+    noise_share: float
+    """Standard deviation as a share of the range."""
+    range_step: float
+    """Ranges are whole multiples of this [m]."""
+    dropout: float
+    """Share of beams lost."""
+    range_min: float
+    """Nearer surfaces give no valid reading [m]."""
+    range_max: float
+    """No return from here on [m]."""
+
+
+@kernel
+def place_beams(poses, positions, mount, angles):
+    """Origins (beams, 2) [m] and directions (beams,) [rad] in the world's frame.
+
+    poses (n, 3): `T_world_robot` at a constant rate, headings unwrapped;  positions (beams,): where among them each
+    beam is fired, as a fractional index;  mount (3,): `T_robot_lidar`;  angles (beams,): directions, lidar frame [rad]
+    The lidar moves in a straight line between two poses, which at 240 Hz is right to a micrometre.
+    """
+    n, last = angles.shape[0], poses.shape[0] - 1
+    first = min(max(int(positions[0]), 0), last)
+    lidar = np.empty((last + 1, 3))
+    for k in range(first, min(int(positions[n - 1]) + 1, last) + 1):
+        cos, sin = np.cos(poses[k, 2]), np.sin(poses[k, 2])
+        lidar[k, 0] = poses[k, 0] + cos * mount[0] - sin * mount[1]
+        lidar[k, 1] = poses[k, 1] + sin * mount[0] + cos * mount[1]
+        lidar[k, 2] = poses[k, 2] + mount[2]
+    origins, directions = np.empty((n, 2)), np.empty(n)
+    for i in range(n):
+        k = min(max(int(positions[i]), 0), last)
+        after, weight = min(k + 1, last), positions[i] - k
+        origins[i, 0] = lidar[k, 0] + weight * (lidar[after, 0] - lidar[k, 0])
+        origins[i, 1] = lidar[k, 1] + weight * (lidar[after, 1] - lidar[k, 1])
+        directions[i] = lidar[k, 2] + weight * (lidar[after, 2] - lidar[k, 2]) + angles[i]
+    return origins, directions
+
+
+@kernel
+def _with_edge(distances, i, uniform, optics):
+    """Range of beam i [m], perhaps mixed with its neighbour's.
+
+    An edge lies anywhere between two beams with the same chance; a beam meets it if it lies within half a spot, and
+    then reads the mean of both surfaces, weighted with their parts of the spot.
+    """
+    n = distances.shape[0]
+    if optics.spot == 0.0 or (i == n - 1 and not optics.full_turn):
+        return distances[i]
+    near, far = distances[i], distances[(i + 1) % n]
+    reached = min(0.5 * optics.spot * n / optics.field_of_view, 0.5)
+    if uniform >= reached or np.isinf(near) or np.isinf(far) or abs(far - near) <= _EDGE:
+        return near
+    return near + 0.5 * uniform / reached * (far - near)
+
+
+@kernel
+def read_beams(distances, cos_incidence, uniform, normal, optics, device):
+    """Readings [m], (beams,): inf = no return, -inf = too near, NaN = lost (ROS REP 117).
+
+    distances [m], cos_incidence (beams,): what the beams met;  uniform (2, n), normal (n,): random numbers, of which
+    the first `beams` are used;  device (2,): constant error [m] and factor of all ranges of this lidar
+    One uniform number decides what becomes of a beam: the low end makes short returns, the high end loses beams.
+    """
+    n = distances.shape[0]
+    readings = np.empty(n)
+    for i in range(n):
+        reading = _with_edge(distances, i, uniform[0, i], optics)
+        if cos_incidence[i] < optics.grazing:
+            reading = np.inf
+        path, fate = min(reading, distances[i], optics.range_max), uniform[1, i]  # dust lies before what was met
+        short = -np.expm1(-optics.short_return_rate * path)
+        if fate < short:
+            reading = fate / short * path
+        if np.isfinite(reading):
+            reading = reading * device[1] + device[0]
+            reading += max(optics.noise_floor, optics.noise_share * reading) * normal[i]
+            if optics.range_step > 0.0:
+                reading = np.round(reading / optics.range_step) * optics.range_step
+        if reading >= optics.range_max:
+            reading = np.inf
+        elif reading < optics.range_min:
+            reading = -np.inf
+        if fate >= 1.0 - optics.dropout:
+            reading = np.nan
+        readings[i] = reading
+    return readings

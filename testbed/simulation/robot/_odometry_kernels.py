@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: MIT
+# mypy: ignore-errors
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""From angles of the wheels to odometry: encoders, slip, integration along arcs."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slam._jit import kernel
+
+ODOMETER = 9
+"""Numbers that an odometer remembers: pose x, y [m], theta [rad]; then of the left and right wheel: what they spun with
+slip, what the encoders counted, how far they had truly turned at the last reading [rad]."""
+
+
+class Encoders(NamedTuple):
+    """Sizes of the odometry's errors, and the wheels as the robot's description has them; zero where a layer is off."""
+
+    radius: float
+    """Nominal radius of the wheels [m]."""
+    track: float
+    """Nominal distance of the wheels [m]."""
+    tick: float
+    """Angle of one tick [rad]; 0 = the encoders read angles exactly."""
+    random_translation: float
+    """Random error along the path [m/sqrt(m)]."""
+    random_rotation: float
+    """Random error of heading [rad/sqrt(m)] and [rad/sqrt(rad)]."""
+    slip_rate: float
+    """Slip events per metre driven [1/m]."""
+    slip_distance: float
+    """Mean distance that a slipping wheel spins ahead [m]."""
+    lost_ticks: float
+    """Share of the motion that the encoders miss."""
+
+
+@kernel
+def read_wheels(odometer, wheels, uniform, normal, believed, encoders):
+    """Move `odometer` (9,) on, in place, to where the wheels (2,) [rad] have turned to since the beginning.
+
+    uniform (3,), normal (2,): random numbers;  believed (3,): left and right radius and track that odometry reckons
+    with [m], wrong by the systematic errors of this run
+    """
+    d_left, d_right = wheels[0] - odometer[7], wheels[1] - odometer[8]
+    odometer[7], odometer[8] = wheels[0], wheels[1]
+    distance = encoders.radius * 0.5 * abs(d_left + d_right)
+    turned = encoders.radius * abs(d_right - d_left) / encoders.track
+    slips = uniform[0] < -np.expm1(-encoders.slip_rate * distance)
+    slip = -np.log1p(-uniform[2]) * encoders.slip_distance / encoders.radius if slips else 0.0
+
+    left = _count(odometer, 3, d_left + (slip if uniform[1] < 0.5 else 0.0), encoders)
+    right = _count(odometer, 4, d_right + (0.0 if uniform[1] < 0.5 else slip), encoders)
+    s_left, s_right = believed[0] * left, believed[1] * right
+    step = 0.5 * (s_left + s_right) + encoders.random_translation * np.sqrt(distance) * normal[0]
+    turn = (s_right - s_left) / believed[2] + encoders.random_rotation * np.sqrt(distance + turned) * normal[1]
+    half = 0.5 * turn  # an arc: exact for constant velocities
+    chord = step * (np.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0)
+    odometer[0] += chord * np.cos(odometer[2] + half)
+    odometer[1] += chord * np.sin(odometer[2] + half)
+    odometer[2] += turn
+
+
+@kernel
+def _count(odometer, wheel, spun, encoders):
+    """Angle [rad] that the encoder of a wheel counts while it spins by `spun` [rad]; `wheel`: its place, 3 or 4."""
+    odometer[wheel] += spun * (1.0 - encoders.lost_ticks)
+    counted = odometer[wheel]
+    if encoders.tick > 0.0:
+        counted = np.floor(counted / encoders.tick) * encoders.tick
+    change = counted - odometer[wheel + 2]
+    odometer[wheel + 2] = counted
+    return change

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""A lidar's readings: noise layers on top of exact distances, each of which can be switched off alone.
+
+Order: what the light meets (short returns, mixed pixels, grazing surfaces), then what the device makes of it (bias,
+noise, rounding, lost beams, limits). Sources of the sizes: the lidar's preset.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from testbed.presets import LidarPreset, Mount
+from testbed.simulation.physics.backend import Hits
+from testbed.simulation.robot._lidar_kernels import Optics, read_beams
+from testbed.simulation.robot.random_rows import RandomRows
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarLayers:
+    """Which imperfections are on. A layer whose size in the preset is zero does nothing."""
+
+    motion: bool = True
+    """A scan takes time: each beam is measured from where the robot is then."""
+    beam_count: bool = True
+    """The number of beams varies (`beam_jitter`)."""
+    angle_noise: bool = True
+    """The directions of beams are inexact (`angle_noise_deg`)."""
+    short_returns: bool = True
+    """Readings before the surface (`short_return_rate`)."""
+    mixed_pixels: bool = True
+    """Readings between two surfaces at edges (`spot_deg`)."""
+    grazing: bool = True
+    """No return from surfaces met at a small angle (`grazing_deg`)."""
+    bias: bool = True
+    """Constant and scale error of the device, drawn once a run (`bias_floor`, `bias_share`)."""
+    range_noise: bool = True
+    """Random error of each range (`noise_floor`, `noise_share`)."""
+    rounding: bool = True
+    """Ranges in whole steps (`range_step`)."""
+    mounting: bool = True
+    """The lidar sits a little elsewhere than the robot's description says (`Mount.error`, `Mount.error_deg`)."""
+    dropout: bool = True
+    """Beams lost at random (`dropout`)."""
+
+    @classmethod
+    def none(cls) -> LidarLayers:
+        """A perfect lidar."""
+        return cls(**{field.name: False for field in fields(cls)})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sweep:
+    """The beams of one scan before they are cast."""
+
+    angles: NDArray[np.float64]
+    """Directions as the device reports them, lidar frame [rad], (beams,)."""
+    true_angles: NDArray[np.float64]
+    """Directions in which the beams really go, lidar frame [rad], (beams,)."""
+    time_offsets: NDArray[np.float64] | None
+    """Time of each beam after the first [s], (beams,); None = all at once."""
+
+
+def optics_of(preset: LidarPreset, layers: LidarLayers) -> Optics:
+    """Sizes of the imperfections that are on."""
+    return Optics(
+        spot=math.radians(preset.spot_deg) * layers.mixed_pixels,
+        field_of_view=math.radians(preset.field_of_view_deg),
+        full_turn=preset.field_of_view_deg == 360.0,
+        grazing=math.sin(math.radians(preset.grazing_deg)) * layers.grazing,
+        short_return_rate=preset.short_return_rate * layers.short_returns,
+        noise_floor=preset.noise_floor * layers.range_noise,
+        noise_share=preset.noise_share * layers.range_noise,
+        range_step=preset.range_step * layers.rounding,
+        dropout=preset.dropout * layers.dropout,
+        range_min=preset.range_min,
+        range_max=preset.range_max,
+    )
+
+
+def draw_device(preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> NDArray[np.float64]:
+    """What sets one device apart from others of its kind, (5,): constant error [m] and factor of its ranges, and its
+    true mount x, y [m], theta [rad]. Draws five numbers whatever layers are on."""
+    constant, scale = rng.uniform(-1.0, 1.0, 2) * layers.bias
+    error = rng.standard_normal(3) * layers.mounting
+    error *= [mount.error, mount.error, math.radians(mount.error_deg)]
+    return np.array([preset.bias_floor * constant, 1.0 + preset.bias_share * scale, *(mount.pose + error)])
+
+
+class Lidar:
+    """One lidar with its own random stream; the numbers it draws do not depend on the layers or on what it sees."""
+
+    def __init__(self, preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> None:
+        self._preset, self._layers = preset, layers
+        self._angles = preset.angles()
+        self._most_beams = math.ceil(preset.beams * (1.0 + _MOST_JITTER * preset.beam_jitter))
+        self._optics = optics_of(preset, layers)
+        self._device = draw_device(preset, mount, layers, rng)
+        self._numbers = RandomRows(1, 2 * self._most_beams, 2 * self._most_beams + 1, rows=BEAM_ROWS)
+        self._numbers.seed(0, rng)
+        self.mount = mount.pose
+        """`T_robot_lidar` as the robot's description says (x, y, theta) [m, m, rad]."""
+        self.true_mount = self._device[2:]
+        """`T_robot_lidar` as it is screwed on, (3,) [m, m, rad]."""
+
+    def sweep(self) -> Sweep:
+        """Beams of the next scan."""
+        self._uniform, self._normal = self._numbers.next_of(0)
+        normal = self._normal
+        preset, layers, angles = self._preset, self._layers, self._angles
+        if layers.beam_count and preset.beam_jitter > 0.0:
+            count = round(preset.beams * (1.0 + preset.beam_jitter * normal[-1]))
+            angles = preset.angles(min(max(count, 1), self._most_beams))
+        true_angles = angles
+        if layers.angle_noise and preset.angle_noise_deg > 0.0:
+            true_angles = angles + normal[: len(angles)] * math.radians(preset.angle_noise_deg)
+        offsets = (angles - angles[0]) / (2.0 * math.pi * preset.scan_rate) if layers.motion else None
+        return Sweep(angles=angles, true_angles=true_angles, time_offsets=offsets)
+
+    def ranges(self, hits: Hits) -> NDArray[np.float64]:
+        """Readings [m] for what the beams of the last sweep met, (beams,).
+
+        As in ROS REP 117: inf = no return, -inf = nearer than `range_min`, NaN = lost.
+        """
+        readings: NDArray[np.float64] = read_beams(
+            hits.distances,
+            hits.cos_incidence,
+            self._uniform.reshape(2, -1),
+            self._normal[self._most_beams : -1],
+            self._optics,
+            self._device[:2],
+        )
+        return readings
+
+
+BEAM_ROWS = 16
+"""Scans whose random numbers are drawn at once."""
+_MOST_JITTER = 4.0
+"""Beam counts farther than this many standard deviations above the nominal one do not occur."""

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: MIT
+"""Odometry from wheel encoders, with the errors that real wheels make.
+
+In a well-built simulated robot slip is next to nothing, so the errors are added here: a systematic part, drawn once a
+run (wheel radius, track: Borenstein and Feng, UMBmark, 1996), and a random part whose variance grows with the distance
+driven and the angle turned, so that it does not depend on how often odometry is computed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from slam.se2 import Pose
+from testbed.presets import RobotPreset
+from testbed.simulation.robot._odometry_kernels import ODOMETER, Encoders, read_wheels
+from testbed.simulation.robot.random_rows import RandomRows
+
+
+class _Grade(NamedTuple):
+    """Standard deviations of the systematic errors of a run."""
+
+    distance: float
+    rotation: float
+
+
+GRADES = {"good": _Grade(0.005, 0.01), "typical": _Grade(0.02, 0.03), "poor": _Grade(0.05, 0.10)}
+"""Shares of distance and rotation. Ours, after mvsim's N(1, 0.02) forward and N(1, 0.03) in yaw for `typical`."""
+_UNEQUAL_WHEELS = 0.03
+"""Difference of the two wheels' radii, as a share of the distance error (ours): wheels of one kind are more alike than
+their nominal radius is true. With `typical` and a track of 0.23 m it bends a straight line by 0.15 degrees a metre."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryConfig:
+    """How well the wheels tell where the robot went; every layer can be switched off alone."""
+
+    grade: Literal["good", "typical", "poor"] = "typical"
+    """Size of the systematic errors."""
+    systematic: bool = True
+    """Wrong wheel radii and track, drawn once a run."""
+    random: bool = True
+    """Errors that grow with the root of distance and rotation."""
+    ticks: bool = True
+    """Encoders count whole ticks."""
+    random_translation: float = 0.01
+    """Random error along the path [m/sqrt(m)]."""
+    random_rotation: float = math.radians(0.5)
+    """Random error of heading [rad/sqrt(m)] and [rad/sqrt(rad)]."""
+    slip_rate: float = 0.0
+    """Slip events per metre driven [1/m]: one wheel spins ahead."""
+    slip_distance: float = 0.03
+    """Mean distance that a slipping wheel spins ahead [m]."""
+    lost_ticks: float = 0.0
+    """Share of the wheel's motion that the encoders miss [1]."""
+
+    def __post_init__(self) -> None:
+        if self.grade not in GRADES:
+            raise ValueError(f"grade must be one of {', '.join(GRADES)}, got {self.grade!r}")
+        for name in ("random_translation", "random_rotation", "slip_rate", "slip_distance"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
+        if not 0.0 <= self.lost_ticks < 1.0:
+            raise ValueError(f"lost_ticks must be a share in [0, 1), got {self.lost_ticks}")
+
+
+READING_UNIFORMS, READING_NORMALS = 3, 2
+"""Random numbers that one odometry reading takes."""
+
+
+def encoders_of(robot: RobotPreset, config: OdometryConfig) -> Encoders:
+    """Sizes of the errors that each reading makes."""
+    return Encoders(
+        radius=robot.wheel_radius,
+        track=robot.track,
+        tick=2.0 * math.pi / robot.ticks_per_turn * config.ticks,
+        random_translation=config.random_translation * config.random,
+        random_rotation=config.random_rotation * config.random,
+        slip_rate=config.slip_rate,
+        slip_distance=config.slip_distance,
+        lost_ticks=config.lost_ticks,
+    )
+
+
+def believed_wheels(robot: RobotPreset, config: OdometryConfig, rng: Generator) -> NDArray[np.float64]:
+    """Left radius, right radius and track [m], (3,), that odometry reckons with in one run: drawn about the true ones.
+
+    Draws three numbers whatever layers are on.
+    """
+    distance, rotation, unequal = rng.standard_normal(3)
+    grade = GRADES[config.grade]
+    scale = 1.0 if config.systematic else 0.0
+    size = 1.0 + scale * grade.distance * distance
+    half_difference = scale * 0.5 * _UNEQUAL_WHEELS * grade.distance * unequal
+    radii = robot.wheel_radius * size * np.array([1.0 - half_difference, 1.0 + half_difference])
+    return np.append(radii, robot.track * size / (1.0 + scale * grade.rotation * rotation))
+
+
+class Odometry:
+    """Integrates wheel angles to a pose `T_odom_robot`, which begins at zero.
+
+    It draws equally many random numbers whatever layers are on, so that switching one leaves the others' noise alone.
+    """
+
+    def __init__(self, robot: RobotPreset, config: OdometryConfig, rng: Generator) -> None:
+        self._encoders = encoders_of(robot, config)
+        self._believed = believed_wheels(robot, config, rng)
+        self._numbers = RandomRows(1, READING_UNIFORMS, READING_NORMALS)
+        self._numbers.seed(0, rng)
+        self._odometer = np.zeros(ODOMETER)
+
+    @property
+    def pose(self) -> Pose:
+        """`T_odom_robot`, (3,); the heading is not wrapped."""
+        return self._odometer[:3].copy()
+
+    def advance(self, left: float, right: float) -> Pose:
+        """The pose after the wheels have turned to these angles since the beginning [rad]."""
+        uniform, normal = self._numbers.next_of(0)
+        read_wheels(self._odometer, (left, right), uniform, normal, self._believed, self._encoders)
+        return self.pose

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Computing the cells of a sweep: here, in worker processes, on a cluster."""

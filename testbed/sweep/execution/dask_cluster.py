@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: MIT
+"""Cells on a dask.distributed cluster, the optional extra `cluster`: results come back over the network."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
+
+from testbed.sweep.errors import SweepError
+from testbed.sweep.execution.compute import CellResult
+from testbed.sweep.execution.local_pool import Event, Finished, outcome_of
+from testbed.sweep.execution.worker_process import Limits, WorkerProcess
+from testbed.sweep.spec.cell import Cell
+
+CONNECT_SECONDS = 10.0
+"""How long to wait for the scheduler [s]."""
+_of_this_thread = threading.local()
+
+
+def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Generator[Event, None, None]:
+    """Compute cells on the workers of a scheduler, those in front first, and tell of each as it ends.
+
+    A cell whose dask worker dies is given to another one, up to dask's `allowed-failures`. Leaving the iteration early
+    cancels what is waiting. Raises SweepError where `distributed` is not installed or the scheduler does not answer.
+    """
+    distributed = _import_distributed()
+    with _client(distributed, address) as client:
+        futures = {
+            client.submit(
+                carry_out, cell.document(), asdict(limits), key=f"cell-{cell.key}", priority=len(cells) - k, pure=False
+            ): cell
+            for k, cell in enumerate(cells)
+        }
+        try:
+            for future in distributed.as_completed(futures, loop=client.loop):
+                yield Finished(futures[future], _outcome(future))
+        finally:
+            client.cancel(list(futures), force=True)
+
+
+def carry_out(cell: dict[str, Any], limits: dict[str, Any]) -> dict[str, Any]:
+    """On a dask worker: compute a cell in a process of its own, which no setting of the cluster can reach.
+
+    dask does not set numba's threads (distributed#9075), and a cell that crashes would take the dask worker with it.
+    """
+    process = getattr(_of_this_thread, "process", None)
+    if process is None or process.limits != Limits(**limits):
+        process = _of_this_thread.process = WorkerProcess(Limits(**limits))
+    outcome = outcome_of(process, Cell(**cell))
+    return {"failure": outcome} if isinstance(outcome, str) else {"result": asdict(outcome)}
+
+
+def _outcome(future: Any) -> CellResult | str:
+    if future.status != "finished":
+        error = future.exception() if future.status == "error" else future.status
+        return f"dask: {type(error).__name__}: {' '.join(str(error).split())}"
+    answer = future.result()
+    return str(answer["failure"]) if "failure" in answer else CellResult(**answer["result"])
+
+
+def _import_distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise SweepError("--scheduler needs dask: pip install 'slam-testbed[cluster]'") from None
+    return distributed
+
+
+@contextmanager
+def _client(distributed: Any, address: str) -> Iterator[Any]:
+    try:
+        client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as error:  # ValueError: not an address at all
+        raise SweepError(
+            f"scheduler {address}: cannot be reached ({error}); expected such as tcp://host:8786"
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close()

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""Many cells on one machine: a thread for each worker process hands it one cell after the other."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Generator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+from testbed.sweep.execution.compute import CellResult
+from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess, fair_share_megabytes
+from testbed.sweep.spec.cell import Cell
+
+
+@dataclass(frozen=True, eq=False)
+class Started:
+    """A worker has begun with a cell."""
+
+    cell: Cell
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A cell is done: `outcome` is its result, or the reason why it has none."""
+
+    cell: Cell
+    outcome: CellResult | str
+
+
+Event = Started | Finished
+
+
+def run_locally(cells: Sequence[Cell], workers: int, limits: Limits) -> Generator[Event, None, None]:
+    """Compute cells in their order on so many worker processes, and tell of each as it begins and ends.
+
+    Where the limits name no memory, each worker may take its share of the machine's. Leaving the iteration early, by
+    Ctrl-C or `close`, ends the workers at once.
+    """
+    if limits.megabytes is None:
+        limits = replace(limits, megabytes=fair_share_megabytes(workers))
+    waiting: queue.SimpleQueue[Cell] = queue.SimpleQueue()
+    for cell in cells:
+        waiting.put(cell)
+    events: queue.SimpleQueue[Event | BaseException] = queue.SimpleQueue()
+    processes = [WorkerProcess(limits) for _ in range(min(workers, len(cells)))]
+    threads = [threading.Thread(target=_serve, args=(process, waiting, events)) for process in processes]
+    for thread in threads:
+        thread.start()
+    left = len(cells)
+    try:
+        while left:
+            event = events.get()
+            if isinstance(event, BaseException):
+                raise event
+            left -= isinstance(event, Finished)
+            yield event
+    finally:
+        with suppress(queue.Empty):
+            while True:
+                waiting.get_nowait()
+        for process in processes:
+            process.stop()
+        for thread in threads:
+            thread.join()
+
+
+def _serve(
+    process: WorkerProcess, waiting: queue.SimpleQueue[Cell], events: queue.SimpleQueue[Event | BaseException]
+) -> None:
+    """Feed one worker until nothing is waiting."""
+    try:
+        while True:
+            try:
+                cell = waiting.get_nowait()
+            except queue.Empty:
+                return
+            events.put(Started(cell))
+            events.put(Finished(cell, outcome_of(process, cell)))
+    except BaseException as error:  # such as no process left to start: the thread of the iteration tells it
+        events.put(error)
+
+
+def outcome_of(process: WorkerProcess, cell: Cell) -> CellResult | str:
+    """The result of a cell, or the reason why it has none."""
+    try:
+        return process.compute(cell)
+    except CellFailedError as failure:
+        return str(failure)

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: MIT
+"""A worker as its parent sees it: cells in, results or reasons out; killed where it takes too long or too much."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from testbed.sweep.errors import SweepError
+from testbed.sweep.execution.compute import CellResult
+from testbed.sweep.spec.cell import Cell
+
+PACE = 0.1
+"""How often the limits are looked at [s]."""
+ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment of a worker: numba reads it when it is imported, and no later setting would free its idle threads."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What one cell may take."""
+
+    seconds: float = 3600.0
+    """Wall time [s]."""
+    megabytes: float | None = None
+    """Resident memory of the worker [MB]; None = no limit."""
+
+    def __post_init__(self) -> None:
+        if not self.seconds > 0.0:
+            raise SweepError(f"time limit must be positive, got {self.seconds} s")
+        if self.megabytes is not None and not self.megabytes > 0.0:
+            raise SweepError(f"memory limit must be positive, got {self.megabytes} MB")
+
+
+class CellFailedError(Exception):
+    """A cell has no result; the message is the reason in one line."""
+
+
+class WorkerProcess:
+    """One worker, started at the first cell and again after each that it did not survive.
+
+    command: what to start in place of our own worker (for tests of the limits).
+    """
+
+    def __init__(self, limits: Limits, command: tuple[str, ...] = ("-m", "testbed.sweep.execution.worker")) -> None:
+        self.limits = limits
+        """What one cell may take."""
+        self._command = command
+        self._process: subprocess.Popen[bytes] | None = None
+        self._errors: IO[bytes] | None = None
+        self._stopped = False
+
+    def compute(self, cell: Cell) -> CellResult:
+        """The result of a cell; raises CellFailedError where it fails, breaks a limit or kills the worker."""
+        process = self._started()
+        assert process.stdin is not None
+        with suppress(OSError):  # it has died: its end of the other pipe tells so
+            process.stdin.write(json.dumps(cell.document()).encode() + b"\n")
+            process.stdin.flush()
+        answer = json.loads(self._answer(process))
+        if "failure" in answer:
+            raise CellFailedError(answer["failure"])
+        return CellResult(**answer["result"])
+
+    def stop(self) -> None:
+        """End the worker at once, whatever it does; a `compute` that waits for it fails."""
+        self._stopped = True
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        if self._process is None:
+            self._errors = tempfile.TemporaryFile()  # noqa: SIM115  # lives as long as the process
+            self._process = subprocess.Popen(
+                [sys.executable, *self._command],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._errors,
+                env=os.environ | ONE_THREAD,
+                start_new_session=True,  # Ctrl-C is the parent's business
+            )
+            if self._stopped:
+                self._process.kill()
+        return self._process
+
+    def _answer(self, process: subprocess.Popen[bytes]) -> bytes:
+        """The worker's next line; raises CellFailedError where it dies or is killed by a limit."""
+        assert process.stdout is not None
+        deadline = time.monotonic() + self.limits.seconds
+        line = bytearray()
+        while not line.endswith(b"\n"):
+            ready, _, _ = select.select([process.stdout], [], [], PACE)
+            if ready:
+                part = os.read(process.stdout.fileno(), 1 << 16)
+                if not part:
+                    raise CellFailedError(self._buried(process))
+                line += part
+            elif time.monotonic() > deadline:
+                self._kill(process, f"time limit of {self.limits.seconds:g} s")
+            elif self.limits.megabytes is not None and resident_megabytes(process.pid) > self.limits.megabytes:
+                self._kill(process, f"memory limit of {self.limits.megabytes:.0f} MB")
+        return bytes(line)
+
+    def _kill(self, process: subprocess.Popen[bytes], reason: str) -> None:
+        process.kill()
+        self._buried(process)
+        raise CellFailedError(reason)
+
+    def _buried(self, process: subprocess.Popen[bytes]) -> str:
+        """Wait for the end of a worker and forget it; what killed it, in words."""
+        status = process.wait()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                _close(pipe)
+        assert self._errors is not None
+        self._errors.seek(0)
+        last = self._errors.read().decode(errors="replace").strip().splitlines()[-1:]
+        self._errors.close()
+        self._process = None
+        how = f"by {signal.Signals(-status).name}" if status < 0 else f"with exit status {status}"
+        return ": ".join([f"the worker ended {how}", *last])
+
+
+def _close(pipe: IO[bytes]) -> None:
+    with suppress(OSError):  # what was not written yet has no reader any more
+        pipe.close()
+
+
+def resident_megabytes(pid: int) -> float:
+    """Memory of a process [MB]; 0 where it has ended, or the system does not tell (other than Linux)."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except (OSError, IndexError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def fair_share_megabytes(workers: int) -> float:
+    """Memory that each of so many workers may take on this machine [MB]."""
+    return 0.9 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6 / workers

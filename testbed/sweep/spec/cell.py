@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: MIT
+"""One run of a sweep: plain data that decides its result, and the key made of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from testbed.sweep.spec.settings import Value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """What one run is computed from; equal cells give equal results on every machine of one kind."""
+
+    place: str
+    """Name of the world or log, as tables show it."""
+    source: Mapping[str, Any]
+    """`{"world": name or path}`, or the fields of a `LogSource`."""
+    line: str
+    """Name of the combination of settings."""
+    settings: Mapping[str, Value]
+    """By dotted name; the others are at their defaults."""
+    particles: int
+    seed: int
+    inputs: Mapping[str, str]
+    """SHA-256 of the files it reads, by path."""
+    code: str
+    """`code_version` that it is computed with."""
+
+    @property
+    def key(self) -> str:
+        """Hash of all that decides the result, 20 hex digits: names and places of files do not, their content does."""
+        content = {
+            "source": self._by_content(self.source),
+            "settings": self._by_content(self.settings),
+            "particles": self.particles,
+            "seed": self.seed,
+            "inputs": sorted(self.inputs.values()),
+            "code": self.code,
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:20]
+
+    def _by_content(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        return {k: self.inputs.get(v, v) if isinstance(v, str) else v for k, v in table.items() if v is not None}
+
+    def document(self) -> dict[str, Any]:
+        """As plain data for JSON; `Cell(**document)` is the cell again."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        particles = "1 particle" if self.particles == 1 else f"{self.particles} particles"
+        return f"{self.place}, {self.line}, {particles}, seed {self.seed}"

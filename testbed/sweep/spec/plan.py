@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: MIT
+"""From a specification to cells: which there are, which is the most work, which belong to a shard."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbed.formats import open_log
+from testbed.sweep.errors import SweepError
+from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.settings import RunSettings, Value
+from testbed.sweep.spec.spec import LogSource, SweepSpec
+
+_YAML = (".yaml", ".yml")
+"""Endings of ROS maps, whose image is a file beside."""
+_WITHOUT_PARTICLES = 9.0
+"""Simulating and scoring take as long as this many particles (mean of the worlds of the preset `particles`)."""
+_PROPOSAL_COSTS = {"improved": 1.0, "scan-match": 0.75, "motion": 0.85}
+"""Time per particle by `filter.proposal.kind`, as a multiple of the first (likewise)."""
+
+
+def file_digest(path: str | Path) -> str:
+    """SHA-256 of a file, or of the names and contents of all files of a directory."""
+    path = Path(path)
+    if not path.is_dir():
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for part in sorted(p for p in path.rglob("*") if p.is_file()):
+        digest.update(f"{part.relative_to(path).as_posix()}\0{file_digest(part)}\n".encode())
+    return digest.hexdigest()
+
+
+def input_digests(spec: SweepSpec) -> dict[str, str]:
+    """Digests of all files that a sweep reads, by path; files of the packages count as code.
+
+    Raises OSError where one cannot be read.
+    """
+    paths = {path for log in spec.logs for path in (log.log, log.relations, log.truth) if path is not None}
+    for world in spec.worlds:
+        for line in spec.lines():
+            paths |= {str(path) for path in RunSettings.of(line.settings).simulator.files(world)}
+    return {path: file_digest(path) for path in sorted(paths)}
+
+
+def _read_by(source: Mapping[str, Any], settings: Mapping[str, Value], inputs: Mapping[str, str]) -> dict[str, str]:
+    """Which of the inputs a cell reads: what it names, and the image of a ROS map that it names.
+
+    By their names alone: the cells of a sweep are the same where its input files are not at hand.
+    """
+    words = {
+        word.strip() for v in (*source.values(), *settings.values()) if isinstance(v, str) for word in v.split(",")
+    }
+    maps = {Path(word).parent for word in words if word.endswith(_YAML)}
+    return {path: d for path, d in inputs.items() if path in words or (_is_image(path) and Path(path).parent in maps)}
+
+
+def _is_image(path: str) -> bool:
+    return Path(path).suffix in {".pgm", ".png"}
+
+
+def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
+    """All cells in the order of the tables: places, lines, particle counts, seeds."""
+    lines = spec.lines()
+    return [
+        Cell(
+            place=name,
+            source=source,
+            line=line.name,
+            settings=line.settings,
+            particles=particles,
+            seed=seed,
+            inputs=_read_by(source, line.settings, inputs),
+            code=code,
+        )
+        for name, source in _sources(spec)
+        for line in lines
+        for particles in spec.particles
+        for seed in spec.seeds
+    ]
+
+
+def _sources(spec: SweepSpec) -> list[tuple[str, dict[str, Any]]]:
+    """Name and source of each place."""
+    sources: list[tuple[str, dict[str, Any]]] = [(Path(world).stem, {"world": world}) for world in spec.worlds]
+    sources += [(log.name, log.model_dump(exclude_none=True)) for log in spec.logs]
+    names = [name for name, _ in sources]
+    if len(set(names)) < len(names):
+        raise SweepError(f"two places of one name: {', '.join(names)}; expected different names of files")
+    return sources
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Predicted work of cells, in units that only compare: the longest are started first."""
+
+    lengths: Mapping[str, float]
+    """Of each place: path of the tour [m], or number of scans of the log."""
+
+    @classmethod
+    def of(cls, spec: SweepSpec) -> Costs:
+        """Load each place once; raises WorldError, PresetError or LogError for what cannot be loaded.
+
+        Every combination of robot, lidar and backend is looked at too, so that a misspelt name is told at once.
+        """
+        lengths = {log.name: _log_length(log) for log in spec.logs}
+        for world in spec.worlds:
+            for line in spec.lines():
+                simulator = RunSettings.of(line.settings).simulator
+                simulator.simulation(seed=0)
+                if (name := Path(world).stem) not in lengths:
+                    way = simulator.place(world).path()
+                    lengths[name] = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+        return cls(lengths)
+
+    def __call__(self, cell: Cell) -> float:
+        """Predicted work of one cell."""
+        factor = _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
+        return self.lengths[cell.place] * (_WITHOUT_PARTICLES + factor * cell.particles)
+
+
+def _log_length(log: LogSource) -> float:
+    return float(open_log(log.log, laser_offset=log.laser_offset, range_max=log.range_max).scan_count)
+
+
+def by_work(cells: Sequence[Cell], costs: Costs) -> list[Cell]:
+    """The cells with the most work first; equal ones keep their order."""
+    return sorted(cells, key=lambda cell: -costs(cell))
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part `index` of `count` of a sweep, counted from 0."""
+
+    index: int
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.count < 1 or not 0 <= self.index < self.count:
+            raise SweepError(f"shard {self}: expected 0/{self.count} to {self.count - 1}/{self.count}")
+
+    def __str__(self) -> str:
+        return f"{self.index}/{self.count}"
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """From `i/n`; raises SweepError."""
+        index, slash, count = text.partition("/")
+        if not (slash and index.isdecimal() and count.isdecimal() and int(count) > 0):
+            raise SweepError(f"shard {text!r}: expected i/n such as 0/8")
+        return cls(int(index), int(count))
+
+    def of(self, cells: Sequence[Cell]) -> list[Cell]:
+        """This shard's cells: dealt out one by one, so that a sequence sorted by work gives equal shares."""
+        return list(cells[self.index :: self.count])

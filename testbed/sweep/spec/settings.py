@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: MIT
+"""Settings by dotted names such as `odometry.grade`: each option of `testbed run` can be an axis."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
+from typing import Any, TypeVar, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from slam.config.filter import FilterConfig
+from testbed.settings.simulator import SimulatorOptions
+from testbed.sweep.errors import SweepError
+
+Value = bool | int | float | str
+"""Of a setting."""
+_Config = TypeVar("_Config")
+
+_TOUR_ONLY = "all cells of a seed share one drive, which is a tour"
+NOT_SETTINGS = {
+    "filter.particles": "is given as 'particles', not as a setting",
+    "driver.kind": _TOUR_ONLY,
+    "commands": _TOUR_ONLY,
+}
+"""Options of `testbed run` that are no settings of a sweep, and why."""
+FILES = ("robot", "lidar")
+"""Settings that may name a file of the user's own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """Everything that decides a run but its place, seed and particle count."""
+
+    simulator: SimulatorOptions = field(default_factory=lambda: SimulatorOptions(backend="fast"))
+    filter: FilterConfig = field(default_factory=FilterConfig)
+    refine: bool = True
+
+    @classmethod
+    def of(cls, values: Mapping[str, Value]) -> RunSettings:
+        """The defaults with these values by dotted name; raises ValueError for values that do not go together."""
+        settings = cls()
+        for name, value in values.items():
+            settings = _replaced(settings, _path(name), value)
+        return settings
+
+
+@cache
+def known() -> dict[str, TypeAdapter[Any]]:
+    """Every setting by dotted name, with what its values are checked by."""
+    return {name: TypeAdapter(kind) for name, kind in _leaves(RunSettings) if name not in NOT_SETTINGS}
+
+
+def checked(name: str, value: object, *, recorded: bool) -> Value:
+    """The value of a setting in its own type; `recorded`: the places are logs, which nothing is simulated for.
+
+    Raises SweepError for an unknown name (with the nearest ones) and for a value of the wrong kind.
+    """
+    if name in NOT_SETTINGS:
+        raise SweepError(f"{name}: {NOT_SETTINGS[name]}")
+    if name not in known():
+        near = difflib.get_close_matches(name, known(), n=3, cutoff=0.4) or ["robot", "odometry.grade", "filter.…"]
+        raise SweepError(f"{name}: unknown setting, expected such as {', '.join(near)}")
+    if recorded and not (name.startswith("filter.") or name == "refine"):
+        raise SweepError(f"{name}: nothing is simulated for recorded logs, expected a filter setting or 'refine'")
+    try:
+        validated = known()[name].validate_python(value, strict=True)
+    except ValidationError as error:
+        what = error.errors(include_url=False)[0]["msg"].replace("Input should be", "expected")
+        raise SweepError(f"{name} = {value!r}: {what}") from None
+    if not isinstance(validated, Value):
+        raise SweepError(f"{name}: expected one word, number or switch, got {value!r}")
+    try:
+        RunSettings.of({name: validated})
+    except ValueError as error:
+        raise SweepError(f"{name} = {value!r}: {error}") from None
+    return validated
+
+
+def _path(name: str) -> list[str]:
+    """Fields that lead to a setting: those of the simulator are one level down."""
+    head = name.partition(".")[0]
+    inside = {f.name for f in fields(RunSettings)}
+    return name.split(".") if head in inside else ["simulator", *name.split(".")]
+
+
+def _replaced(config: _Config, path: list[str], value: Value) -> _Config:
+    """A frozen dataclass with one field, however deep, replaced."""
+    head, *rest = path
+    inner = _replaced(getattr(config, head), rest, value) if rest else value
+    return replace(config, **{head: inner})  # type: ignore[type-var]  # configs are dataclasses
+
+
+def _leaves(config: type, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted names and types of all fields that are not groups of fields themselves."""
+    hints = get_type_hints(config)
+    for f in fields(config):
+        kind = hints[f.name]
+        if not is_dataclass(kind):
+            yield f"{prefix}{f.name}", kind
+        elif f.name == "simulator":
+            yield from _leaves(kind, prefix)  # type: ignore[arg-type]
+        else:
+            yield from _leaves(kind, f"{prefix}{f.name}.")  # type: ignore[arg-type]

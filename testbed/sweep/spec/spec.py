@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: MIT
+"""What a sweep is: places x seeds x lines x particle counts, read from TOML or made of flags."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+
+from testbed.sweep.errors import SweepError
+from testbed.sweep.spec.settings import FILES, Value, checked
+
+LARGEST_FILE = 1_000_000
+"""Bytes of a specification."""
+LARGEST_SWEEP = 1_000_000
+"""Cells."""
+_PRESETS = resources.files("testbed") / "sweep" / "presets"
+BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
+"""What the preset `gate` is compared with (`eval.sweep.regression_check`)."""
+
+Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Seed = Annotated[int, Field(strict=True, ge=0)]
+
+
+class LogSource(BaseModel):
+    """A recorded log and what its estimate is scored by; paths are relative to the specification's file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    log: str
+    """A log as `testbed slam` reads it."""
+    relations: str | None = None
+    """Hand-checked relations between poses."""
+    truth: str | None = None
+    """True trajectory, TUM."""
+    laser_offset: float | None = None
+    """x of the laser in the robot's frame [m], where the log does not say."""
+    range_max: float | None = None
+    """Readings from here on are no returns [m]."""
+
+    @property
+    def name(self) -> str:
+        """Short name: that of the log up to its first dot."""
+        return Path(self.log).name.split(".")[0]
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of every plot: a combination of settings whose accuracy is followed over the particle count."""
+
+    name: str
+    settings: Mapping[str, Value]
+
+
+class SweepSpec(BaseModel):
+    """A sweep as it was asked for: everything that decides its results, and nothing of how it is carried out."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    title: str = ""
+    """For the report."""
+    worlds: tuple[str, ...] = ()
+    """Names from the catalogue, TOML files, ROS maps; all seeds drive the same tour with noise of their own."""
+    logs: tuple[LogSource, ...] = ()
+    """Recorded logs in place of worlds; the seed is that of the filter."""
+    seeds: tuple[Seed, ...] = tuple(range(10))
+    """In TOML also a single number: how many, from 0 on."""
+    particles: tuple[Count, ...] = (1, 2, 5, 10, 20, 50, 100)
+    """Particle counts."""
+    settings: dict[str, Any] = Field(default_factory=dict)
+    """Settings of all cells, by dotted name or nested tables."""
+    variants: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """Named groups of settings, one line each."""
+    axes: dict[str, tuple[Any, ...]] = Field(default_factory=dict)
+    """Settings with several values: every combination is a line, times the variants."""
+    baseline: str = ""
+    """Name of the line that the others are compared with; default: the first."""
+    measure: str = ""
+    """Key of `metrics.json` that accuracy is read from, less is better; default: `trajectory.ate_rmse_m` for worlds,
+    `relations.trans_mean_m` for logs."""
+
+    @field_validator("seeds", mode="before")
+    @classmethod
+    def _count_of_seeds(cls, value: Any) -> Any:
+        return tuple(range(value)) if isinstance(value, int) and not isinstance(value, bool) else value
+
+    @field_validator("worlds", "logs", "seeds", "particles", mode="after")
+    @classmethod
+    def _no_doubles(cls, values: tuple[Any, ...], info: ValidationInfo) -> tuple[Any, ...]:
+        if info.field_name in ("seeds", "particles"):
+            if not values:
+                raise ValueError("is empty, expected at least one")
+            values = tuple(sorted(values))
+        if len(set(values)) < len(values):
+            raise ValueError("names one thing twice")
+        return values
+
+    @field_validator("settings", mode="before")
+    @classmethod
+    def _flat_settings(cls, value: Any) -> Any:
+        return _flat(value) if isinstance(value, dict) else value
+
+    @field_validator("variants", mode="before")
+    @classmethod
+    def _flat_variants(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        return {name: _flat(table) if isinstance(table, dict) else table for name, table in value.items()}
+
+    @field_validator("axes", mode="before")
+    @classmethod
+    def _flat_axes(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        return {name: tuple(v) if isinstance(v, list) else v for name, v in _flat(value).items()}
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if bool(self.worlds) == bool(self.logs):
+            raise ValueError("expected either worlds or logs")
+        names = [line.name for line in self.lines()]
+        if self.baseline and self.baseline not in names:
+            raise ValueError(f"baseline {self.baseline!r}: no such line, expected one of {', '.join(names)}")
+        if self.size > LARGEST_SWEEP:
+            raise ValueError(f"{self.size} cells, expected at most {LARGEST_SWEEP}")
+        return self
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return (len(self.worlds) + len(self.logs)) * len(self.seeds) * len(self.lines()) * len(self.particles)
+
+    @property
+    def key_measure(self) -> str:
+        """Key of the measure that accuracy is read from."""
+        return self.measure or ("relations.trans_mean_m" if self.logs else "trajectory.ate_rmse_m")
+
+    def lines(self) -> list[Line]:
+        """All combinations of variants and values of axes; raises SweepError for settings that are wrong or doubled."""
+        recorded = bool(self.logs)
+        for name, values in self.axes.items():
+            if not values:
+                raise SweepError(f"axis {name}: is empty, expected at least one value")
+        shared = {name: checked(name, value, recorded=recorded) for name, value in self.settings.items()}
+        lines = []
+        for variant, table in (self.variants or {"": {}}).items():
+            own = {name: checked(name, value, recorded=recorded) for name, value in table.items()}
+            for values in product(*self.axes.values()):
+                chosen = {n: checked(n, v, recorded=recorded) for n, v in zip(self.axes, values, strict=True)}
+                for name in sorted((shared.keys() & own) | (shared.keys() & chosen) | (own.keys() & chosen)):
+                    raise SweepError(f"{name}: is set twice, in two of settings, variants and axes")
+                words = [variant] * bool(variant) + [_label(n, v) for n, v in chosen.items()]
+                lines.append(Line(", ".join(words) or "default", shared | own | chosen))
+        for line in lines:
+            if sum(other.settings == line.settings or other.name == line.name for other in lines) > 1:
+                raise SweepError(f"line {line.name!r}: is there twice, expected different names and settings")
+        return lines
+
+    def document(self) -> dict[str, Any]:
+        """The specification as TOML holds it, without what was left at its default."""
+        return self.model_dump(mode="json", exclude_defaults=True, exclude_none=True) | {
+            "seeds": list(self.seeds),
+            "particles": list(self.particles),
+        }
+
+    def located(self, folder: Path) -> SweepSpec:
+        """The same with all files by absolute path; relative ones start at `folder`."""
+
+        def place(name: Any) -> Any:
+            is_file = isinstance(name, str) and Path(name).suffix and (folder / name).exists()
+            return str((folder / name).resolve()) if is_file else name
+
+        def settings(table: Mapping[str, Any]) -> dict[str, Any]:
+            return {k: place(v) if k in FILES else v for k, v in table.items()}
+
+        files = ("log", "relations", "truth")
+        return SweepSpec.model_validate(
+            self.model_dump()
+            | {
+                "worlds": tuple(map(place, self.worlds)),
+                "logs": tuple(log.model_copy(update={n: place(getattr(log, n)) for n in files}) for log in self.logs),
+                "settings": settings(self.settings),
+                "variants": {name: settings(table) for name, table in self.variants.items()},
+                "axes": {k: tuple(map(place, v)) if k in FILES else v for k, v in self.axes.items()},
+            }
+        )
+
+
+def presets() -> list[str]:
+    """Names of the specifications that come with the package, sorted."""
+    return sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml"))
+
+
+def read_preset(name: str) -> dict[str, Any]:
+    """The document of a specification that comes with the package; raises SweepError for an unknown name."""
+    if name not in presets():
+        raise SweepError(f"unknown preset {name!r}, expected one of {', '.join(presets())}")
+    return tomllib.loads((_PRESETS / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """A specification's document from a TOML file; raises SweepError where it cannot be read."""
+    if path.is_file() and path.stat().st_size > LARGEST_FILE:
+        raise SweepError(f"{path}: larger than {LARGEST_FILE} bytes, expected the specification of a sweep")
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SweepError(f"{path}: {str(error.strerror).lower()}, expected the specification of a sweep") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise SweepError(f"{path}: {error}, expected TOML") from None
+
+
+def parse_spec(document: Mapping[str, Any], source: str, folder: Path) -> SweepSpec:
+    """A checked specification; `source` names it in messages, `folder` is where its relative paths start.
+
+    Raises SweepError that names the key and what was expected.
+    """
+    try:
+        return SweepSpec.model_validate(dict(document)).located(folder)
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in problem["loc"])
+        what = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+        if problem["type"] == "extra_forbidden":
+            what = f"unknown key, expected one of {', '.join(SweepSpec.model_fields)}"
+        raise SweepError(": ".join(filter(None, (source, key, what)))) from None
+
+
+def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Leaves of nested tables by dotted name: TOML's `filter.match.hit_sigma = 0.1` is nested, quoted it is not."""
+    leaves: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            leaves |= _flat(value, f"{prefix}{key}.")
+        else:
+            leaves[f"{prefix}{key}"] = value
+    return leaves
+
+
+def _label(name: str, value: Value) -> str:
+    """A value of an axis in words: alone where it is a word, else with the last part of the setting's name."""
+    if isinstance(value, str):
+        return Path(value).stem if name in FILES else value
+    return f"{name.rpartition('.')[2]} {str(value).lower() if isinstance(value, bool) else format(value, 'g')}"
+
+
+def parsed_axes(texts: Iterable[str]) -> dict[str, list[Any]]:
+    """`NAME=VALUE,VALUE` from the command line; values are read as TOML, else as words. Raises SweepError."""
+    axes: dict[str, list[Any]] = {}
+    for text in texts:
+        name, equals, values = text.partition("=")
+        if not equals or not name.strip():
+            raise SweepError(f"{text!r}: expected NAME=VALUE,VALUE such as odometry.grade=good,poor")
+        if name.strip() in axes:
+            raise SweepError(f"{name.strip()}: is given twice")
+        axes[name.strip()] = [_parsed(word.strip()) for word in values.split(",") if word.strip()]
+    return axes
+
+
+def _parsed(word: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {word}")["value"]
+    except tomllib.TOMLDecodeError:
+        return word

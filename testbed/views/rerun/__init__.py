@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""What a Rerun recording of a run holds."""

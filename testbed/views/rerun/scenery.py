@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: MIT
+"""What a layout depends on."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+from testbed.views.rerun.drawing import Extent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenery:
+    """What the blueprint of a run must know."""
+
+    particles: int
+    """Number of particles, at most: upper end of the axis of the effective sample size."""
+    truth: bool
+    """Whether there are errors to plot."""
+    extent: Extent | None
+    """What the views of the map show; None = not known yet, they follow the robot."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data, for another process."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, plain: dict[str, Any]) -> Self:
+        """From the plain data of `to_json`."""
+        extent = plain["extent"]
+        return cls(**plain | {"extent": None if extent is None else Extent(**extent)})

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: MIT
+"""The report of a sweep: its numbers are those of the tables, its files are whole and need no network."""
+
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eval.sweep.paper_tables import latex_table, markdown_table
+from eval.sweep.plots import Unit, pareto_front
+from eval.sweep.report import DRAWINGS, write_sweep_report
+from eval.sweep.results import SweepTableError, read_sweep
+from eval.sweep.statistics import paired_difference
+from eval.sweep.summary import summarise, worst_runs
+from tests.eval.synthetic_sweep import COUNTS, LINES, PLACES, errors_of, write_sweep
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_sweep(tmp_path_factory.mktemp("sweep"))
+
+
+def test_every_run_is_found_at_its_place_in_the_cubes(folder):
+    table = read_sweep(folder)
+    assert (table.places, table.lines, table.counts, len(table.seeds)) == (PLACES, LINES, COUNTS, 10)
+    for index in np.ndindex(*table.shape):
+        assert table.error[index] == errors_of(*index)
+    np.testing.assert_allclose(table.curves["ess"][..., -1], 0.7)
+    assert np.isnan(table.curves["nees"]).all()
+
+
+def test_groups_tell_medians_differences_and_costs(folder):
+    table = read_sweep(folder)
+    summary = summarise(table)
+    group = summary.group("cave", "motion", 5)
+    errors = [errors_of(1, 1, 1, s) for s in range(10)]
+    assert group.median.value == pytest.approx(np.median(errors))
+    assert group.mean.value == pytest.approx(np.mean(errors))
+    assert group.to_baseline == paired_difference(errors, [errors_of(1, 0, 1, s) for s in range(10)])
+    assert group.to_largest == paired_difference(errors, [errors_of(1, 1, 2, s) for s in range(10)])
+    assert group.detectable < group.to_baseline.value  # so it was seen
+    assert group.cost == pytest.approx(2.5)  # ms: 0.25 s for 100 updates
+    assert summary.group("cave", "improved", 5).to_baseline is None
+    assert summary.group("cave", "motion", 20).to_largest is None
+    assert summary.enough("cave", "improved") == 1
+    assert summary.enough("cave", "motion") is None
+
+
+def test_runs_that_went_wrong_and_runs_that_are_missing_are_told_apart(tmp_path):
+    def outcome(p, k, c, s):
+        return {0: "lost", 1: "drift", 2: "broken loop"}.get(s, "ok") if (p, k, c) == (0, 1, 0) else "ok"
+
+    write_sweep(tmp_path, outcome=outcome, missing=frozenset({(0, 1, 0, 9), (0, 1, 0, 8)}))
+    group = summarise(read_sweep(tmp_path)).group("hall_a", "motion", 1)
+    assert (group.runs, group.failures, group.median.count) == (8, 2, 8)
+    assert group.failure_interval[0] < 0.25 < group.failure_interval[1]
+
+
+def test_a_sweep_of_which_little_is_there_has_a_report_all_the_same(tmp_path):
+    there = {(0, 0, 0, 0), (1, 1, 2, 3)}
+    everything = set(np.ndindex(len(PLACES), len(LINES), len(COUNTS), 10))
+    write_sweep(tmp_path, missing=frozenset(everything - there))
+    page = write_sweep_report(tmp_path).read_text()
+    assert "no count is shown to be enough" in page
+    assert "118 cells have not been computed" in page
+    assert "nan" not in re.sub(r"base64,[^\"]+", "", page).lower()
+
+
+def test_the_worst_runs_are_those_with_the_largest_errors_of_each_line(folder):
+    worst = worst_runs(read_sweep(folder))
+    assert [(run.line, run.place) for run in worst] == [(line, place) for line in LINES for place in reversed(PLACES)]
+    for run in worst:
+        p, k = PLACES.index(run.place), LINES.index(run.line)
+        assert run.error == max(errors_of(p, k, c, s) for c in range(len(COUNTS)) for s in range(10))
+        assert run.key == f"{p}-{k}-{COUNTS.index(run.count)}-{run.seed}"
+
+
+def test_page_and_figures_are_whole_need_no_network_and_link_what_is_there(tmp_path):
+    write_sweep(tmp_path)
+    worst = worst_runs(read_sweep(tmp_path))[0]
+    (tmp_path / "worst" / worst.key).mkdir(parents=True)
+    (tmp_path / "worst" / worst.key / "report.html").write_text("")
+    page = write_sweep_report(tmp_path).read_text()
+    assert not re.findall(r"(?:src|href)=\"https?:", page)
+    assert page.count('src="data:image/svg+xml') == len(DRAWINGS)
+    assert f'href="worst/{worst.key}/report.html"' in page
+    assert f'href="worst/{worst.key}/recording.rrd"' not in page
+    assert "1 particle is enough everywhere." in page
+
+    figures = {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()}
+    assert sorted(figures) == sorted(f"{drawing.name}.{form}" for drawing in DRAWINGS for form in ("pdf", "svg"))
+    assert write_sweep_report(tmp_path).read_text() == page
+    assert {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()} == figures
+
+
+def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
+    write_sweep(tmp_path, outcome=lambda p, k, c, s: "lost" if (p, k, c) == (0, 1, 0) and s < 3 else "ok")
+    summary = summarise(read_sweep(tmp_path))
+    m = summary.group("hall_a", "motion", 1).median
+    cell = f"{100 * m.value:.1f} [{100 * m.low:.1f}, {100 * m.high:.1f}] (3/10)"
+    rows = [line.split(" | ") for line in markdown_table(summary).splitlines() if line.startswith("| hall_a | motion")]
+    assert rows[0][2] == cell
+    latex = latex_table(summary)
+    row = next(line.split(" & ") for line in latex.splitlines() if line.startswith(r"hall\_a & 1 &"))
+    assert row[2 + LINES.index("motion")].removesuffix(r" \\") == cell
+    assert latex.count("&") == (2 + len(LINES) - 1) * (1 + len(PLACES) * len(COUNTS))
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex (Debian: texlive-latex-recommended)")
+def test_the_latex_table_compiles_whatever_the_names(tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", ("hall_a & {b}", r"50 % of $x^2$ ~ #1 \cave"))
+    table = latex_table(summarise(read_sweep(write_sweep(tmp_path / "sweep"))))
+    head = "\\documentclass{article}\n\\usepackage{booktabs}\n\\begin{document}\n"
+    (tmp_path / "paper.tex").write_text(f"{head}{table}\\end{{document}}\n")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, errors="replace", check=False)
+    assert done.returncode == 0, done.stdout
+    assert (tmp_path / "paper.pdf").is_file()
+    assert "Overfull" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("measure", "unit"),
+    [
+        ("trajectory.ate_rmse_m", ("trajectory error [cm]", 100.0, "cm")),
+        ("map.wall_distance_m", ("map.wall_distance [cm]", 100.0, "cm")),
+        ("trajectory.heading_rmse_deg", ("trajectory.heading_rmse [deg]", 1.0, "deg")),
+        ("map.log_loss", ("map.log_loss", 1.0, "")),
+    ],
+)
+def test_measures_are_shown_in_units_for_people(measure, unit):
+    shown = Unit.of(measure)
+    assert (shown.words, shown.factor, shown.name) == unit
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PAR1 no table"])
+def test_damaged_tables_are_named(tmp_path, content):
+    write_sweep(tmp_path)
+    (tmp_path / "sweep.parquet").unlink()
+    if content is not None:
+        (tmp_path / "sweep.parquet").write_bytes(content)
+    with pytest.raises(SweepTableError, match=r"sweep\.parquet"):
+        write_sweep_report(tmp_path)
+
+
+points = st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), max_size=30)
+
+
+@settings(deadline=None)
+@given(points)
+def test_the_front_holds_exactly_what_nothing_beats(points):
+    array = np.array(points, dtype=float).reshape(-1, 2)
+    front = {tuple(array[row]) for row in pareto_front(array)}
+
+    def beaten(a):
+        return any((b <= a).all() and (b < a).any() for b in array)
+
+    assert front == {tuple(a) for a in array if not beaten(a)}

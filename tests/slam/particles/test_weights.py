@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: MIT
+"""Weights: normalised, bounded, and defined whatever the gains are."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slam.particles.weights import Weights
+
+GAINS = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30)
+
+
+@given(GAINS)
+@settings(deadline=None)
+def test_weights_are_the_normalised_exponentials(gains):
+    gains = np.array(gains)
+    weights, evidence = Weights.uniform(len(gains)).times(gains)
+    expected = np.exp(gains - gains.max())
+    np.testing.assert_allclose(weights.values, expected / expected.sum(), atol=1e-12)
+    assert evidence == pytest.approx(gains.max() + math.log(expected.mean()), rel=1e-9, abs=1e-9)
+
+
+@given(GAINS, st.floats(-1e5, 1e5))
+@settings(deadline=None)
+def test_a_common_factor_changes_the_evidence_alone(gains, shift):
+    gains = np.array(gains)
+    plain, shifted = (Weights.uniform(len(gains)).times(gains + c) for c in (0.0, shift))
+    np.testing.assert_allclose(shifted[0].values, plain[0].values, atol=1e-8)
+    assert shifted[1] - plain[1] == pytest.approx(shift, abs=1e-8)
+
+
+@given(GAINS)
+@settings(deadline=None)
+def test_gains_one_after_the_other_multiply(gains):
+    gains = np.array(gains)
+    start = Weights.uniform(len(gains))
+    once, evidence = start.times(gains)
+    half, first = start.times(0.5 * gains)
+    twice, second = half.times(0.5 * gains)
+    np.testing.assert_allclose(twice.values, once.values, atol=1e-8)
+    assert first + second == pytest.approx(evidence, rel=1e-9, abs=1e-8)
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=30))
+@settings(deadline=None)
+def test_whatever_the_gains_weights_stay_weights(gains):
+    weights, evidence = Weights.uniform(len(gains)).times(np.array(gains))
+    assert weights.values.sum() == pytest.approx(1.0)
+    assert np.all(weights.values >= 0.0)
+    assert 1.0 - 1e-9 <= weights.ess <= len(gains) * (1.0 + 1e-9)
+    assert not math.isnan(evidence)
+    assert weights.values[weights.best] == weights.values.max()
+
+
+def test_a_particle_of_no_gain_loses_its_weight_to_the_others():
+    weights, _ = Weights.uniform(3).times(np.array([0.0, math.nan, -math.inf]))
+    np.testing.assert_allclose(weights.values, [1.0, 0.0, 0.0])
+    assert weights.ess == pytest.approx(1.0)
+
+
+def test_weights_far_below_the_smallest_float_keep_their_ratio():
+    weights, evidence = Weights.uniform(2).times(np.array([-1e5, -1e5 + math.log(3.0)]))
+    np.testing.assert_allclose(weights.values, [0.25, 0.75])
+    assert evidence == pytest.approx(-1e5 + math.log(2.0))
+
+
+@pytest.mark.parametrize("gain", [-math.inf, math.nan])
+def test_where_nobody_has_a_gain_all_stays_as_it_was(gain):
+    before, _ = Weights.uniform(3).times(np.log([0.2, 0.3, 0.5]))
+    after, evidence = before.times(np.full(3, gain))
+    np.testing.assert_array_equal(after.values, before.values)
+    assert evidence == -math.inf
+
+
+def test_effective_sample_size_of_k_equal_weights_is_k():
+    gains = np.where(np.arange(10) < 4, 0.0, -np.inf)
+    assert Weights.uniform(10).times(gains)[0].ess == pytest.approx(4.0)
+
+
+def test_the_first_of_equal_weights_is_best():
+    assert Weights.uniform(5).best == 0

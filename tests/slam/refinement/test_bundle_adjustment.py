@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: MIT
+"""The equations of the final pass against dense ones and numerical derivatives, and what may pull a pose."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slam._threads import Threads
+from slam.config.filter import RefineConfig
+from slam.refinement._chain_kernels import add_odometry_steps
+from slam.refinement._normal_equations_kernels import (
+    Matches,
+    Sights,
+    collect,
+    match_points,
+    subtract_surfels,
+    weigh_points,
+)
+from slam.refinement.bundle_adjustment import GAUGE, Adjustment, conjugate_gradients
+from slam.refinement.surfels import cells_of, cloud_of, find_surfels, noise_of, placed
+from tests.slam.refinement.test_chain import dense_matrix
+from tests.slam.rooms import rays
+
+
+def random_problem(seed, scans=4, surfels=5, hits=30):
+    """Poses, points in the map's frame, first, and matches with weights, of walls that no scan saw alone."""
+    rng = np.random.default_rng(seed)
+    poses = rng.normal(size=(scans, 3))
+    points = rng.normal(scale=3.0, size=(scans * hits, 2))
+    angle = rng.uniform(-np.pi, np.pi, surfels)
+    normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    surfel = rng.integers(-1, surfels, scans * hits).astype(np.int32)
+    across = 0.1 * rng.normal(size=scans * hits)
+    weight = np.where(surfel >= 0, rng.uniform(0.5, 2.0, scans * hits), 0.0)
+    for e in range(surfels):  # distances from the weighted mean, as `weigh_points` leaves them
+        own = surfel == e
+        across[own] -= np.average(across[own], weights=weight[own])
+    first = np.arange(scans + 1) * hits
+    return poses, points, first, Matches(surfel, across, np.ones(len(surfel)), weight), normal
+
+
+def moved_cost(problem, delta):
+    """The least cost over the offsets after the poses have moved by a small delta (scans, 3)."""
+    poses, points, first, matches, normal = problem
+    scan = np.repeat(np.arange(len(poses)), np.diff(first))
+    arm = points - poses[scan, :2]
+    moved = delta[scan, :2] + delta[scan, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=-1)
+    r = matches.across + np.sum(normal[matches.surfel] * moved, axis=1)
+    total = 0.0
+    for e in range(len(normal)):
+        own = matches.surfel == e
+        w = matches.weight[own]
+        total += 0.5 * np.sum(w * (r[own] - np.average(r[own], weights=w)) ** 2)
+    return total
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_equations_are_those_of_the_least_cost_over_all_offsets(seed):
+    problem = random_problem(seed)
+    poses, points, first, matches, normal = problem
+    scans, n = len(poses), len(points)
+    diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
+    rows = Sights(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+    collect(0, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
+    used = np.concatenate([np.arange(begin, begin + c) for begin, c in zip(first, count, strict=False)])
+    sights = Sights(np.concatenate([[0], np.cumsum(count)]), rows.surfel[used], rows.weight[used], rows.lever[used])
+    for begin, end in pairwise(sights.first):  # one row for each surfel that a scan sees
+        assert len(set(sights.surfel[begin:end])) == end - begin
+    total = np.bincount(matches.surfel[matches.surfel >= 0], matches.weight[matches.surfel >= 0])
+
+    def product(x):
+        out = np.einsum("nij,nj->ni", diagonal, x)
+        subtract_surfels(sights, normal, total, x, out)
+        return out
+
+    zero = np.zeros((scans, 3))
+    for k in range(3 * scans):
+        unit = np.eye(3 * scans)[k].reshape(scans, 3)
+        ahead, back = moved_cost(problem, unit), moved_cost(problem, -unit)
+        assert 0.5 * (ahead - back) == pytest.approx(gradient.ravel()[k], abs=1e-9)  # the cost is a quadratic form
+        assert ahead + back - 2.0 * moved_cost(problem, zero) == pytest.approx(product(unit).ravel()[k], abs=1e-8)
+        for j in range(k):  # mixed derivatives
+            other = np.eye(3 * scans)[j].reshape(scans, 3)
+            mixed = moved_cost(problem, unit + other) - ahead - moved_cost(problem, other) + moved_cost(problem, zero)
+            assert mixed == pytest.approx(product(unit).ravel()[j], abs=1e-8)
+
+
+@given(st.integers(1, 8), st.integers(0, 10**6))
+@settings(deadline=None)
+def test_conjugate_gradients_equal_a_dense_solve(n, seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3 * n, 3 * n))
+    H, right = root @ root.T + np.eye(3 * n), rng.normal(size=(n, 3))
+    x = conjugate_gradients(
+        lambda v: (H @ v.ravel()).reshape(n, 3), lambda v: (v.ravel() / np.diag(H)).reshape(n, 3), right
+    )
+    expected = np.linalg.solve(H, right.ravel()).reshape(n, 3)
+    assert np.linalg.norm(x - expected) <= 1e-4 * np.linalg.norm(expected)
+    np.testing.assert_array_equal(conjugate_gradients(lambda v: v, lambda v: v, np.zeros((n, 3))), 0.0)
+
+
+def test_weights_fall_with_the_distance_and_leave_the_mean_where_most_points_are():
+    across = np.concatenate([np.linspace(-0.01, 0.01, 40), [0.3, 0.31]])
+    n = len(across)
+    matches = Matches(np.zeros(n, np.int32), across.copy(), np.full(n, 0.01**2), np.empty(n))
+    total = np.empty(1)
+    weigh_points(matches, 1.0, 0.03, total)
+    assert abs(np.mean(matches.across[:40])) < 0.001  # a plain mean would be off by 15 mm
+    assert total[0] == pytest.approx(matches.weight.sum())
+    assert matches.weight[-1] < 0.02 * matches.weight[20]
+
+
+def matched(parts, poses, gate):
+    """Surfels and matches of scans given as `Rays`, taken at poses (scans, 3)."""
+    config, threads = RefineConfig(), Threads(1)
+    cloud = cloud_of(parts, config.most_points)
+    there = placed(cloud, np.asarray(poses, dtype=np.float64), threads)
+    cells, cell_of = cells_of(there.points, config.cell)
+    surfels = find_surfels(there, cloud, cells, cell_of, config, 0.6, threads)
+    n = len(cloud.ends)
+    matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
+    noise = noise_of(config)
+    match_points(0, n, there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches)
+    return surfels, matches
+
+
+def test_end_points_belong_to_the_wall_that_they_lie_on():
+    wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
+    surfels, matches = matched([rays(wall), rays(wall)], [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)], gate=0.1)
+    assert np.mean(matches.surfel >= 0) > 0.98
+    own = matches.surfel >= 0
+    np.testing.assert_allclose(surfels.normal[matches.surfel[own]], [(-1.0, 0.0)] * own.sum(), atol=0.05)
+    first = np.arange(len(own)) < 161
+    np.testing.assert_allclose(matches.across[own & first], 0.01, atol=0.002)  # the surfels lie between both
+    np.testing.assert_allclose(matches.across[own & ~first], -0.01, atol=0.002)
+
+
+def test_the_side_of_a_box_before_a_wall_belongs_to_no_wall():
+    wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
+    side = np.stack([np.linspace(1.6, 1.98, 30), np.full(30, 0.5)], axis=-1)  # of a box, at a right angle to the wall
+    surfels, matches = matched([rays(np.concatenate([wall, side]))], [(0.0, 0.0, 0.0)], gate=0.2)
+    taken = matches.surfel[161:]
+    faces_the_robot = np.abs(surfels.normal[taken[taken >= 0], 1]) > 0.9
+    assert faces_the_robot.all()
+
+
+def square_room():
+    """Hits on the four walls of a room of 4 m by 4 m, about the robot."""
+    y = np.linspace(-2.0, 2.0, 161)
+    walls = np.concatenate([np.stack([np.full(161, x), y], axis=-1) for x in (2.0, -2.0)])
+    return rays(np.concatenate([walls, walls[:, ::-1]]))
+
+
+def dense_solutions(adjustment, poses, gate):
+    """The step that solves the whole system, and the one with all walls held."""
+    n = len(poses)
+    diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
+    add_odometry_steps(adjustment.prior, poses, adjustment.motions, diagonal, coupling, gradient)
+    scans = adjustment.scan_equations(poses, gate)
+    held = dense_matrix(diagonal + scans.diagonal, coupling)
+    held[:3, :3] += GAUGE * np.eye(3)
+    B = np.zeros((3 * n, len(scans.normal)))
+    for scan, (begin, end) in enumerate(pairwise(scans.sights.first)):
+        for k in range(begin, end):
+            e = scans.sights.surfel[k]
+            B[3 * scan : 3 * scan + 2, e] = scans.sights.weight[k] * scans.normal[e]
+            B[3 * scan + 2, e] = scans.sights.lever[k]
+    seen = scans.total > 0.0
+    right = -(gradient + scans.gradient).ravel()
+    whole = np.linalg.solve(held - (B[:, seen] / scans.total[seen]) @ B[:, seen].T, right)
+    return whole.reshape(n, 3), np.linalg.solve(held, right).reshape(n, 3)
+
+
+def test_a_step_solves_the_whole_system_in_which_walls_follow():
+    """Two rooms that share no wall, 4 cm farther apart by odometry than the poses have them: with its walls the second
+    room moves to where odometry says; with walls held its scans would stay where they are."""
+    n = 8
+    second = np.where(np.arange(n) >= n // 2, 1.0, 0.0)
+    odometry = np.stack([10.04 * second, np.zeros(n), np.zeros(n)], axis=-1)
+    adjustment = Adjustment(odometry, cloud_of([square_room()] * n, 10**6), np.arange(n), RefineConfig(), Threads(1))
+    poses = np.random.default_rng(0).normal(scale=(0.01, 0.01, 0.002), size=(n, 3))
+    poses[:, 0] += 10.0 * second
+    whole, held = dense_solutions(adjustment, poses, 0.1)
+    step = adjustment.step(poses, 0.1)
+    relative = step - step[0]  # nothing but the weak gauge holds the whole
+    np.testing.assert_allclose(relative, whole - whole[0], atol=2e-4)
+    apart = np.mean((poses + step)[n // 2 :, 0]) - np.mean((poses + step)[: n // 2, 0])
+    assert apart == pytest.approx(10.04, abs=0.005)
+    stayed = np.mean((poses + held)[n // 2 :, 0]) - np.mean((poses + held)[: n // 2, 0])
+    assert stayed == pytest.approx(10.0, abs=0.01)
+
+
+def test_one_scan_among_many_comes_into_step():
+    poses = np.zeros((8, 3))
+    adjustment = Adjustment(poses, cloud_of([square_room()] * 8, 10**6), np.arange(8), RefineConfig(), Threads(1))
+    off = poses.copy()
+    off[3] = 0.03, -0.02, 0.01
+    for gate in (0.1, 0.05, 0.03):
+        off += adjustment.step(off, gate)
+    np.testing.assert_allclose(off - off.mean(axis=0), 0.0, atol=0.002)

@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: MIT
+"""The command line: bad input is one line and exit status 2, and leaves nothing that looks finished."""
+
+import errno
+import gzip
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam.scan import Scan
+from testbed.formats import open_log
+from testbed.formats.carmen.writer import write_carmen
+from testbed.frame import Frame
+from testbed.run.run_directory import RUN_FILES, RunDirectory
+from testbed.settings.simulator import SimulatorOptions
+from tests.shell import TESTBED, assert_refused, call
+from worlds import catalogue, load
+
+
+def room_log(path: Path, scans: int = 5) -> Path:
+    """A robot that drives 0.2 m a scan through a square room of 8 m."""
+    angles = np.linspace(-np.pi, np.pi, 180, endpoint=False)
+    frames = []
+    for k in range(scans):
+        x = 0.2 * k - 2.0
+        with np.errstate(divide="ignore"):
+            to_x = (np.where(np.cos(angles) > 0, 4.0, -4.0) - x) / np.cos(angles)
+            to_y = np.where(np.sin(angles) > 0, 4.0, -4.0) / np.sin(angles)
+        scan = Scan(ranges=np.minimum(to_x, to_y), angles=angles, range_max=20.0)
+        pose = np.array([x, 0.0, 0.0])
+        frames.append(Frame(stamp=float(k), odometry=pose, scan=scan, truth=pose))
+    write_carmen(path, frames)
+    return path
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["rn", "office"], 'Did you mean "run"'),
+        (["run"], "--world"),
+        (["run", "ofice"], "office"),
+        (["run", "office", "--particles", "0"], "particles must be at least 1"),
+        (["run", "office", "--particles", "-3"], "particles must be at least 1"),
+        (["run", "office", "--particles", "many"], "many"),
+        (["run", "office", "--odometry", "good"], "--odometry.grade"),
+        (["run", "office", "--driver", "explor"], 'Did you mean "explore"'),
+        (["run", "office", "--driver", "recorded"], "--commands FILE belong together"),
+        (["run", "office", "--commands", "c.csv"], "--commands FILE belong together"),
+        (["run", "office", "--driver", "recorded", "--commands", "nowhere.csv"], "nowhere.csv: no such file"),
+        (["run", "office", "--driver", "teleop"], "needs a terminal"),
+        (["run", "office", "--lidar", "lds01,lds02"], "has room for 1 lidars, not for 2"),
+        (["run", "office", "--filter.match", "3"], "--filter.match.hit-sigma"),
+        (["run", "nowhere.yaml"], "nowhere.yaml: No such file"),
+        (["simulate", "loop", "--seed", "-4", "--out", "datasets"], "seed must not be negative"),
+        (["worlds", "generate", "maze", "--out", "nowhere/maze.toml"], "nowhere: no such directory"),
+        (["run", "office", "--robot", "creat3"], "create3"),
+        (["run", "office", "--lidar", "rplidar_b2"], "rplidar_a2"),
+        (["run", "office", "--seed", "-1"], "seed must not be negative"),
+        (["run", "office", "--duration", "0"], "duration must be positive"),
+        (["run", "office", "--filter.match.hit-sigm", "1"], "Did you mean --filter.match.hit-sigma"),
+        (["run", "office", "--filter.match.hit-sigma", "-1"], "must be positive"),
+        (["run", "office", "--filter.resample.scheme", "best"], "systematic"),
+        (["run", "office", "--fail-if", "ate too large"], "expected KEY COMPARISON VALUE"),
+        (["run", "office", "--config", "nowhere.toml"], "nowhere.toml: no such file"),
+        (["run", "--config", "."], "no such file"),
+        (["slam", "nowhere.log"], "nowhere.log: no such file"),
+        (["worlds", "show", "ofice"], "office"),
+        (["report", "."], "."),
+        (["view", "."], "recording.rrd"),
+        (["convert", "nowhere.log", "out.log", "--to", "carmen"], "nowhere.log: no such file"),
+    ],
+)
+def test_bad_usage_is_one_line_and_leaves_no_directory(here, capsys, arguments, complaint):
+    assert_refused(capsys, complaint, *arguments)
+    assert list(here.iterdir()) == []
+
+
+GOOD_SCAN = "FLASER 180 " + "1.00 " * 180 + "0 0 0 0 0 0 1.0 host 1.0\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"ODOM 0 0 0 0 0 0 1.0 host 1.0\n", "no scans"),
+        (gzip.compress(os.urandom(3000) + GOOD_SCAN.encode() * 50)[:-50], "truncated"),
+        (GOOD_SCAN.replace("FLASER 180", "FLASER 181").encode(), ":1: FLASER with 181 beams"),
+        (GOOD_SCAN.replace("0 0 0 1.0", "0 nan 0 1.0").encode(), ":1: odometry pose must be finite"),
+        (b"some notes\n", "not a log that can be read"),
+    ],
+)
+def test_bad_log_is_one_line_and_leaves_no_directory(here, capsys, content, complaint):
+    Path("bad.log").write_bytes(content)
+    assert_refused(capsys, complaint, "slam", "bad.log", "--out", "run")
+    assert [path.name for path in here.iterdir()] == ["bad.log"]
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("nam = 'x'\n", "name"),
+        ("name = \n", "line"),
+        ("name = 'x'\n[start]\ntheta = 90.0\n", "theta"),
+    ],
+)
+def test_bad_world_file_is_one_line(here, capsys, line, complaint):
+    Path("world.toml").write_text(line)
+    assert_refused(capsys, complaint, "run", "world.toml", "--out", "run")
+    assert not Path("run").exists()
+
+
+def test_without_pybullet_one_line_says_what_to_do(here, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)  # as on Python 3.12 and later
+    assert_refused(capsys, "pip install --no-build-isolation pybullet", "run", "office", "--out", "run")
+    assert not Path("run").exists()
+
+
+def test_a_directory_with_other_work_is_left_alone(here, capsys):
+    room_log(here / "room.log")
+    (here / "run").mkdir()
+    (here / "run" / "thesis.tex").write_text("years of work")
+    assert_refused(capsys, "run: is not empty", "slam", "room.log", "--out", "run")
+    assert [path.name for path in (here / "run").iterdir()] == ["thesis.tex"]
+
+
+def test_settings_and_output_are_checked_before_the_log_is_read(here, capsys):
+    """A log of many megabytes takes a while, and its notes would be more than the one line."""
+    Path("room.log").write_text("no log at all")
+    Path("full").mkdir()
+    Path("full", "notes.txt").write_text("mine")
+    assert_refused(capsys, "particles must be at least 1, got 0", "slam", "room.log", "--particles", "0")
+    assert_refused(capsys, "full: is not empty", "slam", "room.log", "--out", "full")
+
+
+def test_unknown_key_in_a_settings_file_is_named(here, capsys):
+    Path("settings.toml").write_text("[settings]\nseed = 3\n[settings.filter.match]\nhit_sigm = 0.1\n")
+    assert_refused(capsys, "hit_sigm", "run", "office", "--config", "settings.toml")
+
+
+def test_a_full_disk_is_one_line_and_no_run_looks_finished(here, capsys, monkeypatch):
+    room_log(here / "room.log")
+
+    def full(self: RunDirectory, name: str, *_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(self.path / name))
+
+    monkeypatch.setattr(RunDirectory, "write_map", full)
+    assert call("slam", "room.log", "--out", "run") == 2
+    assert "map: no space left on the disk" in capsys.readouterr().err
+    assert json.loads(Path("run/metrics.json").read_text())["outcome"] == "failed"
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory) -> Path:
+    """A folder with room.log and the run `a` that `testbed slam` made of it."""
+    folder = tmp_path_factory.mktemp("mapped")
+    room_log(folder / "room.log")
+    assert call("slam", folder / "room.log", "--particles", "3", "--seed", "7", "--out", folder / "a") == 0
+    return folder
+
+
+def metrics_of(run: Path) -> dict:
+    return json.loads((run / "metrics.json").read_text())
+
+
+def test_slam_writes_a_whole_run(mapped):
+    metrics = metrics_of(mapped / "a")
+    assert (metrics["outcome"], metrics["seed"], metrics["particles"], metrics["scans"]) == ("ok", 7, 3, 5)
+    assert metrics["trajectory"]["ate_rmse_m"] < 0.02
+    absent = {"truth_map.pgm", "truth_map.yaml", "commands.csv"}  # nobody knows them of a log
+    absent.add("finding.json")  # less than a metre of path: no stretch to judge
+    assert {path.name for path in (mapped / "a").iterdir()} == set(RUN_FILES) - absent
+
+
+def test_the_config_of_a_run_repeats_it_bit_by_bit(here, mapped, capsys):
+    assert call("slam", "--config", mapped / "a" / "config.toml", "--out", "b") == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"report: {here / 'b' / 'report.html'}"
+    assert metrics_of(here / "b")["result_hash"] == metrics_of(mapped / "a")["result_hash"]
+
+
+def test_the_classic_settings_have_a_name_and_what_is_typed_wins(here, mapped):
+    assert (
+        call("slam", room_log(here / "room.clf"), "--config", "gmapping", "--particles", "3", "--out", "classic") == 0
+    )
+    settings = tomllib.loads(Path("classic/config.toml").read_text())["settings"]
+    assert settings["filter"]["proposal"]["kind"] == "scan-match"
+    assert settings["filter"]["motion"]["translation_from_rotation"] == 0.2
+    assert settings["filter"]["particles"] == 3
+    assert not Path("classic/filter.tum").exists()  # no final pass
+
+
+def test_what_is_typed_wins_over_the_config_and_truth_may_come_from_a_file(here, mapped):
+    lines = (mapped / "room.log").read_text().splitlines()
+    bare = [line for line in lines if not line.startswith("TRUEPOS") and "SHA-256" not in line]
+    Path("bare.log").write_text("\n".join(bare))
+    given = ["--truth", mapped / "a" / "truth.tum", "--seed", "8", "--log", "bare.log"]
+    assert call("slam", "--config", mapped / "a" / "config.toml", *given, "--out", "c") == 0
+    other, own = metrics_of(here / "c"), metrics_of(mapped / "a")
+    assert other["seed"] == 8
+    assert other["result_hash"] != own["result_hash"]
+    assert other["trajectory"]["poses"] == own["trajectory"]["poses"] == 5
+
+
+def test_score_gives_a_run_its_own_figures(here, mapped):
+    assert call("score", mapped / "a", "--trajectory", mapped / "a" / "estimate.tum", "--out", "scored") == 0
+    scored, own = metrics_of(here / "scored"), metrics_of(mapped / "a")
+    assert scored["trajectory"]["ate_rmse_m"] == pytest.approx(own["trajectory"]["ate_rmse_m"])
+
+
+def test_a_broken_limit_is_exit_status_1(mapped, capsys):
+    score = ["score", mapped / "a", "--trajectory", mapped / "a" / "estimate.tum", "--fail-if"]
+    assert call(*score, "trajectory.ate_rmse_m > 1") == 0
+    assert call(*score, "trajectory.ate_rmse_m > 0") == 1
+    assert "trajectory.ate_rmse_m > 0" in capsys.readouterr().err
+
+
+def test_convert_keeps_the_frames(here):
+    room_log(here / "room.log")
+    assert call("convert", "room.log", "again.log.gz", "--to", "carmen") == 0
+    assert gzip.decompress(Path("again.log.gz").read_bytes()) == Path("room.log").read_bytes()
+
+
+def test_convert_to_a_bag_and_back_keeps_odometry_and_stamps(here):
+    frames = open_log(room_log(here / "room.log")).frames
+    assert call("convert", "room.log", "bag", "--to", "rosbag2") == 0
+    assert call("convert", "bag", "again.log", "--to", "carmen") == 0
+    again = open_log(here / "again.log").frames
+    assert [frame.stamp for frame in again] == [frame.stamp for frame in frames]
+    for got, put in zip(again, frames, strict=True):
+        np.testing.assert_allclose(got.odometry, put.odometry, atol=1e-12)
+        np.testing.assert_allclose(got.scan.ranges, put.scan.ranges, rtol=1e-7)  # float32 in the bag
+
+
+def test_worlds_list_names_the_catalogue(here, capsys):
+    assert call("worlds", "list") == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in catalogue())
+
+
+def test_worlds_show_draws_a_picture(here, capsys):
+    assert call("worlds", "show", "office", "--out", "office.png") == 0
+    assert Path("office.png").read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+    assert_refused(capsys, "exists", "worlds", "show", "office", "--out", "office.png")
+
+
+def test_a_generated_world_can_be_driven(here, capsys):
+    assert call("worlds", "generate", "maze", "--size", "10", "8", "--seed", "7", "--out", "maze.toml") == 0
+    assert call("simulate", "maze.toml", "--duration", "1", "--out", "datasets") == 0
+    assert open_log(here / "datasets" / "maze-0000").scan_count > 5
+    capsys.readouterr()
+    assert_refused(capsys, "exists", "worlds", "generate", "maze", "--out", "maze.toml")
+    assert_refused(capsys, 'Choose from: "rooms"', "worlds", "generate", "moon", "--out", "moon.toml")
+
+
+def test_a_floor_plan_becomes_a_world_that_can_be_driven(here):
+    assert call("simulate", "loop", "--duration", "0.5", "--out", "datasets") == 0
+    assert call("worlds", "import", here / "datasets" / "loop-0000" / "truth_map.yaml", "--out", "plan.toml") == 0
+    assert load("plan.toml").boundary_segments().shape[0] > 10
+    plan = here / "datasets" / "loop-0000" / "truth_map.yaml"  # without a step between, too
+    assert call("simulate", plan, "--duration", "1", "--out", "driven") == 0
+    assert open_log(here / "driven" / "truth_map-0000").scan_count > 5
+
+
+# --- as a program of its own ------------------------------------------------------------------------------------------
+
+HEAVY = ("numpy", "numba", "pybullet", "rerun", "matplotlib", "pydantic", "pyarrow", "scipy")
+
+
+def test_help_loads_nothing_heavy(here):
+    """What makes `testbed --help` answer in under 0.5 s."""
+    code = (
+        "import sys, testbed.cli\n"
+        "try: testbed.cli.main(['--help'])\n"
+        f"finally: print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert "run" in done.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
+def test_a_signal_ends_a_run_soon_and_keeps_what_was_there(here, number):
+    run = subprocess.Popen([*TESTBED, "run", "office", "--out", "run"], stderr=subprocess.PIPE, text=True)
+    recording = here / "run" / "recording.rrd"
+    deadline = time.monotonic() + 120
+    while not (recording.exists() and recording.stat().st_size > 300_000):  # some seconds of driving
+        assert time.monotonic() < deadline
+        assert run.poll() is None
+        time.sleep(0.05)
+    run.send_signal(number)
+    _, errors = run.communicate(timeout=15)  # 2 s on a machine at rest; the run would take 40
+    assert run.returncode == 130
+    assert "Traceback" not in errors
+    assert json.loads((here / "run" / "metrics.json").read_text())["outcome"] == "interrupted"
+    for name in ("config.toml", "estimate.tum", "map.pgm", "steps.parquet"):
+        assert (here / "run" / name).stat().st_size > 0
+
+
+def test_an_imported_maps_image_is_hashed_too(tmp_path):
+    rows = ["P2", "4 3", "255", *(" ".join(["254"] * 4) for _ in range(3))]
+    (tmp_path / "floor.pgm").write_text("\n".join(rows))
+    (tmp_path / "floor.yaml").write_text("image: floor.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    named = SimulatorOptions().files(str(tmp_path / "floor.yaml"))
+    assert [path.name for path in named] == ["floor.yaml", "floor.pgm"]
+    assert SimulatorOptions().files("office") == []
+
+
+def test_presets_are_listed_shown_and_driven_round_the_square(capsys):
+    assert call("presets", "list") == 0
+    listed = capsys.readouterr().out
+    assert "create3" in listed
+    assert "rplidar_a2" in listed
+    assert call("presets", "show", "lds01") == 0
+    assert "ROBOTIS e-Manual" in capsys.readouterr().out
+    assert call("presets", "umbmark", "burger", "--runs", "3") == 0
+    good, typical, poor = map(float, capsys.readouterr().out.split()[-3:])
+    assert good < typical < poor
+    assert call("presets", "umbmark", "burger", "--runs", "0") == 2

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""What a run shows to the view beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from slam.config.filter import FilterConfig, ProposalConfig
+from testbed.cli.shared.console import progress_line
+from testbed.frame import Frame
+from testbed.run.execute import Job, execute
+from testbed.run.run_directory import RunDirectory
+from testbed.views import NullView, Snapshot
+from tests.testbed.views.synthetic import snapshots
+
+
+class Watching(NullView):
+    """Keeps what it is shown."""
+
+    def __init__(self) -> None:
+        self.shown: list[Snapshot] = []
+
+    def show(self, snapshot: Snapshot) -> None:
+        self.shown.append(snapshot)
+
+
+def watched(path: Path, config: FilterConfig, seconds: float, collided_from: int | None = None) -> list[Snapshot]:
+    """What a run of the synthetic room shows; the robot touches something from a number of scans on."""
+    frames = [Frame(stamp=s.stamp, odometry=s.odometry, scan=s.scan, truth=s.truth) for s in snapshots(seconds)]
+    view = Watching()
+    job = Job(
+        frames=frames,
+        document={},
+        seed=0,
+        filter=config,
+        filter_seed=np.random.SeedSequence(0),
+        refine=False,
+        collided=lambda: collided_from is not None and len(view.shown) >= collided_from,
+    )
+    with progress_line() as watcher:
+        execute(job, RunDirectory.create(path / "run"), watcher, view)
+    assert [s.stamp for s in view.shown] == [frame.stamp for frame in frames]
+    return view.shown
+
+
+def test_collisions_are_shown_from_the_scan_on_at_which_they_happen(tmp_path: Path) -> None:
+    shown = watched(tmp_path, FilterConfig(particles=2), seconds=1.0, collided_from=4)
+    assert [s.collided for s in shown] == [k >= 4 for k in range(len(shown))]
+
+
+def test_the_samples_of_the_best_particle_are_shown_where_the_scan_was_taken_in(tmp_path: Path) -> None:
+    shown = watched(tmp_path, FilterConfig(particles=5), seconds=3.0)
+    proposed = [s.step is not None and s.step.proposed is not None for s in shown]
+    assert 3 < sum(proposed) < len(shown)
+    for snapshot, updated in zip(shown, proposed, strict=True):
+        assert (snapshot.proposal_samples is not None) == updated
+        if updated:
+            assert snapshot.step is not None
+            assert snapshot.step.proposed is not None
+            expected = snapshot.step.proposed.samples[snapshot.step.best]
+            np.testing.assert_array_equal(snapshot.proposal_samples, expected)
+
+
+def test_where_only_the_motion_model_proposes_there_are_no_samples_to_show(tmp_path: Path) -> None:
+    config = FilterConfig(particles=5, proposal=ProposalConfig(kind="motion"))
+    shown = watched(tmp_path, config, seconds=1.0)
+    assert any(s.step is not None and s.step.proposed is not None for s in shown)
+    assert all(s.proposal_samples is None for s in shown)

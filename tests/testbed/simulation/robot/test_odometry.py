@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: MIT
+"""Odometry: exact without errors, and errors of the stated size with them."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from testbed.presets import load_robot
+from testbed.simulation.robot.odometry import GRADES, Odometry, OdometryConfig
+
+ROBOT = load_robot("create3")
+NONE = OdometryConfig(systematic=False, random=False, ticks=False)
+
+
+def wheels(distance, turn):
+    """Angles of the wheels [rad] after an arc of that length [m] and angle [rad]."""
+    half = 0.5 * turn * ROBOT.track
+    return (distance - half) / ROBOT.wheel_radius, (distance + half) / ROBOT.wheel_radius
+
+
+def drive(config, distance, turn, steps, seed=0):
+    odometry = Odometry(ROBOT, config, np.random.default_rng(seed))
+    left, right = wheels(distance, turn)
+    for k in range(1, steps + 1):
+        pose = odometry.advance(left * k / steps, right * k / steps)
+    return pose
+
+
+@given(st.floats(-5.0, 5.0), st.floats(-6.0, 6.0), st.integers(1, 20))
+@settings(deadline=None)
+def test_arcs_are_exact_without_errors(distance, turn, steps):
+    x, y, theta = drive(NONE, distance, turn, steps)
+    if abs(turn) > 1e-6:
+        radius = distance / turn
+        expected = (radius * math.sin(turn), radius * (1.0 - math.cos(turn)), turn)
+    else:
+        expected = (distance, 0.5 * distance * turn, turn)
+    assert (x, y, theta) == pytest.approx(expected, abs=1e-6)
+
+
+@given(st.floats(0.001, 3.0))
+@settings(deadline=None)
+def test_ticks_lose_less_than_one_tick_of_each_wheel(distance):
+    tick = 2.0 * math.pi * ROBOT.wheel_radius / ROBOT.ticks_per_turn
+    x, y, theta = drive(dataclasses.replace(NONE, ticks=True), distance, 0.0, 37)
+    assert distance - tick - 1e-9 <= x <= distance + 1e-9
+    assert abs(y) < tick * distance / ROBOT.track + 1e-9
+    assert abs(theta) < tick / ROBOT.track + 1e-9
+
+
+@pytest.mark.parametrize("steps", [4, 64])
+def test_random_errors_have_the_stated_size_however_often_odometry_is_read(steps):
+    config = dataclasses.replace(NONE, random=True)
+    straight = np.array([drive(config, 4.0, 0.0, steps, seed) for seed in range(600)])
+    assert np.std(straight[:, 0]) == pytest.approx(config.random_translation * 2.0, rel=0.1)
+    assert np.std(straight[:, 2]) == pytest.approx(config.random_rotation * 2.0, rel=0.1)
+    spin = np.array([drive(config, 0.0, 4.0, steps, seed) for seed in range(600)])
+    assert np.std(spin[:, 2]) == pytest.approx(config.random_rotation * 2.0, rel=0.1)
+    assert np.abs(spin[:, :2]).max() < 1e-9
+
+
+@pytest.mark.parametrize("grade", GRADES)
+def test_grades_scale_distance_and_rotation(grade):
+    config = dataclasses.replace(NONE, systematic=True, grade=grade)
+    runs = [(drive(config, 1.0, 0.0, 5, seed), drive(config, 0.0, 3.0, 5, seed)) for seed in range(600)]
+    distances = np.array([math.hypot(straight[0], straight[1]) for straight, _ in runs])
+    turns = np.array([spin[2] for _, spin in runs]) / 3.0
+    assert np.std(distances) == pytest.approx(GRADES[grade].distance, rel=0.1)
+    assert np.std(turns) == pytest.approx(GRADES[grade].rotation, rel=0.1)
+    assert np.mean(distances) == pytest.approx(1.0, abs=4.0 * GRADES[grade].distance / math.sqrt(600))
+
+
+def test_slip_comes_at_the_stated_rate_and_runs_ahead_of_the_robot():
+    config = dataclasses.replace(NONE, slip_rate=0.5, slip_distance=0.03)
+    along = np.array([np.hypot(*drive(config, 10.0, 0.0, 100, seed)[:2]) for seed in range(300)])
+    heading = np.array([drive(config, 10.0, 0.0, 100, seed)[2] for seed in range(300)])
+    events, spin = 5.0, 0.03 / ROBOT.track
+    assert np.std(heading) == pytest.approx(math.sqrt(events * 2.0) * spin, rel=0.2)  # exponential: E[s²] = 2 mean²
+    assert np.abs(along - 10.0).max() < 10.0 * 0.2
+
+
+def test_lost_ticks_shorten_the_path():
+    assert drive(dataclasses.replace(NONE, lost_ticks=0.1), 2.0, 0.0, 10)[0] == pytest.approx(1.8)
+
+
+def test_switching_one_layer_leaves_the_others_noise_alone():
+    both = OdometryConfig(systematic=False, ticks=False)
+    slipping = dataclasses.replace(both, slip_rate=1e-9)
+    assert np.array_equal(drive(both, 3.0, 1.0, 30), drive(slipping, 3.0, 1.0, 30))
+
+
+@pytest.mark.parametrize(
+    "bad", [{"grade": "perfect"}, {"slip_rate": -1.0}, {"lost_ticks": 1.0}, {"random_rotation": math.nan}]
+)
+def test_bad_settings_are_refused(bad):
+    with pytest.raises(ValueError, match=next(iter(bad))):
+        OdometryConfig(**bad)

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: MIT
+"""Specifications: what they expand to, and what is said of wrong ones."""
+
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from testbed.sweep.errors import SweepError
+from testbed.sweep.spec.plan import Costs, Shard, by_work, input_digests, plan
+from testbed.sweep.spec.settings import RunSettings, checked, known
+from testbed.sweep.spec.spec import parse_spec, parsed_axes, presets, read_document, read_preset
+from tests.testbed.sweep.places import room_cell, room_file
+
+
+def spec_of(document: dict, folder: Path = Path()):
+    return parse_spec(document, "x.toml", folder)
+
+
+def test_lines_are_all_combinations_of_variants_and_axes():
+    spec = spec_of(
+        {
+            "worlds": ["office"],
+            "settings": {"refine": False},
+            "variants": {"plain": {}, "few": {"filter": {"proposal": {"samples": 5}}}},
+            "axes": {"odometry.grade": ["good", "poor"], "layers.motion": [True, False]},
+        }
+    )
+    names = [line.name for line in spec.lines()]
+    assert len(names) == len(set(names)) == 8
+    assert names[0] == "plain, good, motion true"
+    assert spec.lines()[-1].settings == {
+        "refine": False,
+        "filter.proposal.samples": 5,
+        "odometry.grade": "poor",
+        "layers.motion": False,
+    }
+
+
+def test_every_option_of_filter_robot_lidar_and_noise_can_be_an_axis():
+    names = set(known())
+    assert {"robot", "lidar", "duration", "odometry.grade", "layers.dropout", "filter.match.hit_sigma"} <= names
+    settings = RunSettings.of({"lidar": "lds01", "odometry.slip_rate": 0.5, "filter.resample.scheme": "residual"})
+    assert settings.simulator.lidar == "lds01"
+    assert settings.simulator.odometry == replace(RunSettings().simulator.odometry, slip_rate=0.5)
+    assert settings.filter.resample.scheme == "residual"
+
+
+def test_values_take_the_type_of_their_setting():
+    assert repr(checked("filter.match.hit_sigma", 1, recorded=False)) == "1.0"
+    assert checked("filter.proposal.samples", 7, recorded=True) == 7
+
+
+@pytest.mark.parametrize(
+    ("document", "complaint"),
+    [
+        ({}, "x.toml: expected either worlds or logs"),
+        ({"worlds": ["office"], "logs": [{"log": "a.log"}]}, "either worlds or logs"),
+        ({"worlds": ["office"], "partcles": [1]}, "partcles: unknown key, expected one of title, worlds"),
+        ({"worlds": ["office"], "particles": [0]}, "particles.0: expected greater than or equal to 1"),
+        ({"worlds": ["office"], "particles": []}, "particles: is empty"),
+        ({"worlds": ["office"], "seeds": []}, "seeds: is empty"),
+        ({"worlds": ["office"], "seeds": 0}, "seeds: is empty"),
+        ({"worlds": ["office"], "seeds": [3, 3]}, "seeds: names one thing twice"),
+        ({"worlds": ["office", "office"]}, "worlds: names one thing twice"),
+        (
+            {"worlds": ["office"], "axes": {"odometry.grad": ["good"]}},
+            "odometry.grad: unknown setting, expected such as",
+        ),
+        ({"worlds": ["office"], "axes": {"odometry.grade": []}}, "axis odometry.grade: is empty"),
+        ({"worlds": ["office"], "axes": {"odometry.grade": ["fair"]}}, "expected 'good', 'typical' or 'poor'"),
+        ({"worlds": ["office"], "axes": {"odometry.grade": "good"}}, "axes.odometry.grade: expected"),
+        ({"worlds": ["office"], "axes": {"refine": [True, True]}}, "line 'refine true': is there twice"),
+        ({"worlds": ["office"], "settings": {"filter.particles": 3}}, "is given as 'particles'"),
+        ({"worlds": ["office"], "settings": {"filter.match.hit_sigma": -1}}, "hit_sigma must be positive"),
+        ({"worlds": ["office"], "settings": {"refine": 1}}, "refine = 1: expected a valid boolean"),
+        ({"worlds": ["office"], "settings": {"refine": True}, "axes": {"refine": [False]}}, "refine: is set twice"),
+        ({"worlds": ["office"], "baseline": "best"}, "baseline 'best': no such line, expected one of default"),
+        ({"logs": [{"log": "a.log"}], "axes": {"lidar": ["lds01"]}}, "nothing is simulated for recorded logs"),
+        ({"worlds": ["office"], "seeds": 200_000}, "1400000 cells, expected at most 1000000"),
+    ],
+)
+def test_a_wrong_specification_is_named_by_key_and_expectation(document, complaint):
+    with pytest.raises(SweepError) as refused:
+        spec_of(document)
+    assert complaint in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_axes_of_the_command_line_are_read_as_toml_values_or_words():
+    axes = parsed_axes(["odometry.grade=good, poor", "filter.match.hit_sigma=0.02,0.05", "refine=true,false"])
+    assert axes == {
+        "odometry.grade": ["good", "poor"],
+        "filter.match.hit_sigma": [0.02, 0.05],
+        "refine": [True, False],
+    }
+    with pytest.raises(SweepError, match="NAME=VALUE"):
+        parsed_axes(["odometry.grade"])
+
+
+def test_shipped_presets_are_valid_and_the_study_is_the_one_promised():
+    assert {"gate", "particles"} <= set(presets())
+    specs = {name: parse_spec(read_preset(name), name, Path()) for name in presets()}
+    study = specs["particles"]
+    assert (len(study.worlds), len(study.seeds), study.particles) == (6, 10, (1, 2, 5, 10, 20, 50, 100))
+    assert [line.name for line in study.lines()] == ["improved", "scan-match", "motion"]
+
+
+def test_the_examples_of_the_documentation_are_valid():
+    text = (Path(__file__).parents[4] / "docs" / "sweep.md").read_text(encoding="utf-8")
+    first, second = (tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL))
+    assert len(spec_of(first).lines()) == 4
+    assert spec_of(second).key_measure == "relations.trans_mean_m"
+
+
+def test_only_tours_can_be_shared_by_all_cells():
+    with pytest.raises(SweepError, match="share one drive"):
+        checked("driver.kind", "explore", recorded=False)
+
+
+def test_a_file_that_is_no_specification_is_named(tmp_path):
+    with pytest.raises(SweepError, match=r"nowhere\.toml: no such file"):
+        read_document(tmp_path / "nowhere.toml")
+    (tmp_path / "bad.toml").write_text("worlds = [")
+    with pytest.raises(SweepError, match=r"bad\.toml: .*expected TOML"):
+        read_document(tmp_path / "bad.toml")
+
+
+def test_files_are_found_beside_the_specification_and_become_part_of_the_key(tmp_path):
+    room_file(tmp_path)
+    document = {"worlds": ["room.toml"], "seeds": 1, "particles": [1]}
+    spec = spec_of(document, tmp_path)
+    assert spec.worlds == (str(tmp_path / "room.toml"),)
+    (before,) = plan(spec, "code", input_digests(spec))
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    room_file(elsewhere)
+    moved = spec_of(document, elsewhere)
+    assert plan(moved, "code", input_digests(moved))[0].key == before.key  # the content counts, not the place
+    room_file(tmp_path, width=6.0)
+    (after,) = plan(spec, "code", input_digests(spec))
+    assert after.key != before.key
+
+
+def test_keys_change_with_all_that_decides_a_result_and_with_nothing_else(tmp_path):
+    cell = room_cell(room_file(tmp_path))
+    changes = {
+        "particles": 3,
+        "seed": 1,
+        "settings": {"refine": True},
+        "source": {"world": "office"},
+        "code": "0123456789abcdef",
+    }
+    keys = {replace(cell, **{name: value}).key for name, value in changes.items()} | {cell.key}
+    assert len(keys) == 1 + len(changes)
+    assert replace(cell, place="other", line="other").key == cell.key
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 100])
+def test_shards_deal_out_every_cell_once_and_the_work_evenly(count):
+    spec = spec_of({"worlds": ["office"], "seeds": 5, "particles": [1, 10, 100]})
+    costs = Costs.of(spec)
+    cells = by_work(plan(spec, "code", {}), costs)
+    shards = [Shard(k, count).of(cells) for k in range(count)]
+    assert sorted(cell.key for shard in shards for cell in shard) == sorted(cell.key for cell in cells)
+    work = [sum(map(costs, shard)) for shard in shards]
+    assert max(work) - min(work) <= max(map(costs, cells)) + 1e-9
+
+
+@pytest.mark.parametrize("text", ["", "1", "a/b", "3/3", "-1/3", "0/0", "1/3/5"])
+def test_a_wrong_shard_is_refused(text):
+    with pytest.raises(SweepError, match="shard"):
+        Shard.parse(text)
+
+
+def test_the_longest_cells_come_first():
+    spec = spec_of({"worlds": ["apartment", "warehouse"], "seeds": 1, "particles": [1, 100]})
+    order = [(cell.place, cell.particles) for cell in by_work(plan(spec, "code", {}), Costs.of(spec))]
+    assert order[0] == ("warehouse", 100)
+    assert order[-1] == ("apartment", 1)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""Compilation ahead of the first run: told whenever it is due, cut off without a trace of being done."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from testbed import kernels as warmup
+from tests.shell import AT_A_TERMINAL
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package with one kernel file, and a cache of its own."""
+    monkeypatch.setenv("TESTBED_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("SLAM_KERNEL_CACHE", raising=False)
+    warmup.cache_folder.cache_clear()
+    folder = tmp_path / "package"
+    folder.mkdir()
+    (folder / "_a_kernels.py").write_text("A = 1\n")
+    monkeypatch.setattr(warmup, "PACKAGES", (folder,))
+    yield folder
+    warmup.cache_folder.cache_clear()
+
+
+def test_some_machine_code_on_disk_is_not_all_of_it(package):
+    (warmup.cache_folder(package) / "kernel.nbc").write_bytes(b"of a compilation that was cut off")
+    assert not warmup.is_compiled()
+
+
+def test_kernels_count_as_compiled_until_their_file_is_another_one(package):
+    warmup._mark(package).touch()
+    assert warmup.is_compiled()
+    os.utime(package / "_a_kernels.py", (1.0, 1.0))  # numba compiles again for another time of change
+    assert not warmup.is_compiled()
+
+
+def test_a_second_installation_of_the_same_kernels_is_compiled_too(package, tmp_path, monkeypatch):
+    warmup._mark(package).touch()
+    other = tmp_path / "elsewhere" / "package"
+    other.mkdir(parents=True)
+    source = package / "_a_kernels.py"
+    (other / source.name).write_bytes(source.read_bytes())
+    os.utime(other / source.name, ns=(source.stat().st_atime_ns, source.stat().st_mtime_ns))
+    monkeypatch.setattr(warmup, "PACKAGES", (other,))
+    assert warmup.cache_folder(other) == warmup.cache_folder(package)
+    assert not warmup.is_compiled()
+
+
+def test_without_a_cache_on_disk_there_is_nothing_to_announce(package, monkeypatch):
+    monkeypatch.setenv("SLAM_KERNEL_CACHE", "0")
+    assert warmup.is_compiled()
+
+
+def test_a_failure_is_one_line(monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    with pytest.raises(OSError, match="could not be compiled: exit status 1"):
+        warmup.compile_kernels()
+
+
+def test_ctrl_c_while_compiling_ends_soon_and_marks_the_run(tmp_path):
+    command = [*AT_A_TERMINAL, "run", "loop", "--out", "run"]
+    with (tmp_path / "errors").open("w") as errors:
+        run = subprocess.Popen(
+            command,
+            stderr=errors,
+            cwd=tmp_path,
+            env=os.environ | {"TESTBED_CACHE": str(tmp_path / "cache"), "SLAM_KERNEL_CACHE": "1"},
+            start_new_session=True,
+        )
+    deadline = time.monotonic() + 60
+    while "Compiling" not in (tmp_path / "errors").read_text():
+        assert time.monotonic() < deadline
+        assert run.poll() is None
+        time.sleep(0.05)
+    time.sleep(1.0)  # now the other process is at work
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to both
+    assert run.wait(30) == 130
+    assert (tmp_path / "errors").read_text().splitlines()[1:] == ["testbed: interrupted"]
+    assert json.loads((tmp_path / "run" / "metrics.json").read_text())["outcome"] == "interrupted"

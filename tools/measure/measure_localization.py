@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: MIT
+# ruff: noqa: T201
+"""Measures the table of docs/localization.md: `python tools/measure/measure_localization.py [SEEDS]` prints it as Markdown.
+
+Each robot starts somewhere along the tour of its world, of which it knows the true map, but not where it is; it drives
+for 40 s.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from eval.map.grids import true_grid
+from eval.trajectory.association import associate
+from eval.trajectory.errors import absolute_error
+from eval.trajectory.trajectory import Trajectory
+from slam.localization.localizer import Localization
+from slam.occupancy import OccupancyGrid
+from testbed.simulation import SimulationConfig, simulate
+from worlds import catalogue, load, true_map
+
+LATEST_BEGIN = 40.0
+"""The robot is set down after up to so much of the tour [s]."""
+DURATION = 40.0
+"""[s]."""
+
+
+def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, float]:
+    """State at the end, metres driven until the robot was found (NaN: never), median error [m] of the path."""
+    begin = float(np.random.default_rng(seed).uniform(0.0, LATEST_BEGIN))
+    config = SimulationConfig(backend="fast", seed=seed, duration=begin + DURATION)
+    localization = Localization(grid, seed=seed)
+    stamps, truth = [], []
+    with simulate(load(world), config) as simulation:
+        for frame in simulation:
+            if frame.stamp >= begin and frame.scan is not None:
+                localization.process(frame.odometry, frame.scan, twist=frame.twist)
+                stamps.append(frame.stamp)
+                truth.append(frame.truth)
+    true_path = Trajectory(np.array(stamps), np.array(truth))
+    found = localization.whereabouts
+    scans = localization.update_scans
+    path = Trajectory(true_path.stamps[scans], localization.path())
+    error = absolute_error(associate(path, true_path), "none").translation.median
+    after = float(true_path.distance[found.found_at[0]]) if found.found_at else np.nan
+    state = found.state if not found.lost_at else "lost"
+    if state == "found" and error > 0.5:
+        state = "wrong"
+    return state, after, error
+
+
+def main() -> None:
+    """Print one line a world."""
+    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    print(
+        "| world | found | ambiguous | searching | lost or wrong | found after: median, worst | error: median, worst |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for world in catalogue():
+        grid = true_grid(true_map(load(world)))
+        runs = [outcome(world, grid, seed) for seed in range(seeds)]
+        states = [state for state, _, _ in runs]
+        found = [(after, error) for state, after, error in runs if state == "found"]
+        figures = "| | |"
+        if found:
+            after, error = np.array(found).T
+            figures = (
+                f"| {np.median(after):.1f} m, {after.max():.1f} m "
+                f"| {100 * np.median(error):.1f} cm, {100 * error.max():.1f} cm |"
+            )
+        counts = [states.count("found"), states.count("ambiguous"), states.count("searching")]
+        counts.append(seeds - sum(counts))
+        print(f"| {world} | {' | '.join(map(str, counts))} {figures}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

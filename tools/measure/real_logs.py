@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: MIT
+# ruff: noqa: T201
+"""Accuracy on the recorded logs over seeds and particle counts: the table of docs/accuracy.md.
+
+    python tools/measure/real_logs.py --particles 5,30 --seeds 5
+    python tools/measure/real_logs.py --logs aces --particles 30 --seeds 20 --set match.beam_weight=0.2
+
+Every log is mapped with the same settings. For logs with relations a row gives the mean error of the pairs
+(translation, rotation) of the filter's own path and after the final pass; for `aces` the root mean square distance to
+the published gMapping poses after SE(2) alignment. The logs are looked for in $TESTBED_DATASETS, else in
+../shared/datasets.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eval.trajectory.alignment import align
+from eval.trajectory.relations import Relations, read_relations, relation_error
+from slam import FilterConfig
+from testbed.formats import open_log
+from testbed.frame import Frame
+from testbed.run.estimation import Estimate, Estimation
+from testbed.seeds import streams
+
+ROOT = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).resolve().parents[2].parent / "shared" / "datasets"))
+
+
+@dataclass(frozen=True)
+class Case:
+    """A log and what its estimate is compared with."""
+
+    log: Path
+    relations: Path | None = None
+    poses: Path | None = None
+    failed: float = 0.1
+    """Translation error above which a run counts as failed [m]."""
+
+
+CASES = {
+    "intel": Case(ROOT / "intel/intel-merged.clf.gz", relations=ROOT / "intel/intel-resolved.relations"),
+    "fr079": Case(ROOT / "fr079/fr079-merged.clf.gz", relations=ROOT / "fr079/fr079.relations"),
+    "aces": Case(ROOT / "aces/aces-merged.clf.gz", poses=ROOT / "aces/ref_gmapping_440.txt", failed=0.5),
+}
+
+
+def error_of(case: Case, estimate: Estimate, relations: Relations | None) -> tuple[float, float]:
+    """Translation [m] and rotation [deg]; rotation is NaN where there are no relations."""
+    if relations is not None:
+        error = relation_error(estimate.dense, relations)
+        return error.all.translation.mean, error.all.rotation.mean
+    assert case.poses is not None
+    reference = np.loadtxt(case.poses)[:, 1:4]
+    poses = estimate.at_scans.poses
+    moved = align(poses, reference, "se2").apply(poses)
+    return float(np.sqrt(np.mean(np.sum((moved[:, :2] - reference[:, :2]) ** 2, axis=1)))), float("nan")
+
+
+def estimate(frames: list[Frame], config: FilterConfig, seed: int) -> tuple[Estimate, Estimate, float]:
+    """Filter's own estimate, refined estimate, and the seconds that both took."""
+    start = time.perf_counter()
+    estimation = Estimation(config, streams(seed).filter)  # as `testbed slam --seed` does
+    for frame in frames:
+        estimation.process(frame)
+    own = estimation.filtered()
+    return own, estimation.refined(own), time.perf_counter() - start
+
+
+def settings(changes: list[str], particles: int) -> FilterConfig:
+    """The default configuration with changes such as `match.beam_weight=0.2`."""
+    config = FilterConfig(particles=particles)
+    for change in changes:
+        key, value = change.split("=", 1)
+        parsed: Any = tomllib.loads(f"v = {value}")["v"]
+        part, _, name = key.rpartition(".")
+        inner = replace(getattr(config, part), **{name: parsed}) if part else None
+        config = replace(config, **({part: inner} if part else {name: parsed}))
+    return config
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--logs", default="intel,fr079,aces")
+    parser.add_argument("--particles", default="30")
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
+    args = parser.parse_args()
+    print("log particles seed own_m own_deg refined_m refined_deg seconds", flush=True)
+    for name in args.logs.split(","):
+        case = CASES[name]
+        if not case.log.is_file():
+            print(f"{name}: {case.log} is not there: left out", file=sys.stderr)
+            continue
+        frames = list(open_log(case.log).frames)
+        relations = read_relations(case.relations) if case.relations else None
+        for particles in map(int, args.particles.split(",")):
+            finals = []
+            for seed in range(args.seeds):
+                own, refined, seconds = estimate(frames, settings(args.changes, particles), seed)
+                a, b = error_of(case, own, relations), error_of(case, refined, relations)
+                finals.append(b[0])
+                numbers = f"{a[0]:.4f} {a[1]:.3f} {b[0]:.4f} {b[1]:.3f} {seconds:.1f}"
+                print(f"{name} {particles} {seed} {numbers}", flush=True)
+            failed = int(np.sum(np.array(finals) > case.failed))
+            print(
+                f"# {name} {particles} particles: worst {max(finals):.4f} m, median {np.median(finals):.4f} m, "
+                f"{failed} of {len(finals)} failed (> {case.failed} m)",
+                flush=True,
+            )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Worlds in files: TOML, ROS maps, floor plans."""
