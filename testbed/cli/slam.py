@@ -16,7 +16,7 @@ from slam.config.filter import LocalizationConfig
 from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import carry_out
-from testbed.datasets.truth import with_truth
+from testbed.datasets.truth import attach_truth
 from testbed.formats import open_log
 from testbed.formats.maps import read_map_inside
 from testbed.frame import Frame
@@ -99,7 +99,7 @@ def slam(
     truth_map = read_map_inside(truth_file) if truth_file.is_file() else None
     place = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
-    frames = recording.frames if truth is None else with_truth(recording.frames, read_tum(truth))
+    frames = recording.frames if truth is None else attach_truth(recording.frames, read_tum(truth))
     settings = {
         "log": log.resolve(),
         "relations": relations and relations.resolve(),

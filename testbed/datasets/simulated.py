@@ -25,7 +25,7 @@ from testbed.simulation.physics.urdf import robot_urdf
 from testbed.simulation.simulator import CONTROL_PERIOD
 from worlds import World, dumps, true_map
 
-Format = Literal["rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "parquet"]
+DatasetFormat = Literal["rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "parquet"]
 
 ONE_FILE = {"carmen": ".log.gz", "rosbag1": ".bag"}
 """Formats that are one file, which goes into the dataset's directory."""
@@ -35,7 +35,7 @@ MAP_RESOLUTION = 0.05
 
 
 def is_complete(path: Path) -> bool:
-    """Whether a dataset is there: its directory appears under its name only when everything has been written."""
+    """Tell whether a dataset exists: its directory appears under its name only when everything has been written."""
     return (path / CONFIG).is_file()
 
 
@@ -45,25 +45,25 @@ def write_dataset(
     config: SimulationConfig,
     settings: Mapping[str, Any],
     *,
-    form: Format = "rosbag2",
+    log_format: DatasetFormat = "rosbag2",
     commands: Sequence[Command] | None = None,
 ) -> dict[str, Any]:
     """Simulate a drive and write it as a dataset directory, which must not exist; returns how the drive went.
 
     It holds the recording (`testbed.formats.write`), world.toml, truth.tum (a pose at every scan), truth_map.pgm and
     .yaml, and config.toml with `settings`, how the drive went, versions and the SHA-256 of all other files. The same
-    world and settings give the same bytes. Written aside and renamed.
+    world and settings give the same bytes. The directory appears whole or not at all.
 
-    commands: what the robot is told, instead of the tour
+    commands: the robot follows these instead of the tour
     """
     discard_unfinished(path)
-    aside = _aside(path)
-    aside.parent.mkdir(parents=True)
+    temporary = _temporary(path)
+    temporary.parent.mkdir(parents=True)
     try:
-        drive = _write(aside, world, config, form, commands)
-        seal_directory(aside, {"settings": dict(settings), "drive": drive})
+        drive = _write(temporary, world, config, log_format, commands)
+        seal_directory(temporary, {"settings": dict(settings), "drive": drive})
         if not is_complete(path):  # a worker that outlived its parent may have made it meanwhile: the same bytes
-            aside.replace(path)
+            temporary.replace(path)
     finally:
         discard_unfinished(path)
     return drive
@@ -77,9 +77,12 @@ def discard_unfinished(path: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _aside(path: Path) -> Path:
-    """Where this process writes the dataset: a folder of its own, since files are named after its last part, and since
-    a worker may outlive its killed parent while the job has been started again."""
+def _temporary(path: Path) -> Path:
+    """Path at which this process writes the dataset.
+
+    The name is kept, in a folder of its own, because files are named after it. The folder carries the process id,
+    because a worker may outlive its killed parent while the job has been started again.
+    """
     return path.parent / f".{path.name}.simulating-{os.getpid()}" / path.name
 
 
@@ -94,7 +97,7 @@ def _is_running(process: int) -> bool:
 
 
 def _write(
-    path: Path, world: World, config: SimulationConfig, form: Format, commands: Sequence[Command] | None
+    path: Path, world: World, config: SimulationConfig, log_format: DatasetFormat, commands: Sequence[Command] | None
 ) -> dict[str, Any]:
     driver = None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
     with simulate(world, config, driver) as simulation:
@@ -108,11 +111,11 @@ def _write(
         truth_map=truth_map,
         robot_urdf=robot_urdf(config.robot),
     )
-    if form in ONE_FILE:
+    if log_format in ONE_FILE:
         path.mkdir()
-        write_log(path / f"{path.name}{ONE_FILE[form]}", log, form)
+        write_log(path / f"{path.name}{ONE_FILE[log_format]}", log, log_format)
     else:
-        write_log(path, log, form)
+        write_log(path, log, log_format)
     (path / "world.toml").write_text(dumps(world), encoding="utf-8")
     write_map(path / "truth_map.yaml", truth_map)
     known = [(frame.stamp, frame.truth) for frame in frames if frame.scan is not None and frame.truth is not None]

@@ -12,17 +12,20 @@ from testbed.formats.log import LogError
 
 
 @contextmanager
-def renamed_when_whole(path: Path) -> Iterator[Path]:
-    """Where to write what is to become `path`: the same name in a folder of its own, since files of bags are named
-    after their directory. If the block ends early nothing is left, and a complaint of it (LogError) names `path`; what
-    a killed one left is removed by the next."""
-    aside = path.parent / f".{path.name}.writing" / path.name
-    shutil.rmtree(aside.parent, ignore_errors=True)
-    aside.parent.mkdir(parents=True)
+def atomic_directory(path: Path) -> Iterator[Path]:
+    """Yield a temporary path of the same name, which becomes `path` when the block ends well.
+
+    The temporary path keeps the name, in a folder of its own, because files of bags are named after their directory.
+    If the block fails, nothing is left, and a LogError of the block names `path`. A killed process leaves its folder,
+    which the next writer of `path` removes.
+    """
+    temporary = path.parent / f".{path.name}.writing" / path.name
+    shutil.rmtree(temporary.parent, ignore_errors=True)
+    temporary.parent.mkdir(parents=True)
     try:
-        yield aside
-        aside.replace(path)
+        yield temporary
+        temporary.replace(path)
     except LogError as error:
-        raise LogError(str(error).replace(str(aside), str(path))) from None
+        raise LogError(str(error).replace(str(temporary), str(path))) from None
     finally:
-        shutil.rmtree(aside.parent, ignore_errors=True)
+        shutil.rmtree(temporary.parent, ignore_errors=True)

@@ -19,13 +19,13 @@ class Log:
     """A recorded log, read whole."""
 
     path: Path
-    """Where it was read from."""
+    """The file or directory that was read."""
     format: str
     """Name of its format, as a person says it."""
     frames: list[Frame]
-    """In the order of the file, which is not always that of the stamps."""
+    """All frames, in the order of the file, which is not always that of the stamps."""
     notes: tuple[str, ...]
-    """What was found out or left out while reading, one sentence each: for the user's eyes."""
+    """Sentences for the user: what the reader found out, repaired or left out."""
 
     truth_map: OccupancyGrid | None = None
     """The true map, where the log holds it."""

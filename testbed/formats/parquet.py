@@ -2,7 +2,7 @@
 """Recordings as Apache Parquet: a directory with one table, a row a frame, and a dataset card. Nothing is rounded.
 
 `frames.parquet` is what pandas, polars, DuckDB and the Hugging Face hub read; the card (README.md) says what its
-columns mean. The true map lies beside it as a ROS map, where it is known.
+columns mean. Where the true map is known, the directory also holds it as a ROS map.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from testbed.formats.maps import read_map_inside
 from testbed.frame import Frame
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
-LARGEST_TABLE = 50_000_000
+MAX_TABLE = 50_000_000
 """Rows."""
-LARGEST_URDF = 10_000_000
+MAX_URDF = 10_000_000
 """Bytes."""
 
 POSE = ("x", "y", "theta")
@@ -33,7 +33,7 @@ COLUMNS = {
     "stamp": "time [s]",
     "odometry_x, _y, _theta": "pose by wheel odometry, T_odom_robot [m, m, rad]",
     "twist_vx, _vy, _omega": "velocity by odometry while the scan was taken, robot's frame [m/s, m/s, rad/s]",
-    "command_speed, _turn_rate": "what the robot was told to keep from then on [m/s, rad/s]",
+    "command_speed, _turn_rate": "command that the robot keeps from then on [m/s, rad/s]",
     "truth_x, _y, _theta": "true pose, T_world_robot [m, m, rad]",
     "lidar": "name of the lidar that took the scan; null where the frame has no scan",
     "ranges": "readings [m]; infinite = no return, NaN = lost, below range_min = too near",
@@ -42,7 +42,7 @@ COLUMNS = {
     "range_min, range_max": "a reading r is a hit where range_min <= r < range_max [m]",
     "mount_x, _y, _theta": "pose of the lidar on the robot, T_robot_lidar [m, m, rad]",
 }
-"""What the card says of the columns."""
+"""Meaning of each column, as the dataset card states it."""
 
 
 def write_parquet(path: str | Path, log: Log) -> None:
@@ -132,8 +132,8 @@ def _read_table(file: Path) -> dict[str, list[Any]]:
 
     try:
         with pq.ParquetFile(file, page_checksum_verification=True) as parquet:
-            if parquet.metadata.num_rows > LARGEST_TABLE:
-                raise LogError(f"{file}: {parquet.metadata.num_rows} rows, expected at most {LARGEST_TABLE}")
+            if parquet.metadata.num_rows > MAX_TABLE:
+                raise LogError(f"{file}: {parquet.metadata.num_rows} rows, expected at most {MAX_TABLE}")
             if missing := [name for name in _schema().names if name not in parquet.schema_arrow.names]:
                 raise LogError(f"{file}: no column {', '.join(missing)}")
             table = parquet.read(columns=_schema().names).cast(_schema())
@@ -194,8 +194,8 @@ def _gathered(row: dict[str, Any], group: str, names: Sequence[str]) -> NDArray[
 
 
 def _read_text(path: Path) -> str:
-    if path.stat().st_size > LARGEST_URDF:
-        raise LogError(f"{path}: larger than {LARGEST_URDF} bytes")
+    if path.stat().st_size > MAX_URDF:
+        raise LogError(f"{path}: larger than {MAX_URDF} bytes")
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -208,7 +208,7 @@ def _card(name: str, log: Log) -> str:
     lidars = sorted({frame.lidar for frame in frames if frame.scan is not None})
     stamps = [frame.stamp for frame in frames]
     known = [part for part in ("truth", "twist", "command") if any(getattr(f, part) is not None for f in frames)]
-    besides = ", ".join(known) or "nothing"
+    also = ", ".join(known) or "nothing"
     table = "\n".join(f"| `{column}` | {meaning} |" for column, meaning in COLUMNS.items())
     return f"""---
 pretty_name: {name}
@@ -220,7 +220,7 @@ configs:
 # {name}
 
 A robot's drive with a 2D lidar, for SLAM: {len(frames)} frames, {log.scan_count} of them with a scan, over
-{max(stamps) - min(stamps):.1f} s. Lidars: {", ".join(lidars) or "none"}. Known besides odometry: {besides}.
+{max(stamps) - min(stamps):.1f} s. Lidars: {", ".join(lidars) or "none"}. Also known: {also}.
 
 `{TABLE}` has a row a frame, in the order of the recording; what is unknown is null.
 

@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from eval.files.map_server import write_map
-from testbed.formats.atomic_directory import renamed_when_whole
+from testbed.formats.atomic_directory import atomic_directory
 from testbed.formats.carmen.reader import LIDARS
 from testbed.formats.carmen.writer import write_carmen
 from testbed.formats.checksums import seal_directory
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import write_parquet
-from testbed.formats.ros.writer import write_bag
+from testbed.formats.ros.writer import Storage, write_bag
 from testbed.formats.tum import write_trajectories
 
-Form = Literal[
+LogFormat = Literal[
     "rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "carmen-flaser", "parquet", "tum", "map_server"
 ]
 """rosbag2: directory with an MCAP file; -lean: without point clouds; -sqlite: with a .db3 file instead; rosbag1: one
@@ -27,10 +27,10 @@ trajectories; map_server: the true map alone."""
 Part = Literal[
     "odometry", "twist", "command", "truth", "scans", "lidar names", "range_min", "beam times", "true map", "robot"
 ]
-"""What a log may hold."""
+"""A kind of data that a log may hold."""
 
 _EVERYTHING: frozenset[Part] = frozenset(get_args(Part))
-HOLDS: dict[Form, frozenset[Part]] = {
+HOLDS: dict[LogFormat, frozenset[Part]] = {
     "rosbag2": _EVERYTHING,
     "rosbag2-lean": _EVERYTHING,
     "rosbag2-sqlite": _EVERYTHING,
@@ -41,11 +41,20 @@ HOLDS: dict[Form, frozenset[Part]] = {
     "tum": frozenset(("odometry", "truth")),
     "map_server": frozenset(("true map",)),
 }
-"""What each format has a place for."""
+"""The kinds of data that each format can hold."""
+
+
+STORAGES: dict[LogFormat, Storage] = {
+    "rosbag2": "mcap",
+    "rosbag2-lean": "mcap",
+    "rosbag2-sqlite": "sqlite",
+    "rosbag1": "rosbag1",
+}
+"""How the file of each kind of bag is laid out."""
 
 
 def parts_of(log: Log) -> set[Part]:
-    """What a log holds."""
+    """Return the kinds of data that a log holds."""
     frames, scans = log.frames, [frame.scan for frame in log.frames if frame.scan is not None]
     there: dict[Part, bool] = {
         "odometry": True,
@@ -62,8 +71,8 @@ def parts_of(log: Log) -> set[Part]:
     return {part for part, is_there in there.items() if is_there}
 
 
-def write_log(path: str | Path, log: Log, form: Form) -> None:
-    """Write a log; `path`, a file or a directory, must not exist. What a format has no place for is left out.
+def write_log(path: str | Path, log: Log, log_format: LogFormat) -> None:
+    """Write a log; `path`, a file or a directory, must not exist. Data that the format cannot hold is left out.
 
     Directories get a config.toml with the SHA-256 of their files, which `open_log` verifies. Raises LogError where the
     format cannot hold the frames at all.
@@ -71,28 +80,28 @@ def write_log(path: str | Path, log: Log, form: Form) -> None:
     path = Path(path)
     if path.exists():
         raise LogError(f"{path}: exists; choose another name")
-    if form == "rosbag1" and path.suffix != ".bag":
+    if log_format == "rosbag1" and path.suffix != ".bag":
         raise LogError(f"{path}: a ROS 1 bag needs a name that ends in .bag")
-    if form in ("carmen", "carmen-flaser"):
-        write_carmen(path, log.frames, message="FLASER" if form == "carmen-flaser" else "ROBOTLASER")
-    elif form == "map_server":
+    if log_format in ("carmen", "carmen-flaser"):
+        write_carmen(path, log.frames, message="FLASER" if log_format == "carmen-flaser" else "ROBOTLASER")
+    elif log_format == "map_server":
         if log.truth_map is None:
             raise LogError(f"{log.path}: holds no true map to write")
         write_map(path, log.truth_map)
     else:
-        with renamed_when_whole(path) as aside:
-            if form == "parquet":
-                write_parquet(aside, log)
-            elif form == "tum":
-                write_trajectories(aside, log)
+        with atomic_directory(path) as temporary:
+            if log_format == "parquet":
+                write_parquet(temporary, log)
+            elif log_format == "tum":
+                write_trajectories(temporary, log)
             else:
                 write_bag(
-                    aside,
+                    temporary,
                     log.frames,
-                    storage="rosbag1" if form == "rosbag1" else "sqlite" if form == "rosbag2-sqlite" else "mcap",
+                    storage=STORAGES[log_format],
                     truth_map=log.truth_map,
                     robot_urdf=log.robot_urdf,
-                    cloud=form == "rosbag2",
+                    cloud=log_format == "rosbag2",
                 )
-            if aside.is_dir():
-                seal_directory(aside, {"source": {"name": log.path.name, "format": log.format}})
+            if temporary.is_dir():
+                seal_directory(temporary, {"source": {"name": log.path.name, "format": log.format}})

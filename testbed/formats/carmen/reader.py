@@ -39,16 +39,16 @@ from testbed.frame import Frame
 LIDARS = {"FLASER": "laser", "RLASER": "rear_laser", "ROBOTLASER1": "laser", "ROBOTLASER2": "rear_laser"}
 """Messages with scans, and the name of the lidar that took them."""
 MESSAGES = (*LIDARS, "ODOM", "PARAM", "TRUEPOS")
-"""What is read; all other messages are counted and skipped."""
+"""Messages that are read; all others are counted and skipped."""
 SEALED = "# CARMEN Logfile; metres, radians, seconds; the last line holds the SHA-256 of all above it"
 """First line of logs that this package has written: text has no check sum of its own."""
 SEAL = "# SHA-256 "
 """How their last line begins."""
 UNSEAL = "delete the lines that name SHA-256 if that was meant"
-"""For people who edit a log."""
-LONGEST_LINE = 1_000_000
+"""Advice for people who edit a log."""
+MAX_LINE = 1_000_000
 """Characters: a scan of some 100 000 beams. What is longer is no CARMEN log."""
-LARGEST_MEDIAN_RANGE = 100.0
+MAX_MEDIAN_RANGE = 100.0
 """Metres; readings with a larger median are in another unit."""
 
 # An FLASER line holds no angles: the number of beams tells the device (first beam and step in degrees, right to left).
@@ -137,10 +137,10 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
         with path.open("rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
         with gzip.open(path, "rb") if packed else path.open("rb") as stream:
-            while line := stream.readline(LONGEST_LINE):
+            while line := stream.readline(MAX_LINE):
                 number += 1
-                if len(line) == LONGEST_LINE:
-                    raise LogError(f"{path}:{number}: line longer than {LONGEST_LINE} characters: not a CARMEN log")
+                if len(line) == MAX_LINE:
+                    raise LogError(f"{path}:{number}: line longer than {MAX_LINE} characters: not a CARMEN log")
                 sealed = sealed or (number == 1 and line.rstrip() == SEALED.encode())
                 if line.startswith(SEAL.encode()):
                     verified = line.split()[-1] == digest.hexdigest().encode()
@@ -281,7 +281,7 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
     """Frames, now that the whole file has been seen; the notes say what was found out."""
     readings = np.concatenate([m.ranges for m in content.messages if m.ranges is not None] or [np.empty(0)])
     typical = np.median(readings[np.isfinite(readings)]) if np.any(np.isfinite(readings)) else 0.0
-    if typical > LARGEST_MEDIAN_RANGE:
+    if typical > MAX_MEDIAN_RANGE:
         raise LogError(
             f"{path}: the median reading is {typical:g}: expected metres, are these centimetres or millimetres?"
         )
@@ -300,10 +300,10 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
 
 
 def _resolve_no_returns(content: _Content, given: float | None) -> tuple[dict[str, float], list[str]]:
-    """Where no returns begin [m], by the kind of message, as far as the messages do not say so themselves; notes."""
+    """The range from which on there is no return [m], by kind of message that does not hold it itself; and notes."""
     kinds = sorted({m.kind for m in content.messages if m.ranges is not None})
     if given is not None:
-        return dict.fromkeys(kinds, given), [f"no return from {given:g} m on (as asked)"]
+        return dict.fromkeys(kinds, given), [f"no return from {given:g} m on (as given)"]
     found, notes = {}, []
     for kind in kinds:
         if kind in MAXIMA:
@@ -314,7 +314,7 @@ def _resolve_no_returns(content: _Content, given: float | None) -> tuple[dict[st
 
 
 def _no_return_of(logged: float | None, name: str, ranges: list[NDArray[np.float64]]) -> tuple[float, str]:
-    """Where no returns begin in the scans of one lidar [m], and the note about it."""
+    """The range from which on there is no return in the scans of one lidar [m], and the note about it."""
     if logged is not None:
         return logged, f"no return from {logged:g} m on (PARAM {name})"
     readings = np.concatenate(ranges)
@@ -329,7 +329,7 @@ def _resolve_offsets(content: _Content, given: float | None) -> tuple[dict[str, 
     front, rear = (content.parameters.get(OFFSETS[kind]) for kind in ("FLASER", "RLASER"))
     offsets = {"RLASER": rear or 0.0}
     if given is not None:
-        return offsets | {"FLASER": given, "ROBOTLASER1": given}, f"laser {given:+g} m along x (as asked)"
+        return offsets | {"FLASER": given, "ROBOTLASER1": given}, f"laser {given:+g} m along x (as given)"
     if front is not None:
         note = f"laser {front:+g} m along x (robot_frontlaser_offset in the log)"
         return offsets | {"FLASER": front, "ROBOTLASER1": front}, note

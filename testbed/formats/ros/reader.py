@@ -39,8 +39,8 @@ COMMANDS = "/cmd_vel"
 MAX_CELLS = 100_000_000
 """Cells."""
 TRUTH_WORDS = ("ground_truth", "truth", "groundtruth")
-"""What a topic with the true pose is called."""
-LARGEST_METADATA = 1_000_000
+"""A topic whose name contains one of these words holds the true pose."""
+MAX_METADATA = 1_000_000
 """Bytes of a metadata.yaml."""
 ODOMETRY_REACH = 0.2
 """A scan may lie outside of the odometry's time by this much [s], one period of slow odometry."""
@@ -136,8 +136,8 @@ def _read_messages(path: Path, content: _Content) -> None:
     from rosbags.typesys import Stores, get_typestore
 
     metadata = path / "metadata.yaml"
-    if path.is_dir() and metadata.stat().st_size > LARGEST_METADATA:
-        raise LogError(f"{metadata}: larger than {LARGEST_METADATA} bytes")
+    if path.is_dir() and metadata.stat().st_size > MAX_METADATA:
+        raise LogError(f"{metadata}: larger than {MAX_METADATA} bytes")
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         wanted = _choose_topics(path, reader, content)
         topics = {connection.topic for connection in wanted}
@@ -164,7 +164,7 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
     for connection in reader.connections:
         by_type[connection.msgtype].add(connection.topic)
     poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
-    truths = [topic for topic in poses if _tells_truth(topic)]
+    truths = [topic for topic in poses if _is_ground_truth(topic)]
     others = [topic for topic in poses if topic not in truths]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
     content.scans = {topic: [] for topic in sorted(by_type[SCAN_TYPE])}
@@ -173,7 +173,7 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
         content.topics["truth"] = truths[0]
     if COMMANDS in commands or len(commands) == 1:
         content.topics["commands"] = COMMANDS if COMMANDS in commands else commands[0]
-    if true_maps := [topic for topic in maps if _tells_truth(topic)]:
+    if true_maps := [topic for topic in maps if _is_ground_truth(topic)]:
         content.topics["map"] = true_maps[0]
     taken = {*content.topics.values(), *content.scans, *(by_type["std_msgs/msg/String"] & {DESCRIPTION})}
     wanted = [c for c in reader.connections if c.topic in taken or c.msgtype == TRANSFORM_TYPE]
@@ -188,7 +188,7 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
     return wanted
 
 
-def _tells_truth(topic: str) -> bool:
+def _is_ground_truth(topic: str) -> bool:
     return any(word in topic.lower() for word in TRUTH_WORDS)
 
 
@@ -292,7 +292,7 @@ def _assemble(path: Path, content: _Content, range_max: float | None) -> Log:
     return Log(
         path=path,
         format="ROS bag",
-        frames=_with_commands(_with_truth(frames, content.truth), content.commands),
+        frames=_with_commands(_attach_truth(frames, content.truth), content.commands),
         notes=tuple(notes),
         truth_map=content.truth_map,
         robot_urdf=content.robot_urdf,
@@ -332,7 +332,7 @@ def interpolate(stamps: NDArray[np.float64], poses: Pose, stamp: float) -> Pose:
     return se2.compose(poses[after - 1], share * step)
 
 
-def _with_truth(frames: list[Frame], truth: _Track) -> list[Frame]:
+def _attach_truth(frames: list[Frame], truth: _Track) -> list[Frame]:
     """The frames with truth, where its topic covers their stamps."""
     if not truth.stamps:
         return frames

@@ -24,7 +24,7 @@ import numpy as np
 
 from slam import se2
 from slam.occupancy import OccupancyGrid
-from testbed.formats.atomic_directory import renamed_when_whole
+from testbed.formats.atomic_directory import atomic_directory
 from testbed.formats.beams import same_mount
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum
 from testbed.formats.log import LogError
@@ -34,7 +34,7 @@ from testbed.frame import Frame
 
 Storage = Literal["mcap", "sqlite", "rosbag1"]
 
-LATEST_STAMP = 2**31 - 1
+MAX_STAMP = 2**31 - 1
 """ROS 2 counts seconds in 31 bits."""
 LATCHED = ("/tf_static", "/robot_description", "/ground_truth/map")
 """Topics of one message that late subscribers still receive."""
@@ -76,7 +76,7 @@ def write_bag(
     if path.exists():
         raise LogError(f"{path}: exists")
     mounts = _mounts(path, frames)
-    with renamed_when_whole(path) as aside:
+    with atomic_directory(path) as aside:
         with _rosbag1(aside) if storage == "rosbag1" else _rosbag2(aside, storage) as bag:
             make = Messages(bag.types)
             try:
@@ -97,8 +97,8 @@ def _mounts(path: Path, frames: Sequence[Frame]) -> dict[str, tuple[float, float
     back = np.flatnonzero(np.diff(stamps) < 0.0)
     if back.size:
         raise LogError(f"{path}: frame {back[0] + 1}: the stamps step backwards; a bag is ordered by time")
-    if not (stamps[0] >= 0.0 and stamps[-1] < LATEST_STAMP):
-        raise LogError(f"{path}: stamps from {stamps[0]:g} to {stamps[-1]:g} s, expected 0 to {LATEST_STAMP}")
+    if not (stamps[0] >= 0.0 and stamps[-1] < MAX_STAMP):
+        raise LogError(f"{path}: stamps from {stamps[0]:g} to {stamps[-1]:g} s, expected 0 to {MAX_STAMP}")
     mounts: dict[str, tuple[float, float, float]] = {}
     for frame in frames:
         if frame.scan is None:

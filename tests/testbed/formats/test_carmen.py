@@ -63,7 +63,7 @@ def assert_same_scan(read: Scan, written: Scan) -> None:
 
 
 @given(frames=recordings(), suffix=st.sampled_from([".log", ".log.gz"]))
-def test_robotlaser_round_trip_keeps_everything_carmen_can_hold(tmp_path_factory, frames, suffix):
+def test_a_robotlaser_round_trip_loses_nothing(tmp_path_factory, frames, suffix):
     path = tmp_path_factory.mktemp("carmen") / f"log{suffix}"
     write_carmen(path, frames)
     read = open_log(path).frames
@@ -84,7 +84,7 @@ def test_robotlaser_round_trip_keeps_everything_carmen_can_hold(tmp_path_factory
 
 
 @pytest.mark.parametrize(("count", "first", "step"), [(180, -90, 1), (181, -90, 1), (360, -90, 0.5), (361, -90, 0.5)])
-def test_flaser_round_trip_and_its_implied_angles(tmp_path, count, first, step):
+def test_flaser_implies_its_angles(tmp_path, count, first, step):
     angles = np.deg2rad(first + step * np.arange(count))
     rng = np.random.default_rng(count)
     frames = [
@@ -114,7 +114,7 @@ def test_equal_frames_give_equal_bytes(tmp_path):
 
 
 @pytest.mark.parametrize("message", ["ROBOTLASER", "FLASER"])
-def test_angles_that_the_format_cannot_hold_are_refused_and_leave_no_file(tmp_path, message):
+def test_uneven_angles_are_refused_and_leave_no_file(tmp_path, message):
     scan = Scan(ranges=np.ones(3), angles=np.array([0.0, 0.1, 0.5]), range_max=9.0)
     with pytest.raises(LogError, match="frame 0"):
         write_carmen(tmp_path / "log", [Frame(stamp=0.0, odometry=np.zeros(3), scan=scan)], message=message)
@@ -190,7 +190,7 @@ def test_unknown_messages_are_counted_and_reported(tmp_path):
 
 @settings(max_examples=200)
 @given(data=st.data())
-def test_a_cut_or_changed_byte_is_an_error_or_leaves_a_checked_log(tmp_path_factory, data):
+def test_a_damaged_byte_is_an_error_or_harmless(tmp_path_factory, data):
     folder = tmp_path_factory.mktemp("damage")
     scan = Scan(ranges=np.linspace(1, 9, 7), angles=0.1 * np.arange(7), range_max=8.0)
     frames = [Frame(stamp=float(i), odometry=np.ones(3), scan=scan if i % 2 else None) for i in range(6)]
@@ -253,7 +253,7 @@ def test_laser_offset_is_taken_from_the_log_unless_given(tmp_path, header):
         ("aces/aces-merged.clf.gz", 7814, 440, 50.0, 0.0, 180),
     ],
 )
-def test_real_logs_read_as_their_description_says(name, frames, scans, no_return, offset, beams):
+def test_real_logs_match_their_description(name, frames, scans, no_return, offset, beams):
     path = DATASETS / name
     if not path.exists():
         pytest.skip(f"{path} is absent: set TESTBED_DATASETS")
