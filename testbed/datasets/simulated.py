@@ -103,11 +103,10 @@ def _write(
     with simulate(world, config, driver) as simulation:
         frames = list(simulation)
     truth_map = true_grid(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
-    log = Log(
+    log = Log.from_frames(
+        frames,
         path=path,
         format="simulation",
-        frames=frames,
-        notes=(),
         truth_map=truth_map,
         robot_urdf=robot_urdf(config.robot),
     )

@@ -52,7 +52,12 @@ def two_lidar_drive() -> Log:
                 truth=rng.uniform(-3, 3, 3),
             )
         )
-    return Log(path=Path("made"), format="made", frames=frames, notes=(), truth_map=GRID, robot_urdf=URDF)
+    return Log.from_frames(frames, path=Path("made"), format="made", truth_map=GRID, robot_urdf=URDF)
+
+
+def write_frames(path: Path, frames: list[Frame], log_format: str = "carmen") -> None:
+    """Write frames that belong to no log."""
+    write_log(path, Log.from_frames(frames, path=Path("made"), format="made"), log_format)
 
 
 def through(folder: Path, log: Log, *log_formats: str) -> Log:

@@ -291,10 +291,10 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
     skipped_note = (
         f"messages left out: {', '.join(skipped[:8])}{' and others' if skipped[8:] else ''}" if skipped else ""
     )
-    return Log(
+    return Log.from_frames(
+        [_frame(message, offsets, no_returns) for message in content.messages],
         path=path,
         format="CARMEN log",
-        frames=[_frame(message, offsets, no_returns) for message in content.messages],
         notes=tuple(note for note in (*range_notes, offset_note, skipped_note) if note),
     )
 

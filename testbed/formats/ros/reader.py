@@ -25,7 +25,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
 from testbed.formats.log import Log, LogError
-from testbed.formats.ros.mcap_checksums import verify_mcap
+from testbed.formats.ros.mcap import verify_mcap
 from testbed.formats.ros.transforms import Transforms, planar_pose
 from testbed.frame import Frame
 
@@ -289,10 +289,10 @@ def _assemble(path: Path, content: _Content, range_max: float | None) -> Log:
         notes.append(f"{outside} of {len(scans)} scans lie outside of the odometry's time and are left out")
     if left_out := [*(f"{topic} (the same lidar)" for topic in repeated), *content.others]:
         notes.append(f"topics left out: {', '.join(left_out[:8])}{' and others' if left_out[8:] else ''}")
-    return Log(
+    return Log.from_frames(
+        _with_commands(_attach_truth(frames, content.truth), content.commands),
         path=path,
         format="ROS bag",
-        frames=_with_commands(_attach_truth(frames, content.truth), content.commands),
         notes=tuple(notes),
         truth_map=content.truth_map,
         robot_urdf=content.robot_urdf,

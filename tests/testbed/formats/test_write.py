@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from slam.scan import Scan
 from testbed.formats import Log, LogError
+from testbed.formats.frame_table import FrameTable
 from testbed.formats.write import HOLDS, parts_of, write_log
 from testbed.frame import Frame
 from tests.testbed.recordings import (
@@ -68,7 +69,7 @@ def logs(draw):
                 truth=draw(pose),
             )
         )
-    return Log(path=Path("made"), format="made", frames=frames, notes=(), truth_map=GRID, robot_urdf=URDF)
+    return Log.from_frames(frames, path=Path("made"), format="made", truth_map=GRID, robot_urdf=URDF)
 
 
 @pytest.mark.parametrize("log_format", LOG_FORMATS)
@@ -106,14 +107,14 @@ def test_the_true_map_alone_is_written_for_map_server(tmp_path, drive):
 
     write_log(tmp_path / "map.yaml", drive, "map_server")
     np.testing.assert_array_equal(read_map(tmp_path / "map.yaml").probability, GRID.probability)
-    bare = Log(path=Path("bare"), format="made", frames=drive.frames, notes=())
+    bare = Log.from_frames(drive.frames, path=Path("bare"), format="made")
     with pytest.raises(LogError, match="bare: holds no true map"):
         write_log(tmp_path / "other.yaml", bare, "map_server")
 
 
 def test_parts_of_a_log(drive):
     assert parts_of(drive) == HOLDS["parquet"] - {"lidar names"}  # CARMEN has these two names
-    assert parts_of(Log(path=Path("p"), format="f", frames=[Frame(stamp=0.0, odometry=np.zeros(3))], notes=())) == {
+    assert parts_of(Log.from_frames([Frame(stamp=0.0, odometry=np.zeros(3))], path=Path("p"), format="f")) == {
         "odometry"
     }
 
@@ -132,7 +133,7 @@ def test_what_is_there_is_not_overwritten(tmp_path, drive):
         ("rosbag2", {"angles": ANGLES**3}, "frame 1: LaserScan needs beams evenly spaced"),
         ("rosbag1", {"mount": (1.0, 1.0, 0.0)}, "scans of one lidar (laser) mounted at different places"),
         ("carmen", {"angles": ANGLES**3}, "frame 1: ROBOTLASER1 needs evenly spaced beams"),
-        ("carmen-flaser", {"mount": (0.0, 1.0, 0.0)}, "FLASER has no place for a lidar mounted at"),
+        ("carmen-flaser", {"mount": (0.0, 1.0, 0.0)}, "FLASER cannot hold a lidar mounted at"),
     ],
 )
 def test_data_a_format_cannot_hold_is_refused_and_leaves_no_file(tmp_path, drive, log_format, change, complaint):
@@ -140,7 +141,7 @@ def test_data_a_format_cannot_hold_is_refused_and_leaves_no_file(tmp_path, drive
     frames[1] = replace(frames[1], scan=replace(frames[1].scan, **change))
     out = tmp_path / f"out{SUFFIX.get(log_format, '')}"
     with pytest.raises(LogError) as error:
-        write_log(out, replace(drive, frames=frames), log_format)
+        write_log(out, replace(drive, table=FrameTable.from_frames(frames)), log_format)
     assert str(error.value).startswith(f"{out}: {complaint}")
     assert list(tmp_path.iterdir()) == []
 
