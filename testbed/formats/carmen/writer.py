@@ -78,6 +78,7 @@ class _Lines:
 
     def text(self, block: FrameTable) -> str:
         """All lines of a block."""
+        self._checked.clear()
         tails = [f"{stamp} {HOST} {stamp}\n" for stamp in _texts(block.stamps[:, None])]
         poses = _texts(block.odometry)
         lines = [""] * len(block)

@@ -96,6 +96,7 @@ class RecordMaker:
 
         Raises LogError, with the number of the frame, where the beams of a scan are not evenly spaced.
         """
+        self._spacings.clear()
         kinds = np.stack([block.known(block.command), block.known(block.truth)], axis=1)
         borders = (np.flatnonzero(np.any(kinds[1:] != kinds[:-1], axis=1)) + 1).tolist()
         for begin, end in pairwise([0, *borders, len(block)]):

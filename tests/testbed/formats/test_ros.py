@@ -279,7 +279,7 @@ def test_odometry_is_interpolated_at_the_scans(tmp_path):
 @given(share=st.floats(0.0, 1.0), seed=st.integers(0, 2**32 - 1))
 def test_interpolation_meets_its_ends_and_turns_the_short_way(share, seed):
     a, b = np.random.default_rng(seed).uniform(-np.pi, np.pi, (2, 3))
-    at = interpolate(np.array([1.0, 2.0]), np.array([a, b]), 1.0 + share)
+    (at,) = interpolate(np.array([1.0, 2.0]), np.array([a, b]), np.array([1.0 + share]))
     whole, part = se2.between(a, b), se2.between(a, at)
     np.testing.assert_allclose(part[2], share * whole[2], atol=1e-9)
     np.testing.assert_allclose(np.hypot(*part[:2]), share * np.hypot(*whole[:2]), atol=1e-9)
