@@ -57,7 +57,7 @@ class Reference:
     relations: Relations | None = None
     """Hand-checked relative poses."""
     grid: OccupancyGrid | None = None
-    """The true map: 1 occupied, 0 free, NaN what no lidar can see (`eval.map.grids.true_grid`)."""
+    """The true map: 1 occupied, 0 free, NaN what no lidar can see (`eval.map.grids.grid_from_true_map`)."""
     lidars: Sequence[LidarView] = ()
     """What the lidars see: true cells that were never in their view are asked of no map. None of them = unknown:
     everything in sight of the true path counts, which the notes say."""

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.map.error import map_error
-from eval.map.grids import cell_centres, lookup, resample, true_grid
+from eval.map.grids import cell_centres, grid_from_true_map, lookup, resample
 from eval.map.overlap import coverage, free_overlap, occupied_overlap
 from eval.map.probability import CLIP, probability_score
 from eval.map.structure import map_structure
@@ -287,7 +287,7 @@ def test_lookup_finds_each_cell_by_its_centre_in_any_frame():
 
 def test_the_true_map_of_a_world_becomes_1_0_and_unknown():
     occupied, free = np.array([[True, False, False]]), np.array([[False, True, False]])
-    grid = true_grid(TrueMap(occupied=occupied, free=free, resolution=0.1, origin=(0.0, 0.0, 0.0)))
+    grid = grid_from_true_map(TrueMap(occupied=occupied, free=free, resolution=0.1, origin=(0.0, 0.0, 0.0)))
     np.testing.assert_array_equal(grid.probability, [[1.0, 0.0, np.nan]])
 
 
