@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
-from eval.filter.health import LEVEL, chi_square, column, nees, updates
+from eval.filter.nees import LEVEL, chi_square, nees
+from eval.filter.step_table import column, updates
 from eval.first_failure import Finding
 from eval.report import plots
 from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
