@@ -18,10 +18,10 @@ from eval.scoring import Reference, score
 from eval.trajectory.relations import Relations
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
-from slam.step.step_report import StepReport
 from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from slam.sensor.rays import make_rays
+from slam.step.step_report import StepReport
 from testbed.formats.commands import commands_of, write_commands
 from testbed.frame import Frame
 from testbed.lidar_views import lidar_views

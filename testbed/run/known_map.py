@@ -17,8 +17,8 @@ from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
 from slam.config import LocalizationConfig
-from slam.localization.fixed_map import check_map, checked_start
 from slam.localization import LocalizationStatus
+from slam.localization.fixed_map import check_map, checked_start
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.frame import Frame
@@ -99,9 +99,9 @@ def localization_metrics(
             "error_rmse_m": error.translation.rmse,
             "error_median_m": error.translation.median,
             "error_p95_m": error.translation.p95,
-            "error_max_m": error.translation.maximum,
+            "error_max_m": error.translation.max,
             "heading_error_mean_deg": error.rotation.mean,
-            "heading_error_max_deg": error.rotation.maximum,
+            "heading_error_max_deg": error.rotation.max,
         }
     return metrics
 
