@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where a result comes from: versions, machine, input files; the part of `config.toml` that nobody types."""
+"""Record of where a result comes from: command, settings, input files, versions and machine, as `config.toml` holds it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ import platform
 import shlex
 import sys
 from collections.abc import Iterable, Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import tomli_w
-
-PACKAGES = ("slam-testbed", "numpy", "numba", "scipy", "shapely", "pybullet", "rerun-sdk")
+from testbed.toml import dump_toml
+from testbed.versions import versions
 
 
 def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) -> dict[str, Any]:
@@ -36,30 +34,6 @@ def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) ->
 def settings_as_markdown(document: Mapping[str, Any]) -> str:
     """The command and the settings of a `config_document`, as a viewer shows them."""
     return f"`{document['command']}`\n\n```toml\n{dump_toml(document['settings'])}```\n"
-
-
-def dump_toml(document: Mapping[str, Any]) -> str:
-    """A document as TOML; values that are None are left out, TOML has no word for them."""
-    return tomli_w.dumps(_without_none(document))
-
-
-def _without_none(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _without_none(item) for key, item in value.items() if item is not None}
-    if isinstance(value, list | tuple):
-        return [_without_none(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that results depend on."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
 
 
 def _processor() -> str:

@@ -19,7 +19,7 @@ from eval.files.map_server import write_map
 from eval.files.tum import write_tum
 from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
-from testbed.run.provenance import dump_toml
+from testbed.toml import dump_toml
 
 RUN_FILES = (
     "config.toml",
