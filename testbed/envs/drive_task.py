@@ -16,6 +16,7 @@ from slam.se2 import Pose, between
 from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.scenario.scenario import Place, Wish
 from testbed.envs.settings import EnvironmentSettings
+from testbed.seeds import RunSeeds
 from testbed.simulation.fleet.robot_group import Readings
 
 
@@ -66,7 +67,7 @@ class DriveTask:
     def place(self, robot: int, rng: Generator, wish: Wish) -> None:
         """Begin an episode of one robot; it stands still in the first period, which gives it its first scan."""
         place, start = self.scenario.draw(rng, wish)
-        self._group.place(robot, place.terrain, start, seed=int(rng.integers(2**63)))
+        self._group.place(robot, place.terrain, start, RunSeeds.from_seed(int(rng.integers(2**63))))
         self.places[robot] = place
         self._odometry[robot], self._truth[robot] = 0.0, start
 

@@ -25,6 +25,8 @@ from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.settings import EnvironmentSettings
 from testbed.exploration.belief import Belief
 from testbed.frame import Frame
+from testbed.run.snapshot import take_snapshot
+from testbed.seeds import RunSeeds
 from testbed.simulation.fleet.robot_group import Outfit, Readings
 from worlds import TrueMap
 
@@ -97,9 +99,8 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         wish = self._scenario.wish(options)
         super().reset(seed=seed)
         place, start = self._scenario.draw(self.np_random, wish)
-        self._group.place(0, place.terrain, start, seed=int(self.np_random.integers(2**63)))
-        filter_seed = np.random.SeedSequence(int(self.np_random.integers(2**63)))
-        self._mapper = GMapping(self._filter, seed=filter_seed, threads=1)
+        self._group.place(0, place.terrain, start, RunSeeds.from_seed(int(self.np_random.integers(2**63))))
+        self._mapper = GMapping(self._filter, seed=int(self.np_random.integers(2**63)), threads=1)
         self._place, self._score, self._T_world_map = place, MapScore(place.true_map), start
         self._odometry, self._stamp = np.zeros((1, 3)), 0.0
         self._mapped = Mapped(0.0, 0.0, 0.0)
@@ -190,10 +191,8 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         return observation, readings
 
     def _snapshot(self, scan: Scan, odometry: Pose, report: StepReport, readings: Readings) -> Any:
-        from testbed.run.execute import snapshot
-
         frame = Frame(stamp=scan.stamp, odometry=odometry, scan=scan, truth=readings.truth[0])
-        return snapshot(frame, report, self._mapper, collided=bool(readings.contact[0]))
+        return take_snapshot(frame, report, self._mapper, collided=bool(readings.contact[0]))
 
     def _info(self, readings: Readings) -> dict[str, Any]:
         return {

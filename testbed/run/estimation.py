@@ -20,9 +20,10 @@ from slam.refinement.refine import refine
 from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.frame import Frame
-from testbed.run.dense_path import carry
+from testbed.run.dense_path import interpolate_with_odometry
 from testbed.run.known_map import KnownMap
 from testbed.run.step_table import StepTable
+from testbed.seeds import Stream
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +48,7 @@ class Estimation:
     """Runs the filter over a recording, one frame after the other, and remembers what its files will need."""
 
     config: FilterConfig
-    seed: int | np.random.SeedSequence
+    seed: int | Stream
     threads: int | None = None
     """Threads of the filter; None = all cores. The result does not depend on it."""
     known_map: KnownMap | None = None
@@ -122,7 +123,7 @@ class Estimation:
         """The best particle's path and map; needs at least one scan."""
         scan_frames = self.scan_frames
         updates = scan_frames[np.asarray(self.mapper.update_scans)]
-        dense = carry(self.odometry, updates, self.mapper.path())
+        dense = interpolate_with_odometry(self.odometry, updates, self.mapper.path())
         return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
 
     def refined(self, estimate: Estimate) -> Estimate:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The run directory as `testbed` writes it (docs/run-directory.md): the border to `eval.report.run_report` and other tools."""
+"""The run directory (docs/run-directory.md), which reports and other tools read."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.frame import Frame
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds, Stream, children
 from testbed.simulation.drivers.driver import Driver, DriverConfig
 from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.history import History
@@ -56,8 +56,8 @@ class SimulationConfig:
     """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics."""
     duration: float = 1800.0
     """The simulation ends here at the latest [s]."""
-    seed: int = 0
-    """All random numbers follow from it."""
+    seeds: RunSeeds = field(default_factory=lambda: RunSeeds.from_seed(0))
+    """All random numbers follow from them."""
 
     def __post_init__(self) -> None:
         if not self.duration > 0.0:
@@ -67,7 +67,6 @@ class SimulationConfig:
                 f"robot {self.robot.name!r} has room for {len(self.robot.lidar_mounts)} lidars, not for "
                 f"{1 + len(self.further_lidars)}: expected further_lidar_mounts in its preset"
             )
-        streams(self.seed)  # complains about a negative one
 
 
 class Simulation(Iterator[Frame]):
@@ -89,8 +88,7 @@ class Simulation(Iterator[Frame]):
         self.collided = False
         """The robot has touched something."""
         self._periods = 0
-        rng = np.random.default_rng(streams(config.seed).movers)
-        self.movers = Movers(world, config.robot.footprint_radius, CONTROL_PERIOD, rng)
+        self.movers = Movers(world, config.robot.footprint_radius, CONTROL_PERIOD, config.seeds.movers)
         """People and doors."""
         self._frames = self._run()
 
@@ -108,6 +106,15 @@ class Simulation(Iterator[Frame]):
     def stuck(self) -> bool:
         """The drive was given up."""
         return self.driver.stuck
+
+    def ended(self, duration: float | None) -> str | None:
+        """Return why the drive did not end as planned, `collided` or `timeout`; None where it did.
+
+        duration: the time after which a drive was meant to end [s]; None = at the end of its tour
+        """
+        if self.collided:
+            return "collided"
+        return None if self.finished or (duration is not None and not self.stuck) else "timeout"
 
     def __next__(self) -> Frame:
         return next(self._frames)
@@ -190,11 +197,11 @@ def _backend(world: World, config: SimulationConfig) -> Backend:
 class _Device:
     """One lidar on the robot, and when it scans."""
 
-    def __init__(self, number: int, config: SimulationConfig, seed: np.random.SeedSequence) -> None:
+    def __init__(self, number: int, config: SimulationConfig, stream: Stream) -> None:
         self.preset = (config.lidar, *config.further_lidars)[number]
         mount = config.robot.lidar_mounts[number]
         self.name, self.height = mount.name, mount.height
-        self.lidar = Lidar(self.preset, mount, config.lidar_layers, np.random.default_rng(seed))
+        self.lidar = Lidar(self.preset, mount, config.lidar_layers, np.random.default_rng(stream))
         self.sweep_time = self.preset.sweep_time if config.lidar_layers.motion else 0.0
         self._settled = max(self.sweep_time, _INSTANT)
         self._phase = number / (1 + len(config.further_lidars))
@@ -215,20 +222,19 @@ class _Device:
         self._scans += 1
 
 
-def _devices(config: SimulationConfig, seed: np.random.SeedSequence) -> list[_Device]:
+def _devices(config: SimulationConfig) -> list[_Device]:
     """All lidars; the stream of the first does not depend on whether there are more."""
-    seeds = [seed, *seed.spawn(len(config.further_lidars))]
-    return [_Device(number, config, own) for number, own in enumerate(seeds)]
+    streams = [config.seeds.lidar, *children(config.seeds.lidar, len(config.further_lidars))]
+    return [_Device(number, config, stream) for number, stream in enumerate(streams)]
 
 
 class _Sensors:
     """Truth in, frames out: keeps what the robot did until the scan that was being taken meanwhile is complete."""
 
     def __init__(self, backend: Backend, movers: Movers, config: SimulationConfig) -> None:
-        seeds = streams(config.seed)
         self._backend, self._movers = backend, movers
-        self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(seeds.odometry))
-        self._devices = _devices(config, seeds.lidar)
+        self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(config.seeds.odometry))
+        self._devices = _devices(config)
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
         self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
         self._odometry = History(self._odometer.advance(*start.wheels.tolist()), CONTROL_PERIOD)

@@ -6,8 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from numpy.random import Generator, SeedSequence
+from numpy.random import Generator
 
+from testbed.seeds import world_stream
 from worlds import KINDS, World, generate
 
 Split = Literal["train", "test"]
@@ -54,6 +55,6 @@ class GeneratedWorlds:
             size=self.size,
             clutter=self.clutter,
             loops=self.loops,
-            seed=SeedSequence((number, get_args(Split).index(self.split))),
+            seed=world_stream(number, get_args(Split).index(self.split)),
         )
         return world.model_copy(update={"name": f"{world.name} {self.split} {number}"})

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.se2 import Pose
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 from testbed.simulation.fleet._fleet_kernels import Equipment, Numbers, Places, Robots, Surroundings, step_robots
 from testbed.simulation.fleet.robot_group import Outfit, Readings, Terrain
 from testbed.simulation.physics._ray_kernels import SegmentGrid
@@ -48,9 +48,9 @@ class Fleet:
         self._contact = np.zeros(robots, np.bool_)
         self._ranges = np.full((robots, beams), np.nan)
 
-    def place(self, robot: int, terrain: Terrain, pose: Pose, seed: int) -> None:
+    def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
         """See `RobotGroup.place`."""
-        seeds, outfit = streams(seed), self._outfit
+        outfit = self._outfit
         self._robots.body[robot] = [*pose, 0.0, 0.0, 0.0, 0.0]
         self._robots.odometer[robot] = 0.0
         rng = np.random.default_rng(seeds.odometry)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
+from testbed.seeds import RunSeeds
 from testbed.simulation.physics.backend import STEP_RATE, Limits
 from testbed.simulation.physics.fast import segment_grid
 from testbed.simulation.robot.lidar import LidarLayers
@@ -90,8 +91,8 @@ class Terrain:
 class RobotGroup(Protocol):
     """Robots that are told by the period."""
 
-    def place(self, robot: int, terrain: Terrain, pose: Pose, seed: int) -> None:
-        """Put that robot to rest at `T_world_robot` (3,) in a world, with errors drawn anew from the seed."""
+    def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
+        """Put that robot to rest at `T_world_robot` (3,) in a world, with errors drawn anew from the seeds."""
         ...
 
     def step(self, targets: NDArray[np.float64], which: NDArray[np.intp] | None = None) -> Readings:

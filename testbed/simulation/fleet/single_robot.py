@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.presets import RobotPreset
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 from testbed.simulation.fleet.robot_group import Outfit, Readings, Terrain
 from testbed.simulation.physics.backend import STEP_RATE, Backend, Limits
 from testbed.simulation.robot._lidar_kernels import place_beams
@@ -27,12 +27,12 @@ class BackendRobot:
         self._outfit, self._make = outfit, make_backend
         self._backend: Backend | None = None
 
-    def place(self, robot: int, terrain: Terrain, pose: Pose, seed: int) -> None:
+    def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
         """See `RobotGroup.place`."""
         if robot != 0:
             raise IndexError(f"robot must be 0, got {robot}")
         self.close()
-        outfit, seeds = self._outfit, streams(seed)
+        outfit = self._outfit
         x, y, theta = (float(value) for value in pose)
         world = terrain.world.model_copy(update={"start": Start(x=x, y=y, theta=theta)})
         self._backend = self._make(world, outfit.robot, outfit.limits)

@@ -14,6 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from shapely.geometry import LineString
 
+from testbed.seeds import Stream, children
 from testbed.simulation.movers._mover_kernels import nearest_mover
 from testbed.simulation.physics.backend import Hits
 from worlds import PERSON_RADIUS, Door, Person, World
@@ -128,16 +129,17 @@ class _Leaf:
 class Movers:
     """All that moves in a world, told at a constant rate."""
 
-    def __init__(self, world: World, footprint_radius: float, period: float, rng: Generator) -> None:
-        """footprint_radius: the robot's [m]; period: time between two calls of `advance` [s]."""
+    def __init__(self, world: World, footprint_radius: float, period: float, stream: Stream) -> None:
+        """footprint_radius: the robot's [m]; period: time between two calls of `advance` [s]; stream: their seed."""
         robot = (world.start.x, world.start.y)
-        people, doors = rng.spawn(2)
+        people, doors = children(stream, 2)
         self._walkers = [
-            _Walker(person, robot, footprint_radius, child)
-            for person, child in zip(world.people, people.spawn(len(world.people)), strict=True)
+            _Walker(person, robot, footprint_radius, np.random.default_rng(child))
+            for person, child in zip(world.people, children(people, len(world.people)), strict=True)
         ]
         self._leaves = [
-            _Leaf(door, child) for door, child in zip(world.doors, doors.spawn(len(world.doors)), strict=True)
+            _Leaf(door, np.random.default_rng(child))
+            for door, child in zip(world.doors, children(doors, len(world.doors)), strict=True)
         ]
         self._radius, self._period = footprint_radius, period
         self._first_index = 0

@@ -12,6 +12,7 @@ from slam.gmapping import GMapping
 from testbed.exploration import STRATEGIES, ExploreDriver, make_explorer
 from testbed.exploration.guard import GAP, LATENCY, Guard
 from testbed.presets import load_lidar, load_robot
+from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, SimulationConfig, simulate
 from testbed.simulation.drivers.stuck_recovery import BackOff
 from tests.testbed.exploration.places import belief, grid_of, scan_of
@@ -28,7 +29,7 @@ def explorer(strategy, seed=0):
 def explore(world, strategy="nearest", duration=150.0, seed=0, **settings):
     """The simulation, the filter and the explorer at the end of a drive with the estimate in the loop."""
     config = SimulationConfig(
-        lidar=LIDAR, backend="fast", duration=duration, seed=seed,
+        lidar=LIDAR, backend="fast", duration=duration, seeds=RunSeeds.from_seed(seed),
         driver=DriverConfig(kind="explore", strategy=strategy), **settings,
     )  # fmt: skip
     driver, mapper = ExploreDriver(explorer(strategy, seed)), GMapping(FilterConfig(particles=5), threads=1)

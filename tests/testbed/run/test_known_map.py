@@ -17,6 +17,7 @@ from slam.localization.localizer import Localization
 from testbed.formats import open_log
 from testbed.run.estimation import Estimation
 from testbed.run.known_map import KnownMap, localization_metrics, parse_start, why_astray
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from worlds import load, true_map
 
@@ -30,7 +31,9 @@ def grid_of(world):
 
 def frames_of(world, seed, *, begin=0.0, end=20.0):
     """Frames of a drive from `begin` to `end` [s]."""
-    with simulate(load(world), SimulationConfig(backend="fast", seed=seed, duration=end)) as simulation:
+    with simulate(
+        load(world), SimulationConfig(backend="fast", seeds=RunSeeds.from_seed(seed), duration=end)
+    ) as simulation:
         return [frame for frame in simulation if frame.stamp >= begin]
 
 

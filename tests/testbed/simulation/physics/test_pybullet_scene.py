@@ -8,6 +8,7 @@ import pytest
 
 from slam.se2 import between
 from testbed.presets import load_robot
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.physics import pybullet_scene
 from testbed.simulation.physics.backend import STEP_RATE, Limits
@@ -87,7 +88,9 @@ def test_memory_is_flat_over_many_simulations_in_one_process(backend):
     """Each mesh of the office that leaked would take 1.3 MB."""
     office, before = load("office"), 0.0
     for seed in range(80):
-        with simulate(office, SimulationConfig(backend=backend, duration=0.2, seed=seed)) as simulation:
+        with simulate(
+            office, SimulationConfig(backend=backend, duration=0.2, seeds=RunSeeds.from_seed(seed))
+        ) as simulation:
             assert sum(1 for _ in simulation) > 2
         if seed == 19:
             before = resident_memory()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Record of where a result comes from: command, settings, input files, versions and machine, as `config.toml` holds it."""
+"""Record of where a result comes from, as `config.toml` holds it: command, settings, inputs, versions, machine."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ import platform
 import shlex
 import sys
 from collections.abc import Iterable, Mapping
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from testbed.toml import dump_toml
-from testbed.versions import versions
+
+PACKAGES = ("slam-testbed", "numpy", "numba", "scipy", "shapely", "pybullet", "rerun-sdk")
 
 
 def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) -> dict[str, Any]:
@@ -34,6 +36,17 @@ def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) ->
 def settings_as_markdown(document: Mapping[str, Any]) -> str:
     """The command and the settings of a `config_document`, as a viewer shows them."""
     return f"`{document['command']}`\n\n```toml\n{dump_toml(document['settings'])}```\n"
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that results depend on, by name."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
 
 
 def _processor() -> str:
