@@ -25,7 +25,7 @@ from testbed.simulation import Simulation, SimulationConfig, simulate
 from testbed.simulation.drivers.driver import Driver
 from testbed.simulation.drivers.recorded import RecordedDriver
 from testbed.simulation.physics.urdf import robot_urdf
-from testbed.simulation.simulator import CONTROL_PERIOD
+from testbed.simulation.config import CONTROL_PERIOD
 from testbed.views import Scene
 from worlds import true_map
 

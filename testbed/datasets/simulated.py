@@ -22,7 +22,7 @@ from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.drivers.recorded import RecordedDriver
 from testbed.simulation.physics.urdf import robot_urdf
-from testbed.simulation.simulator import CONTROL_PERIOD
+from testbed.simulation.config import CONTROL_PERIOD
 from worlds import World, dumps, true_map
 
 Format = Literal["rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "parquet"]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam._jit import kernel
+from testbed.simulation.physics._motion_kernels import Vehicle, drive
 from testbed.simulation.physics._ray_kernels import SegmentGrid, cast_rays
 from testbed.simulation.robot._lidar_kernels import Optics, place_beams, read_beams
-from testbed.simulation.robot._motion_kernels import Vehicle, drive
 from testbed.simulation.robot._odometry_kernels import Encoders, read_wheels
 
 

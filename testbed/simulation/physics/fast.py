@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
+from testbed.simulation.physics._motion_kernels import Vehicle, drive
 from testbed.simulation.physics._ray_kernels import SegmentGrid, bin_segments, cast_rays
 from testbed.simulation.physics.backend import STEP_RATE, Hits, Limits, Motion
-from testbed.simulation.robot._motion_kernels import Vehicle, drive
 from worlds import World
 
 _CELL = 0.7

@@ -14,8 +14,8 @@ from eval.map.grids import true_grid
 from slam.config.filter import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.run.snapshot import take_snapshot
+from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.physics.urdf import robot_urdf
-from testbed.simulation.simulator import SimulationConfig, simulate
 from testbed.views import Scene, open_view
 
 

@@ -10,9 +10,9 @@ from testbed.formats import LogError
 from testbed.formats.commands import commands_of, read_commands, write_commands
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, SimulationConfig, simulate
+from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.drivers.recorded import RecordedDriver
-from testbed.simulation.simulator import CONTROL_PERIOD
 from tests.testbed.simulation.places import perfect, room
 from worlds import Box, Person
 
