@@ -22,10 +22,10 @@ from testbed.seeds import RunSeeds
 from testbed.settings.estimator import ESTIMATOR, EstimatorOptions
 from testbed.settings.simulator import SIMULATOR, SimulatorOptions
 from testbed.simulation import Simulation, SimulationConfig, simulate
+from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.drivers.driver import Driver
 from testbed.simulation.drivers.recorded import RecordedDriver
 from testbed.simulation.physics.urdf import robot_urdf
-from testbed.simulation.config import CONTROL_PERIOD
 from testbed.views import Scene
 from worlds import true_map
 

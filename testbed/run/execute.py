@@ -23,7 +23,7 @@ from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation
 from testbed.run.interruption import deferred_interruption
 from testbed.run.job import Job
-from testbed.run.known_map import KnownMap, localization_metrics, why_astray
+from testbed.run.known_map import KnownMap, failure_reason, localization_metrics
 from testbed.run.run_directory import RunDirectory, result_hash
 from testbed.run.snapshot import take_snapshot
 from testbed.views import NullView, View
@@ -168,7 +168,7 @@ def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ende
     assert isinstance(estimation.mapper, Localization)
     truth = estimation.trajectory_at_scans("truth")
     found = localization_metrics(known, estimation.mapper.whereabouts, estimation.frames, estimate.at_scans, truth)
-    astray = why_astray(found)
+    astray = failure_reason(found)
     if ended is not None or astray is None:
         return {"localization": found}
     return {"outcome": "lost", "outcome_reason": astray, "localization": found}

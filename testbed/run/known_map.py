@@ -106,7 +106,7 @@ def localization_metrics(
     return metrics
 
 
-def why_astray(metrics: dict[str, Any]) -> str | None:
+def failure_reason(metrics: dict[str, Any]) -> str | None:
     """Why a localisation with these `localization_metrics` is not to be trusted; None where it is."""
     if metrics["losses"]:
         return _why_lost(metrics)

@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 
 from testbed.formats.commands import read_commands
 from testbed.presets import LidarPreset, load_lidar, load_robot
-from testbed.presets.models import MOST_BEAMS
+from testbed.presets.models import MAX_BEAMS
 from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
 from testbed.simulation.drivers.driver import Command
@@ -58,8 +58,8 @@ class SimulatorOptions:
             raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
         if not self.noise >= 0.0:
             raise ValueError(f"noise must not be negative, got {self.noise}")
-        if self.beams is not None and not 1 <= self.beams <= MOST_BEAMS:
-            raise ValueError(f"beams must be 1 to {MOST_BEAMS}, got {self.beams}")
+        if self.beams is not None and not 1 <= self.beams <= MAX_BEAMS:
+            raise ValueError(f"beams must be 1 to {MAX_BEAMS}, got {self.beams}")
 
     def simulation(self, seeds: RunSeeds) -> SimulationConfig:
         """Return the settings of the simulator. Raises ValueError where the backend is not installed."""

@@ -11,7 +11,7 @@ from testbed.simulation.config import CONTROL_PERIOD, CONTROL_STEPS, SimulationC
 from testbed.simulation.drivers.driver import Driver
 from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.movers.movers import Movers
-from testbed.simulation.physics.backend import Backend, Limits
+from testbed.simulation.physics.backend import AccelerationLimits, Backend
 from testbed.simulation.sensors import Sensors
 from worlds import World, WorldError, check_world
 
@@ -131,7 +131,7 @@ def _within(limit: float, value: float) -> float:
 
 
 def _backend(world: World, config: SimulationConfig) -> Backend:
-    limits = Limits(
+    limits = AccelerationLimits(
         min(config.driver.acceleration, config.robot.max_acceleration),
         min(config.driver.turn_acceleration, config.robot.max_turn_acceleration),
     )

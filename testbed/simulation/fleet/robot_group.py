@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slam.se2 import Pose
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
 from testbed.seeds import RunSeeds
-from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.fast import segment_grid
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
@@ -23,7 +23,7 @@ from worlds import World
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outfit:
+class RobotSetup:
     """What all robots of a fleet are made of."""
 
     robot: RobotPreset = field(default_factory=lambda: load_robot("create3"))
@@ -47,9 +47,9 @@ class Outfit:
         return self.steps / STEP_RATE
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> AccelerationLimits:
         """The robot's accelerations."""
-        return Limits(self.robot.max_acceleration, self.robot.max_turn_acceleration)
+        return AccelerationLimits(self.robot.max_acceleration, self.robot.max_turn_acceleration)
 
     @cached_property
     def steady_lidar(self) -> LidarPreset:

@@ -11,13 +11,13 @@ from testbed.presets import load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.physics import pybullet_scene
-from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.pybullet import PyBulletBackend
 from tests.testbed.simulation.places import room
 from worlds import Box, load
 
 pytest.importorskip("pybullet")
-LIMITS = Limits(0.5, 3.0)
+LIMITS = AccelerationLimits(0.5, 3.0)
 
 
 @pytest.fixture(autouse=True)
