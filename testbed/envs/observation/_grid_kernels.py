@@ -10,7 +10,7 @@ from slam._jit import kernel
 
 @kernel
 def cut_square(probability, T_cells_robot, cells, cell, per_side):
-    """Return P(occupied), 0.5 where unknown, and whether known (0 or 1), (2, cells, cells), of a square around the robot.
+    """Return P(occupied), 0.5 where unknown, and whether known (0 or 1), (2, cells, cells), of a square around it.
 
     probability (rows, cols), NaN = unknown;  T_cells_robot (3,): the robot in the map's cells [cells, cells, rad];
     cell: side of a cell of the square [cells of the map], which takes the highest of per_side² points in it

@@ -48,9 +48,9 @@ def test_the_robot_fits_where_walls_are_farther_away_than_its_radius():
 @pytest.mark.parametrize("point", [(0.31, 0.52), (3.07, 1.41)])
 def test_cells_and_points_belong_together(point):
     floor = Floor(grid_of(ROOMS), RADIUS)
-    middle = floor.centre(floor.cell_of(*point))
-    assert np.abs(middle - point).max() <= 0.5 * floor.cell + 1e-9
-    assert floor.cell_of(*middle) == floor.cell_of(*point)
+    centre = floor.centre(floor.cell_of(*point))
+    assert np.abs(centre - point).max() <= 0.5 * floor.cell + 1e-9
+    assert floor.cell_of(*centre) == floor.cell_of(*point)
 
 
 def test_ways_lead_through_wide_doors_and_not_through_narrow_ones():
@@ -60,7 +60,7 @@ def test_ways_lead_through_wide_doors_and_not_through_narrow_ones():
     start, goal = wide.nearest_open(1.0, 1.0), wide.nearest_open(6.4, 1.0)
     paths = wide.shortest_paths_from(start)
     path = paths.path(goal)
-    np.testing.assert_allclose(path[[0, -1]], [wide.centre(start), wide.middle(goal)])
+    np.testing.assert_allclose(path[[0, -1]], [wide.centre(start), wide.centre(goal)])
     length = np.hypot(*np.diff(path, axis=0).T).sum()
     assert np.hypot(*(path[-1] - path[0])) < length <= paths.costs[goal] + 1e-9
     walls = wide.centres(np.argwhere(wide.occupied))
