@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Compiling the simulator's kernels ahead of their first use."""
+"""Compilation of the simulator's kernels ahead of their first use."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from worlds import Door, Person, Start, Tour, Wall, World
 
 
 def warm_up() -> None:
-    """Run a quarter of a second in a small room with everything in it that a kernel is for.
+    """Simulate a quarter of a second in a small room that exercises every kernel.
 
-    Takes about 15 s on a machine that has not compiled them yet, and a moment on one that has.
+    It takes about 15 s where they are not compiled yet, and a moment where they are.
     """
     room = World(
         name="warm-up",
