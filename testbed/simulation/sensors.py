@@ -80,7 +80,7 @@ class Sensors:
         self._odometry.extend(self._odometer.advance(left, right)[None])
 
     def frames_until(self, time: float) -> Iterator[Frame]:
-        """Yield the frames that are complete at `time` [s]: scans whose last beam was fired, and odometry up to then."""
+        """Yield the frames that are complete at `time` [s]: scans whose last beam was fired, odometry up to then."""
         while (device := min(self._devices, key=lambda d: d.stamp)).complete <= time + 1e-9:
             stamp = device.stamp
             yield from self.odometry_frames(before=stamp)

@@ -38,8 +38,10 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
 
 
 def _settle_values_of_groups(arguments: ArgumentCollection) -> None:
-    """`--driver recorded` means `--driver.kind recorded`, since a kind is what that group is. Of other groups a value
-    would set the first of their settings: only `--odometry.grade good` says what is meant."""
+    """Accept `--driver recorded` for `--driver.kind recorded`, because the kind decides what that group means.
+
+    Other groups take no value of their own: only `--odometry.grade good` is clear.
+    """
     for argument in arguments:
         own = [token for token in argument.tokens if token.keyword == argument.name and not token.keys]
         kind = next((child for child in argument.children if child.name == f"{argument.name}.kind"), None)

@@ -23,7 +23,7 @@ class SegmentGrids(NamedTuple):
     first: NDArray[np.int64]
     """`SegmentGrid.first` of all worlds, one after the other, pointing into `segments`."""
     begin: NDArray[np.int64]
-    """Where the part of each robot's world begins in `first`, (robots,)."""
+    """Begin of the part of each robot's world in `first`, (robots,)."""
     shape: NDArray[np.int64]
     """Rows and columns of each robot's world, (robots, 2)."""
     origin: NDArray[np.float64]
