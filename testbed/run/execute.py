@@ -10,8 +10,8 @@ from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any, Protocol
 
-from eval.files.failure_json import write_finding
-from eval.first_failure import find
+from eval.files.failure_json import write_failure
+from eval.first_failure import find_failure
 from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
 from slam.gmapping import GMapping
@@ -115,24 +115,24 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     if job.truth_map is not None:
         directory.write_map("truth_map", job.truth_map)
     estimation.steps.write(directory / "steps.parquet")
-    _write_finding(job, directory, estimation, estimate)
+    _write_failure(job, directory, estimation, estimate)
 
 
-def _write_finding(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
-    """Write the first failure and the scan that shows it, if there is a reference and a failure."""
-    finding = find(
+def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
+    """Where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
+    failure = find_failure(
         estimate.at_scans,
         truth=estimation.trajectory_at_scans("truth"),
         relations=job.relations,
         dense=estimate.dense,
         steps=estimation.steps.columns(),
     )
-    if finding is None:
+    if failure is None:
         return
-    frame = estimation.frames[estimate.scan_frames[finding.scan]]
+    frame = estimation.frames[estimate.scan_frames[failure.scan]]
     assert frame.scan is not None
     rays = make_rays([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
-    write_finding(directory / "finding.json", finding, rays.ends)
+    write_failure(directory / "finding.json", failure, rays.ends)
 
 
 def metrics_of(

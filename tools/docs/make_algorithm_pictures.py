@@ -36,6 +36,7 @@ from slam.particles.weights import Weights
 from slam.se2 import Pose
 from slam.sensor.rays import make_rays
 from testbed.frame import Frame
+from testbed.seeds import RunSeeds
 from tools.measure.measure_variants import TABLES, recording
 
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
