@@ -67,10 +67,10 @@ def _mark(package: Path) -> Path:
 
 def _map_a_room() -> None:
     """Map a small room from four poses, refine it, find the robot in it."""
-    from slam.config.filter import FilterConfig, ResampleConfig
+    from slam.config import FilterConfig, ResampleConfig
     from slam.gmapping import GMapping
-    from slam.localization.localizer import Localization
-    from slam.refinement.refine import refine
+    from slam.localization import Localization
+    from slam.refinement import refine
     from slam.scan import Scan
 
     angles = np.linspace(-np.pi, np.pi, 90, endpoint=False)

@@ -44,7 +44,7 @@ def run(
     scene = Scene(
         title=f"{place.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=filter_config.most_particles,
+        particles=filter_config.max_particles,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,

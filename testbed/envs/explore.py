@@ -12,8 +12,9 @@ from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from numpy.typing import NDArray
 
-from slam.config.filter import FilterConfig
-from slam.gmapping import GMapping, StepReport
+from slam.config import FilterConfig
+from slam.gmapping import GMapping
+from slam.step.step_report import StepReport
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, between, compose

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from eval.files.atomic_write import write_aside
 from slam import se2
-from slam.gmapping import StepReport
+from slam.step.step_report import StepReport
 from slam.se2 import Pose
-from slam.sensor.rays import Readings
+from slam.sensor.rays import BeamCounts
 from testbed.frame import Frame
 
 FLAGS = ("updated", "resampled", "loop_closed")
-COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *Readings._fields)
+COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *BeamCounts._fields)
 TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
 
 

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.gmapping import StepReport
+from slam.step.step_report import StepReport
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose

@@ -6,7 +6,7 @@ import pytest
 
 import worlds
 from eval.filter.health import LEVEL, chi_square, nees
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.seeds import streams
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate

@@ -16,7 +16,7 @@ from eval.map.grids import true_grid
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
-from slam.localization.localizer import Localization
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from testbed.simulation import SimulationConfig, simulate
 from worlds import catalogue, load, true_map
@@ -40,7 +40,7 @@ def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, flo
                 stamps.append(frame.stamp)
                 truth.append(frame.truth)
     true_path = Trajectory(np.array(stamps), np.array(truth))
-    found = localization.whereabouts
+    found = localization.status
     scans = localization.update_scans
     path = Trajectory(true_path.stamps[scans], localization.path())
     error = absolute_error(associate(path, true_path), "none").translation.median

@@ -26,7 +26,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.gmapping import StepReport
+from slam.step.step_report import StepReport
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.views.live.viewers import LiveViewer, start_viewers

@@ -11,7 +11,7 @@ import pytest
 
 import worlds
 from eval.map.grids import true_grid
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.run.execute import snapshot
 from testbed.simulation.physics.urdf import robot_urdf
