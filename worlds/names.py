@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from worlds.check import check_world
 from worlds.errors import WorldError
 from worlds.format import files
 from worlds.generate.generators import KINDS, generate
@@ -78,7 +79,7 @@ def load(name_or_path: str | Path, *, footprint_radius: float = 0.0) -> World:
     """
     if str(name_or_path).startswith(PREFIX):
         world = GeneratedName.parse(str(name_or_path)).world()
-        files.check_world(world, footprint_radius=footprint_radius)
+        check_world(world, footprint_radius=footprint_radius)
         return world
     return files.load(name_or_path, footprint_radius=footprint_radius)
 

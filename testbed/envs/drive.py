@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from numpy.typing import NDArray
 
-from testbed.envs.drive_task import DriveReward, DriveTask, Outcome
+from testbed.envs.drive_task import DriveReward, DriveTask, StepOutcome
 from testbed.envs.observation.rendering import MODES, Screen, check_render_mode
 from testbed.envs.settings import EnvironmentSettings
 
@@ -29,16 +29,16 @@ class DriveEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._task = DriveTask(1, EnvironmentSettings(**settings), reward or DriveReward())
         self.action_space = self._task.io.action_space
         self.observation_space = self._task.observation_space  # type: ignore[assignment]
-        self._screen = Screen(render_mode, self._task.io.outfit)
+        self._screen = Screen(render_mode, self._task.io.setup)
         self._running, self._closed = False, False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; options `world` and `start`, see `Scenario.wish`, hold for this one."""
+        """Begin an episode; options `world` and `start`, see `Scenario.parse_reset_options`, hold for this one."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
-        wish = self._task.scenario.wish(options)
+        wish = self._task.scenario.parse_reset_options(options)
         super().reset(seed=seed)
         self._task.place(0, self.np_random, wish)
         outcome = self._task.step(np.zeros((1, 2)))
@@ -78,5 +78,5 @@ class DriveEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._screen.show(self._task.readings, robot=0)
 
     @staticmethod
-    def _observation(outcome: Outcome) -> Observation:
+    def _observation(outcome: StepOutcome) -> Observation:
         return {name: rows[0] for name, rows in outcome.observation.items()}

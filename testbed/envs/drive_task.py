@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose, between
 from testbed.envs.scenario.robot_io import RobotIO
-from testbed.envs.scenario.scenario import Place, Wish
+from testbed.envs.scenario.scenario import PreparedWorld, ResetOptions
 from testbed.envs.settings import EnvironmentSettings
+from testbed.seeds import RunSeeds
 from testbed.simulation.fleet.robot_group import Readings
 
 
@@ -32,7 +33,7 @@ class DriveReward:
     """Cost of a collision, which ends the episode."""
 
 
-class Outcome(NamedTuple):
+class StepOutcome(NamedTuple):
     """What a period brought; rows are robots."""
 
     observation: dict[str, NDArray[np.float32]]
@@ -49,28 +50,28 @@ class DriveTask:
     """Robots that drive for a reward, each in an episode of its own."""
 
     def __init__(self, robots: int, settings: EnvironmentSettings, reward: DriveReward) -> None:
-        outfit = settings.outfit()
-        self.io = RobotIO(outfit)
+        setup = settings.robot_setup()
+        self.io = RobotIO(setup)
         self.observation_space = spaces.Dict(self.io.observation_spaces)
         """Of one robot."""
-        self.scenario = settings.scenario(outfit)
-        self.places: list[Place | None] = [None] * robots
+        self.scenario = settings.scenario(setup)
+        self.places: list[PreparedWorld | None] = [None] * robots
         """Where each robot is."""
         self.readings: Readings | None = None
         """The last ones."""
-        self._group = settings.group(robots, outfit)
+        self._group = settings.group(robots, setup)
         self._reward = reward
         self._robots = robots
         self._odometry, self._truth = np.zeros((robots, 3)), np.zeros((robots, 3))
 
-    def place(self, robot: int, rng: Generator, wish: Wish) -> None:
+    def place(self, robot: int, rng: Generator, wish: ResetOptions) -> None:
         """Begin an episode of one robot; it stands still in the first period, which gives it its first scan."""
         place, start = self.scenario.draw(rng, wish)
-        self._group.place(robot, place.terrain, start, seed=int(rng.integers(2**63)))
+        self._group.place(robot, place.terrain, start, RunSeeds.from_seed(int(rng.integers(2**63))))
         self.places[robot] = place
         self._odometry[robot], self._truth[robot] = 0.0, start
 
-    def step(self, targets: NDArray[np.float64], which: Sequence[int] | NDArray[np.intp] | None = None) -> Outcome:
+    def step(self, targets: NDArray[np.float64], which: Sequence[int] | NDArray[np.intp] | None = None) -> StepOutcome:
         """Steer robots of these indices (default: all) to speeds [m/s] and turn rates [rad/s], (robots, 2), for one
         period. Rows of others mean nothing."""
         moved = np.arange(self._robots) if which is None else np.asarray(which, dtype=np.intp)
@@ -82,9 +83,9 @@ class DriveTask:
         reward = weights.ahead * ahead - weights.turn * np.abs(motion[:, 2]) - weights.collision * readings.contact
         self._odometry[moved], self._truth[moved] = readings.odometry[moved], readings.truth[moved]
         self.readings = readings
-        return Outcome(observation, reward, readings.contact, readings.truth)
+        return StepOutcome(observation, reward, readings.contact, readings.truth)
 
-    def info(self, outcome: Outcome, robot: int) -> dict[str, Any]:
+    def info(self, outcome: StepOutcome, robot: int) -> dict[str, Any]:
         """The info of one robot."""
         return {"pose": outcome.pose[robot].copy(), "collided": bool(outcome.terminated[robot])}
 

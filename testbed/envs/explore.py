@@ -26,10 +26,12 @@ from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.settings import EnvironmentSettings
 from testbed.exploration.belief import Belief
 from testbed.frame import Frame
-from testbed.simulation.fleet.robot_group import Outfit, Readings
+from testbed.run.snapshot import take_snapshot
+from testbed.seeds import RunSeeds
+from testbed.simulation.fleet.robot_group import Readings, RobotSetup
 from worlds import TrueMap
 
-_SPREAD_LIMIT = np.array([10.0, 10.0, np.pi])
+_MAX_DEVIATION = np.array([10.0, 10.0, np.pi])
 """Standard deviations are told up to this [m, m, rad]."""
 
 
@@ -69,15 +71,15 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise ValueError(f"coverage must be in (0, 1], got {coverage}")
         self.render_mode = render_mode
         self._settings = EnvironmentSettings(**settings)
-        self._outfit = self._settings.outfit()
-        self._scenario = self._settings.scenario(self._outfit)
-        self._group = self._settings.group(1, self._outfit)
+        self._setup = self._settings.robot_setup()
+        self._scenario = self._settings.scenario(self._setup)
+        self._group = self._settings.group(1, self._setup)
         self._filter = replace(filter or FilterConfig(), particles=particles)
         self._crop, self._target, self._reward = crop or Crop(), coverage, reward or ExploreReward()
-        self.io = RobotIO(self._outfit)
+        self.io = RobotIO(self._setup)
         """Between actions and velocities."""
         self.action_space = self.io.action_space
-        limit = _SPREAD_LIMIT.astype(np.float32)
+        limit = _MAX_DEVIATION.astype(np.float32)
         self.observation_space = spaces.Dict(  # type: ignore[assignment]
             {
                 **self.io.observation_spaces,
@@ -86,21 +88,20 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
                 "ess": spaces.Box(0.0, 1.0, (1,), np.float32),
             }
         )
-        self._screen = Screen(render_mode, self._outfit)
+        self._screen = Screen(render_mode, self._setup)
         self._running, self._closed = False, False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode with an empty map; options `world` and `start`, see `Scenario.wish`, hold for this one."""
+        """Begin an episode with an empty map; options `world` and `start`, see `Scenario.parse_reset_options`, hold for this one."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
-        wish = self._scenario.wish(options)
+        wish = self._scenario.parse_reset_options(options)
         super().reset(seed=seed)
         place, start = self._scenario.draw(self.np_random, wish)
-        self._group.place(0, place.terrain, start, seed=int(self.np_random.integers(2**63)))
-        filter_seed = np.random.SeedSequence(int(self.np_random.integers(2**63)))
-        self._mapper = GMapping(self._filter, seed=filter_seed, threads=1)
+        self._group.place(0, place.terrain, start, RunSeeds.from_seed(int(self.np_random.integers(2**63))))
+        self._mapper = GMapping(self._filter, seed=int(self.np_random.integers(2**63)), threads=1)
         self._place, self._score, self._T_world_map = place, MapScore(place.true_map), start
         self._odometry, self._stamp = np.zeros((1, 3)), 0.0
         self._mapped = Mapped(0.0, 0.0, 0.0)
@@ -120,7 +121,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         gain = self._mapped.floor + self._mapped.walls - before.floor - before.walls
         collided = bool(readings.contact[0])
         weights = self._reward
-        reward = weights.area * gain - weights.time * self._outfit.period - weights.collision * collided
+        reward = weights.area * gain - weights.time * self._setup.period - weights.collision * collided
         terminated = collided or self._mapped.coverage >= self._target
         self._running = not terminated
         return observation, float(reward), terminated, False, self._info(readings)
@@ -154,9 +155,14 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         return self._place.true_map
 
     @property
-    def outfit(self) -> Outfit:
+    def robot_setup(self) -> RobotSetup:
         """The robot and its sensors."""
-        return self._outfit
+        return self._setup
+
+    @property
+    def outfit(self) -> RobotSetup:
+        """Old name of `robot_setup`, kept for one release."""
+        return self._setup
 
     def render(self) -> NDArray[np.uint8] | None:
         """The estimated map from above, (height, width, 3), for "rgb_array"; None otherwise."""
@@ -176,9 +182,9 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         observation = {name: rows[0] for name, rows in self.io.observe(readings, self._odometry).items()}
         self._odometry = readings.odometry
         motion = between(before, readings.odometry[0])
-        self._scan = scan_of(self._outfit, readings.ranges[0], self._stamp)
-        self._stamp += self._outfit.period
-        report = self._mapper.process(before, self._scan, twist=motion / self._outfit.period)
+        self._scan = scan_of(self._setup, readings.ranges[0], self._stamp)
+        self._stamp += self._setup.period
+        report = self._mapper.process(before, self._scan, twist=motion / self._setup.period)
         self._pose = compose(report.pose, motion)
         if report.updated:
             self._map = self._mapper.map()
@@ -186,15 +192,13 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._screen.show(readings, 0, lambda scan: self._snapshot(scan, before, report, readings))
         spread = np.sqrt(np.maximum(np.diag(report.covariance), 0.0))
         observation["map"] = self._crop.cut(self._map, self._pose)
-        observation["spread"] = np.minimum(spread, _SPREAD_LIMIT).astype(np.float32)
+        observation["spread"] = np.minimum(spread, _MAX_DEVIATION).astype(np.float32)
         observation["ess"] = np.array([min(report.ess / report.particles, 1.0)], np.float32)
         return observation, readings
 
     def _snapshot(self, scan: Scan, odometry: Pose, report: StepReport, readings: Readings) -> Any:
-        from testbed.run.execute import snapshot
-
         frame = Frame(stamp=scan.stamp, odometry=odometry, scan=scan, truth=readings.truth[0])
-        return snapshot(frame, report, self._mapper, collided=bool(readings.contact[0]))
+        return take_snapshot(frame, report, self._mapper, collided=bool(readings.contact[0]))
 
     def _info(self, readings: Readings) -> dict[str, Any]:
         return {

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-MOST_BEAMS = 100_000
+MAX_BEAMS = 100_000
 """Of one scan."""
 
 Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
@@ -121,7 +121,7 @@ class RobotPreset(_Preset):
 class LidarPreset(_Preset):
     """A planar lidar that turns counter-clockwise at a constant rate."""
 
-    beams: Annotated[int, Field(strict=True, ge=1, le=MOST_BEAMS)]
+    beams: Annotated[int, Field(strict=True, ge=1, le=MAX_BEAMS)]
     """Beams in one scan."""
     field_of_view_deg: Annotated[float, Field(strict=True, gt=0.0, le=360.0)]
     """From the first to the last beam [degrees], symmetric about forward; 360 = a full turn, whose last beam comes

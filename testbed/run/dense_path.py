@@ -13,7 +13,7 @@ TURN_LENGTH = 0.5
 """Metres that one radian of turning counts as, when the way between two known poses is divided."""
 
 
-def carry(odometry: Pose, known: NDArray[np.intp], poses: Pose) -> Pose:
+def interpolate_with_odometry(odometry: Pose, known: NDArray[np.intp], poses: Pose) -> Pose:
     """Poses (m, 3) at all frames: between two known ones by odometry from both sides, beyond them from the nearest.
 
     odometry (m, 3) of all frames, in its own drifting frame;  known (k,) increasing indices of the frames whose pose

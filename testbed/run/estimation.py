@@ -14,16 +14,17 @@ from eval.trajectory.trajectory import Trajectory
 from slam import se2
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
-from slam.step.step_report import StepReport
 from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from slam.refinement import refine
 from slam.scan import Scan
 from slam.se2 import Pose
+from slam.step.step_report import StepReport
 from testbed.frame import Frame
-from testbed.run.dense_path import carry
+from testbed.run.dense_path import interpolate_with_odometry
 from testbed.run.known_map import KnownMap
 from testbed.run.step_table import StepTable
+from testbed.seeds import Stream
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +49,7 @@ class Estimation:
     """Runs the filter over a recording, one frame after the other, and remembers what its files will need."""
 
     config: FilterConfig
-    seed: int | np.random.SeedSequence
+    seed: int | Stream
     threads: int | None = None
     """Threads of the filter; None = all cores. The result does not depend on it."""
     known_map: KnownMap | None = None
@@ -123,7 +124,7 @@ class Estimation:
         """The best particle's path and map; needs at least one scan."""
         scan_frames = self.scan_frames
         updates = scan_frames[np.asarray(self.mapper.update_scans)]
-        dense = carry(self.odometry, updates, self.mapper.path())
+        dense = interpolate_with_odometry(self.odometry, updates, self.mapper.path())
         return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
 
     def refined(self, estimate: Estimate) -> Estimate:

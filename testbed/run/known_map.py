@@ -17,8 +17,8 @@ from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
 from slam.config import LocalizationConfig
-from slam.localization.fixed_map import check_map, checked_start
 from slam.localization import LocalizationStatus
+from slam.localization.fixed_map import check_map, checked_start
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.frame import Frame
@@ -106,7 +106,7 @@ def localization_metrics(
     return metrics
 
 
-def why_astray(metrics: dict[str, Any]) -> str | None:
+def failure_reason(metrics: dict[str, Any]) -> str | None:
     """Why a localisation with these `localization_metrics` is not to be trusted; None where it is."""
     if metrics["losses"]:
         return _why_lost(metrics)

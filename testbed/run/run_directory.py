@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The run directory as `testbed` writes it (docs/run-directory.md): the border to `eval.report.run_report` and other tools."""
+"""The run directory (docs/run-directory.md), which reports and other tools read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eval.files.map_server import write_map
 from eval.files.tum import write_tum
 from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
-from testbed.run.provenance import dump_toml
+from testbed.toml import dump_toml
 
 RUN_FILES = (
     "config.toml",

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from eval.files.atomic_write import write_aside
 from slam import se2
-from slam.step.step_report import StepReport
 from slam.se2 import Pose
 from slam.sensor.rays import BeamCounts
+from slam.step.step_report import StepReport
 from testbed.frame import Frame
 
 FLAGS = ("updated", "resampled", "loop_closed")

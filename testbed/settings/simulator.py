@@ -3,26 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from cyclopts import Group, Parameter
 
-from testbed.cli.shared.console import console
-from testbed.exploration import ExploreDriver, make_explorer
-from testbed.formats.commands import Command, read_commands
+from testbed.formats.commands import read_commands
 from testbed.presets import LidarPreset, load_lidar, load_robot
-from testbed.presets.models import MOST_BEAMS
-from testbed.seeds import streams
+from testbed.presets.models import MAX_BEAMS
+from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
-from testbed.simulation.drivers.driver import Driver
-from testbed.simulation.drivers.recorded import RecordedDriver
+from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
-from testbed.simulation.simulator import CONTROL_PERIOD, TOUR_CLEARANCE
+from testbed.simulation.simulator import TOUR_CLEARANCE
 from worlds import World, add_clutter, is_map, load, map_image, plan_tour
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
@@ -64,11 +58,11 @@ class SimulatorOptions:
             raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
         if not self.noise >= 0.0:
             raise ValueError(f"noise must not be negative, got {self.noise}")
-        if self.beams is not None and not 1 <= self.beams <= MOST_BEAMS:
-            raise ValueError(f"beams must be 1 to {MOST_BEAMS}, got {self.beams}")
+        if self.beams is not None and not 1 <= self.beams <= MAX_BEAMS:
+            raise ValueError(f"beams must be 1 to {MAX_BEAMS}, got {self.beams}")
 
-    def simulation(self, seed: int) -> SimulationConfig:
-        """Settings of the simulator; ValueError where the backend is not installed."""
+    def simulation(self, seeds: RunSeeds) -> SimulationConfig:
+        """Return the settings of the simulator. Raises ValueError where the backend is not installed."""
         if self.backend == "pybullet":
             import_pybullet()
         lidar, *further = (self._changed(load_lidar(name)) for name in self.lidars)
@@ -81,7 +75,7 @@ class SimulatorOptions:
             lidar_layers=self.layers,
             backend=self.backend,
             duration=DEFAULT.duration if self.duration is None else self.duration,
-            seed=seed,
+            seeds=seeds,
         )
 
     @property
@@ -99,29 +93,17 @@ class SimulatorOptions:
             }
         )
 
-    def place(self, world: str) -> World:
-        """The world of that name or file; where a tour is to be driven and it has none, it gets one of all the floor
-        that the robot can reach."""
-        place, room = load(world), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
-        if place.tour is None and self.driver.kind == "tour":
-            place = plan_tour(place, footprint_radius=room)
-        return add_clutter(place, self.clutter, clearance=room + CLUTTER_CLEARANCE) if self.clutter else place
+    def load_world(self, name: str) -> World:
+        """Load the world of that name or file, with --clutter added.
 
-    @contextmanager
-    def steering(self, config: SimulationConfig) -> Iterator[Driver | None]:
-        """Who steers the robot while the block runs; None = whoever follows the tour."""
-        if self.driver.kind == "explore":
-            rng = np.random.default_rng(streams(config.seed).driver)
-            yield ExploreDriver(make_explorer(config.robot, config.lidar, config.driver, rng))
-        elif self.driver.kind == "teleop":
-            from testbed.simulation.drivers.teleop import HELP, TeleopDriver
-
-            with TeleopDriver(config.robot, config.driver) as driver:
-                console.print(HELP)
-                yield driver
-        else:
-            commands = self.recorded_commands()
-            yield None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
+        Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
+        """
+        world, clearance = load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
+        if world.tour is None and self.driver.kind == "tour":
+            world = plan_tour(world, footprint_radius=clearance)
+        if not self.clutter:
+            return world
+        return add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
 
     def recorded_commands(self) -> list[Command] | None:
         """The commands to repeat, where that is asked for."""

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from testbed.simulation.simulator import SimulationConfig, simulate
+from testbed.simulation.config import SimulationConfig
+from testbed.simulation.simulator import simulate
 from worlds import Door, Person, Start, Tour, Wall, World
 
 

@@ -30,7 +30,7 @@ from slam import FilterConfig
 from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 
 ROOT = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).resolve().parents[2].parent / "shared" / "datasets"))
 
@@ -68,7 +68,7 @@ def error_of(case: Case, estimate: Estimate, relations: Relations | None) -> tup
 def estimate(frames: list[Frame], config: FilterConfig, seed: int) -> tuple[Estimate, Estimate, float]:
     """Filter's own estimate, refined estimate, and the seconds that both took."""
     start = time.perf_counter()
-    estimation = Estimation(config, streams(seed).filter)  # as `testbed slam --seed` does
+    estimation = Estimation(config, RunSeeds.from_seed(seed).filter)  # as `testbed slam --seed` does
     for frame in frames:
         estimation.process(frame)
     own = estimation.filtered()

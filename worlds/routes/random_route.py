@@ -25,7 +25,7 @@ from worlds.world import Start, Tour, World
 _GRID = 1e-3
 """Corners and crossings are rounded to this [m]."""
 _MIN_EDGE = 0.2
-"""A start this close to a corner is moved to the corner, so that no edge becomes shorter than the robot turns on [m]."""
+"""A start this close to a corner is moved to the corner: shorter edges would make the robot turn for nothing [m]."""
 Edge = tuple[int, int]
 
 
@@ -57,7 +57,7 @@ class _Graph:
 
     def __init__(self, path: NDArray[np.float64]) -> None:
         """path: corners (n, 2) [m]."""
-        legs = shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))
+        legs = np.array([shapely.LineString(leg) for leg in pairwise(path)])
         legs = legs[shapely.length(legs) > _GRID]
         if len(legs) == 0:
             raise WorldError("the tour has no length, expected way points away from the start")
@@ -151,4 +151,5 @@ def _without_straight_corners(points: NDArray[np.float64]) -> NDArray[np.float64
     across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     forward = (before * after).sum(axis=1) > 0.0
     straight = forward & (np.abs(across) <= 2.0 * _GRID * np.hypot(before[:, 0], before[:, 1]))
-    return points[np.concatenate([[True], ~straight, [True]])]
+    kept: NDArray[np.float64] = points[np.concatenate([[True], ~straight, [True]])]
+    return kept

@@ -9,7 +9,7 @@ from pathlib import Path
 from cyclopts import App, ArgumentCollection
 from cyclopts.config import Toml
 
-LARGEST_CONFIG = 1_000_000
+MAX_CONFIG_BYTES = 1_000_000
 """Bytes."""
 
 
@@ -32,8 +32,8 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
         raise ValueError(
             f"{path}: no such file, expected the settings of a run (config.toml) or a preset: {', '.join(filters())}"
         )
-    if path.stat().st_size > LARGEST_CONFIG:
-        raise ValueError(f"{path}: larger than {LARGEST_CONFIG} bytes, expected the settings of a run (config.toml)")
+    if path.stat().st_size > MAX_CONFIG_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_CONFIG_BYTES} bytes, expected the settings of a run (config.toml)")
     Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
 
 

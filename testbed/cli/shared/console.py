@@ -29,7 +29,10 @@ def announce_compilation() -> None:
 
 
 class ProgressLine:
-    """A line with a bar: time in the recording, real-time factor, current error. Implements `testbed.run.execute.Watcher`."""
+    """A line with a bar, the time in the recording, the real-time factor and the current error.
+
+    It implements `testbed.run.execute.RunProgress`.
+    """
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress

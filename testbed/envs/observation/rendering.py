@@ -16,13 +16,13 @@ from eval.map.grids import resample, true_grid
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, compose, inverse, transform_points
-from testbed.envs.scenario.scenario import Place
-from testbed.simulation.fleet.robot_group import Outfit, Readings
+from testbed.envs.scenario.scenario import PreparedWorld
+from testbed.simulation.fleet.robot_group import Readings, RobotSetup
 from testbed.simulation.physics.urdf import robot_urdf
 from testbed.views import NullView, Scene, Snapshot, View, ViewOptions, open_view
 
 MODES = ("rgb_array", "human")
-LONG_SIDE = 480
+MAX_SIDE = 480
 """Longer side of a picture [pixels], at most."""
 UNKNOWN, WALL, FLOOR, TRAIL, BEAM, ROBOT, NOSE = (
     np.array(colour, dtype=np.uint8)
@@ -43,7 +43,7 @@ class Canvas:
 
     def __init__(self, grid: OccupancyGrid) -> None:
         rows, cols = grid.probability.shape
-        self._scale = min(1.0, LONG_SIDE / max(rows, cols))
+        self._scale = min(1.0, MAX_SIDE / max(rows, cols))
         self._grid = grid
         height, width = max(1, math.ceil(rows * self._scale)), max(1, math.ceil(cols * self._scale))
         self.pixels: NDArray[np.uint8] = np.broadcast_to(UNKNOWN, (height, width, 3)).copy()
@@ -78,16 +78,16 @@ class Canvas:
 class Screen:
     """Shows one robot's episodes in the mode that was asked for; does nothing where none was."""
 
-    def __init__(self, mode: str | None, outfit: Outfit) -> None:
-        self._mode, self._outfit = mode, outfit
+    def __init__(self, mode: str | None, setup: RobotSetup) -> None:
+        self._mode, self._setup = mode, setup
         self._view: View = NullView()
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._place: Place | None = None
+        self._place: PreparedWorld | None = None
         self._trail: list[Pose] = []
         self._truth, self._ranges = np.zeros(3), np.empty(0)
         self._periods = 0
 
-    def begin(self, place: Place, start: Pose) -> None:
+    def begin(self, place: PreparedWorld, start: Pose) -> None:
         """A new episode of a robot that stands at `T_world_robot` (3,)."""
         self._place, self._trail, self._start, self._periods = place, [], start, 0
         if self._mode != "human":
@@ -97,8 +97,8 @@ class Screen:
         scene = Scene(
             title=place.terrain.world.name,
             true_map=true_grid(place.true_map),
-            robot_urdf=robot_urdf(self._outfit.robot),
-            robot_radius=self._outfit.robot.footprint_radius,
+            robot_urdf=robot_urdf(self._setup.robot),
+            robot_radius=self._setup.robot.footprint_radius,
         )
         try:
             self._view = open_view(Path(self._folder.name) / "episode.rrd", scene, ViewOptions(window=True))
@@ -113,7 +113,7 @@ class Screen:
         self._trail.append(self._truth)
         self._periods += 1
         if self._mode == "human":
-            scan = scan_of(self._outfit, self._ranges, self._periods * self._outfit.period)
+            scan = scan_of(self._setup, self._ranges, self._periods * self._setup.period)
             made = snapshot(scan) if snapshot else self._snapshot(scan, readings.odometry[robot])
             self._view.show(made)
 
@@ -133,12 +133,12 @@ class Screen:
             shown = resample(grid, shown, T_world_grid)
         canvas = Canvas(shown)
         canvas.points(np.array(self._trail)[:, :2], TRAIL)
-        angles = self._outfit.steady_lidar.angles()
+        angles = self._setup.steady_lidar.angles()
         hit = np.isfinite(self._ranges)
         ends = self._ranges[hit, None] * np.column_stack([np.cos(angles[hit]), np.sin(angles[hit])])
-        T_world_lidar = compose(self._truth, self._outfit.robot.lidar_mount.pose)
+        T_world_lidar = compose(self._truth, self._setup.robot.lidar_mount.pose)
         canvas.points(transform_points(T_world_lidar, ends), BEAM)
-        canvas.robot(self._truth, self._outfit.robot.footprint_radius, ROBOT)
+        canvas.robot(self._truth, self._setup.robot.footprint_radius, ROBOT)
         return canvas.pixels
 
     def close(self) -> None:
@@ -149,15 +149,15 @@ class Screen:
             self._folder = None
 
 
-def scan_of(outfit: Outfit, ranges: NDArray[np.float64], stamp: float) -> Scan:
+def scan_of(setup: RobotSetup, ranges: NDArray[np.float64], stamp: float) -> Scan:
     """The scan of ranges (beams,) [m] whose first beam was fired at `stamp` [s]."""
-    lidar = outfit.steady_lidar
+    lidar = setup.steady_lidar
     return Scan(
         ranges=ranges,
         angles=lidar.angles(),
         range_min=lidar.range_min,
         range_max=lidar.range_max,
         stamp=stamp,
-        mount=outfit.robot.lidar_mount.pose,
-        time_offsets=outfit.time_offsets if outfit.lidar_layers.motion else None,
+        mount=setup.robot.lidar_mount.pose,
+        time_offsets=setup.time_offsets if setup.lidar_layers.motion else None,
     )

@@ -11,18 +11,18 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from slam.se2 import Pose, between
-from testbed.simulation.fleet.robot_group import Outfit, Readings
+from testbed.simulation.fleet.robot_group import Readings, RobotSetup
 
 _ODOMETRY_MARGIN = 4.0
 """Odometry increments are limited to so many times what the robot can drive in a period: slipping wheels spin ahead."""
 
 
 class RobotIO:
-    """Spaces and conversions for robots of one outfit; arrays have one row per robot."""
+    """Spaces and conversions for robots of one setup; arrays have one row per robot."""
 
-    def __init__(self, outfit: Outfit) -> None:
-        self.outfit = outfit
-        robot, period = outfit.robot, outfit.period
+    def __init__(self, setup: RobotSetup) -> None:
+        self.setup = setup
+        robot, period = setup.robot, setup.period
         self.fastest = np.array([robot.max_speed, robot.max_turn_rate])
         """Speed [m/s] and turn rate [rad/s] of the actions 1."""
         reach = _ODOMETRY_MARGIN * period * self.fastest
@@ -30,7 +30,7 @@ class RobotIO:
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         """Speed and turn rate as shares of the robot's largest."""
         self.observation_spaces: dict[str, spaces.Space[Any]] = {
-            "scan": spaces.Box(0.0, np.float32(outfit.lidar.range_max), (outfit.lidar.beams,), np.float32),
+            "scan": spaces.Box(0.0, np.float32(setup.lidar.range_max), (setup.lidar.beams,), np.float32),
             "odometry": spaces.Box(-self._odometry_limit, self._odometry_limit, dtype=np.float32),
         }
         """Of the observations that `observe` gives."""
@@ -60,7 +60,7 @@ class RobotIO:
     def observe(self, readings: Readings, odometry_before: Pose) -> dict[str, NDArray[np.float32]]:
         """What the robots see: `scan` [m] (robots, beams), no return = the maximum range, nothing valid = 0; and
         `odometry`, the motion (dx, dy, dtheta) of the last period in the robot's own frame [m, m, rad], (robots, 3)."""
-        reach = self.outfit.lidar.range_max
+        reach = self.setup.lidar.range_max
         scan = np.nan_to_num(readings.ranges, nan=0.0, posinf=reach, neginf=0.0).astype(np.float32)
         increment = between(odometry_before, readings.odometry).astype(np.float32)
         return {

@@ -25,10 +25,10 @@ _CELL = 0.1
 """Side of the cells in whose middles random starts lie [m]."""
 _ROOM = 0.15
 """Random starts have this much room beside the footprint [m]."""
-_PLACES_KEPT = 256
+MAX_PREPARED_WORLDS = 256
 
 
-class Place(NamedTuple):
+class PreparedWorld(NamedTuple):
     """A world ready for robots."""
 
     terrain: Terrain
@@ -39,10 +39,10 @@ class Place(NamedTuple):
     """Positions [m] with room for the robot, (n, 2)."""
 
 
-class Wish(NamedTuple):
+class ResetOptions(NamedTuple):
     """What the options of a reset ask for; None = as usual."""
 
-    place: Place | None = None
+    place: PreparedWorld | None = None
     start: Pose | None = None
 
 
@@ -54,27 +54,27 @@ class Scenario:
         if start not in ("random", "world"):
             raise ValueError(f"start must be 'random' or 'world', got {start!r}")
         self._robot, self._start = robot, start
-        self._places = lru_cache(_PLACES_KEPT)(self._generate)
+        self._places = lru_cache(MAX_PREPARED_WORLDS)(self._generate)
         self._world, self._fixed = world, None
         if not isinstance(world, GeneratedWorlds):
             self._fixed = self._prepare(load(world) if isinstance(world, str) else world)
 
-    def wish(self, options: Mapping[str, Any] | None) -> Wish:
+    def parse_reset_options(self, options: Mapping[str, Any] | None) -> ResetOptions:
         """Check the options of a reset: `world` (name, file, `World`, or number of a generated one) and `start`
         `(x, y, theta)` [m, m, rad]. Raises gymnasium's `Error` for anything else."""
         options = options or {}
         if unknown := sorted(set(options) - {"world", "start"}):
             raise Error(f"unknown reset options {', '.join(unknown)}, expected world or start")
-        place = self._wished_place(options["world"]) if options.get("world") is not None else None
+        place = self._prepared_world(options["world"]) if options.get("world") is not None else None
         if options.get("start") is None:
-            return Wish(place)
+            return ResetOptions(place)
         start = _pose(options["start"])
         if place is None and isinstance(self._world, GeneratedWorlds):
             raise Error("start needs the option world too: the number of a generated one")
         self._check_start(place or self._fixed, start)
-        return Wish(place, start)
+        return ResetOptions(place, start)
 
-    def draw(self, rng: Generator, wish: Wish) -> tuple[Place, Pose]:
+    def draw(self, rng: Generator, wish: ResetOptions) -> tuple[PreparedWorld, Pose]:
         """World and start `T_world_robot` (3,) of an episode."""
         place = wish.place or self._fixed
         if place is None:
@@ -88,7 +88,7 @@ class Scenario:
         position = place.starts[rng.integers(len(place.starts))]
         return place, np.append(position, rng.uniform(-math.pi, math.pi))
 
-    def _wished_place(self, world: Any) -> Place:
+    def _prepared_world(self, world: Any) -> PreparedWorld:
         try:
             if isinstance(world, World):
                 return self._prepare(world)
@@ -100,7 +100,7 @@ class Scenario:
             raise Error(f"option world: {error}") from error
         raise Error(f"option world must be a name, a World, or the number of a generated one, got {world!r}")
 
-    def _check_start(self, place: Place | None, start: Pose) -> None:
+    def _check_start(self, place: PreparedWorld | None, start: Pose) -> None:
         assert place is not None
         world = place.terrain.world
         moved = world.model_copy(update={"start": world.start.model_copy(update={"x": start[0], "y": start[1]})})
@@ -109,11 +109,11 @@ class Scenario:
         except WorldError as error:
             raise Error(f"option start: {error}") from error
 
-    def _generate(self, number: int) -> Place:
+    def _generate(self, number: int) -> PreparedWorld:
         assert isinstance(self._world, GeneratedWorlds)
         return self._prepare(self._world.world(number))
 
-    def _prepare(self, world: World) -> Place:
+    def _prepare(self, world: World) -> PreparedWorld:
         still = world.model_copy(update={"people": [], "doors": [], "tour": None})
         check_world(still, footprint_radius=self._robot.footprint_radius)
         height = self._robot.lidar_mount.height
@@ -123,7 +123,7 @@ class Scenario:
         if len(rows) == 0:
             raise WorldError(f"world {world.name!r}: no place with room for the robot {self._robot.name!r}")
         starts = (np.column_stack([cols, rows]) + 0.5) * _CELL + np.array(floor.origin[:2])
-        return Place(Terrain(still, height), true_map(still, height=height), starts)
+        return PreparedWorld(Terrain(still, height), true_map(still, height=height), starts)
 
 
 def _pose(start: Any) -> Pose:

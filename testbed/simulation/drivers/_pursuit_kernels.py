@@ -20,7 +20,7 @@ class Path(NamedTuple):
     """Distance of each corner from the beginning, along the path [m], (n,)."""
 
 
-class Limits(NamedTuple):
+class PursuitLimits(NamedTuple):
     """How a path is driven; see `DriverConfig`."""
 
     speed: float

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol, get_args
+from typing import Literal, NamedTuple, Protocol, get_args
 
 Strategy = Literal["information", "nearest", "wall", "random"]
 
@@ -42,6 +42,17 @@ class DriverConfig:
         for name in ("speed", "turn_rate", "acceleration", "turn_acceleration", "lookahead", "patience"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+
+class Command(NamedTuple):
+    """Velocities that a robot is commanded to keep from a time on."""
+
+    stamp: float
+    """[s]"""
+    speed: float
+    """Forward [m/s]."""
+    turn_rate: float
+    """Counter-clockwise [rad/s]."""
 
 
 class Driver(Protocol):

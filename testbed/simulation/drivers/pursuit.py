@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
-from testbed.simulation.drivers._pursuit_kernels import Limits, Path, pursue
+from testbed.simulation.drivers._pursuit_kernels import Path, PursuitLimits, pursue
 from testbed.simulation.drivers.driver import DriverConfig
 
 _ARRIVED = 0.05
@@ -29,7 +29,7 @@ class PurePursuit:
             raise ValueError("a path needs at least one way point besides the start")
         lengths = np.hypot(*np.diff(corners, axis=0).T)
         self._path = Path(corners, np.append(0.0, np.cumsum(lengths)))
-        self._limits = Limits(
+        self._limits = PursuitLimits(
             speed=min(config.speed, robot.max_speed),
             turn_rate=min(config.turn_rate, robot.max_turn_rate),
             acceleration=config.acceleration,

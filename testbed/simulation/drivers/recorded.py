@@ -6,7 +6,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
-from testbed.formats.commands import Command
+from testbed.simulation.drivers.driver import Command
 
 
 class RecordedDriver:

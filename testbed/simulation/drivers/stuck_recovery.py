@@ -13,7 +13,7 @@ _SPEED, _TIME = -0.1, 2.0
 """Of backing off [m/s], [s]."""
 
 
-class BackOff:
+class StuckRecovery:
     """Watches a robot that should be moving; where it has not for some time, drives it back for two seconds."""
 
     def __init__(self, patience: float) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from testbed.presets import RobotPreset
 from testbed.simulation.drivers.driver import DriverConfig
 from testbed.simulation.drivers.pursuit import PurePursuit
-from testbed.simulation.drivers.stuck_recovery import BackOff
+from testbed.simulation.drivers.stuck_recovery import StuckRecovery
 
 
 class TourDriver:
@@ -21,8 +21,8 @@ class TourDriver:
     def __init__(self, path: NDArray[np.float64], robot: RobotPreset, config: DriverConfig) -> None:
         """path: corners (n, 2) [m], world frame. Raises `ValueError` if it has fewer than two different corners."""
         self._pursuit = PurePursuit(path, robot, config)
-        self._back_off = BackOff(config.patience)
-        self._most = config.max_recoveries
+        self._recovery = StuckRecovery(config.patience)
+        self._max_recoveries = config.max_recoveries
 
     @property
     def length(self) -> float:
@@ -42,22 +42,22 @@ class TourDriver:
     @property
     def stuck(self) -> bool:
         """Backing off did not help."""
-        return self.recoveries > self._most
+        return self.recoveries > self._max_recoveries
 
     @property
     def recoveries(self) -> int:
         """How often the robot had to back off."""
-        return self._back_off.count
+        return self._recovery.count
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
         """Speed [m/s] and turn rate [rad/s] for the robot at this pose and time [s]."""
         speed, turn_rate = self._pursuit.command(x, y, theta)
         if self.finished:
             return 0.0, 0.0
-        escape = self._back_off.command(stamp, x, y, theta)
+        escape = self._recovery.command(stamp, x, y, theta)
         return escape if escape is not None else (speed, turn_rate)
 
     def wait(self, stamp: float) -> tuple[float, float]:
         """The command to stand still, with the reason elsewhere: time [s] spent so does not count as being stuck."""
-        self._back_off.wait(stamp)
+        self._recovery.wait(stamp)
         return 0.0, 0.0

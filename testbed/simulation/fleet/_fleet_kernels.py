@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam._jit import kernel
+from testbed.simulation.physics._motion_kernels import Vehicle, drive
 from testbed.simulation.physics._ray_kernels import SegmentGrid, cast_rays
 from testbed.simulation.robot._lidar_kernels import Optics, place_beams, read_beams
-from testbed.simulation.robot._motion_kernels import Vehicle, drive
 from testbed.simulation.robot._odometry_kernels import Encoders, read_wheels
 
 
-class Places(NamedTuple):
+class SegmentGrids(NamedTuple):
     """The segment grid of each robot's world; robots in the same world share it."""
 
     segments: NDArray[np.float64]
@@ -35,9 +35,9 @@ class Places(NamedTuple):
 class Surroundings(NamedTuple):
     """What is about the robots."""
 
-    solid: Places
+    solid: SegmentGrids
     """What bodies touch."""
-    seen: Places
+    seen: SegmentGrids
     """What beams meet."""
 
 

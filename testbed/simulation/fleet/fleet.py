@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.se2 import Pose
-from testbed.seeds import streams
-from testbed.simulation.fleet._fleet_kernels import Equipment, Numbers, Places, Robots, Surroundings, step_robots
-from testbed.simulation.fleet.robot_group import Outfit, Readings, Terrain
+from testbed.seeds import RunSeeds
+from testbed.simulation.fleet._fleet_kernels import Equipment, Numbers, Robots, SegmentGrids, Surroundings, step_robots
+from testbed.simulation.fleet.robot_group import Readings, RobotSetup, Terrain
 from testbed.simulation.physics._ray_kernels import SegmentGrid
 from testbed.simulation.physics.backend import STEP_RATE
 from testbed.simulation.physics.fast import vehicle_of
@@ -25,21 +25,21 @@ class Fleet:
     """Robots on the fast backend, all in one compiled call. What a robot does and reads depends on its own seed, world
     and commands alone: bit for bit what it would be in a fleet of one."""
 
-    def __init__(self, robots: int, outfit: Outfit) -> None:
-        self._outfit = outfit
-        lidar, beams = outfit.steady_lidar, outfit.lidar.beams
+    def __init__(self, robots: int, setup: RobotSetup) -> None:
+        self._setup = setup
+        lidar, beams = setup.steady_lidar, setup.lidar.beams
         self._robots = Robots(
             np.zeros((robots, 7)), np.zeros((robots, ODOMETER)), np.ones((robots, 3)), np.zeros((robots, 5))
         )
         self._equipment = Equipment(
-            vehicle=vehicle_of(outfit.robot, outfit.limits),
-            encoders=encoders_of(outfit.robot, outfit.odometry),
-            optics=optics_of(lidar, outfit.lidar_layers),
+            vehicle=vehicle_of(setup.robot, setup.limits),
+            encoders=encoders_of(setup.robot, setup.odometry),
+            optics=optics_of(lidar, setup.lidar_layers),
             angles=lidar.angles(),
-            angle_noise=math.radians(lidar.angle_noise_deg) * outfit.lidar_layers.angle_noise,
-            positions=outfit.time_offsets * STEP_RATE,
+            angle_noise=math.radians(lidar.angle_noise_deg) * setup.lidar_layers.angle_noise,
+            positions=setup.time_offsets * STEP_RATE,
             step_time=1.0 / STEP_RATE,
-            steps=outfit.steps,
+            steps=setup.steps,
         )
         self._readings = RandomRows(robots, READING_UNIFORMS, READING_NORMALS)
         self._beams = RandomRows(robots, 2 * beams, 2 * beams + 1, rows=BEAM_ROWS)
@@ -48,18 +48,16 @@ class Fleet:
         self._contact = np.zeros(robots, np.bool_)
         self._ranges = np.full((robots, beams), np.nan)
 
-    def place(self, robot: int, terrain: Terrain, pose: Pose, seed: int) -> None:
+    def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
         """See `RobotGroup.place`."""
-        seeds, outfit = streams(seed), self._outfit
+        setup = self._setup
         self._robots.body[robot] = [*pose, 0.0, 0.0, 0.0, 0.0]
         self._robots.odometer[robot] = 0.0
         rng = np.random.default_rng(seeds.odometry)
-        self._robots.believed[robot] = believed_wheels(outfit.robot, outfit.odometry, rng)
+        self._robots.believed[robot] = believed_wheels(setup.robot, setup.odometry, rng)
         self._readings.seed(robot, rng)
         rng = np.random.default_rng(seeds.lidar)
-        self._robots.device[robot] = draw_device(
-            outfit.steady_lidar, outfit.robot.lidar_mount, outfit.lidar_layers, rng
-        )
+        self._robots.device[robot] = draw_device(setup.steady_lidar, setup.robot.lidar_mount, setup.lidar_layers, rng)
         self._beams.seed(robot, rng)
         if self._terrains[robot] is not terrain:
             self._terrains[robot] = terrain
@@ -94,13 +92,13 @@ class Fleet:
         """Nothing to free."""
 
 
-def _packed(grids: list[SegmentGrid]) -> Places:
+def _packed(grids: list[SegmentGrid]) -> SegmentGrids:
     """One grid a robot, each stored once."""
     distinct = list({id(grid): grid for grid in grids}.values())
     counts = np.array([[len(g.first), len(g.segments)] for g in distinct])
     begins = np.cumsum(counts, axis=0) - counts
     number = {id(grid): k for k, grid in enumerate(distinct)}
-    return Places(
+    return SegmentGrids(
         segments=np.concatenate([g.segments for g in distinct]),
         first=np.concatenate([g.first + begins[k, 1] for k, g in enumerate(distinct)]),
         begin=np.array([begins[number[id(grid)], 0] for grid in grids]),

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
-from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.seeds import RunSeeds
+from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.fast import segment_grid
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
@@ -22,7 +23,7 @@ from worlds import World
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outfit:
+class RobotSetup:
     """What all robots of a fleet are made of."""
 
     robot: RobotPreset = field(default_factory=lambda: load_robot("create3"))
@@ -46,9 +47,9 @@ class Outfit:
         return self.steps / STEP_RATE
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> AccelerationLimits:
         """The robot's accelerations."""
-        return Limits(self.robot.max_acceleration, self.robot.max_turn_acceleration)
+        return AccelerationLimits(self.robot.max_acceleration, self.robot.max_turn_acceleration)
 
     @cached_property
     def steady_lidar(self) -> LidarPreset:
@@ -90,8 +91,8 @@ class Terrain:
 class RobotGroup(Protocol):
     """Robots that are told by the period."""
 
-    def place(self, robot: int, terrain: Terrain, pose: Pose, seed: int) -> None:
-        """Put that robot to rest at `T_world_robot` (3,) in a world, with errors drawn anew from the seed."""
+    def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
+        """Put that robot to rest at `T_world_robot` (3,) in a world, with errors drawn anew from the seeds."""
         ...
 
     def step(self, targets: NDArray[np.float64], which: NDArray[np.intp] | None = None) -> Readings:

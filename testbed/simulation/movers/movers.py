@@ -14,11 +14,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from shapely.geometry import LineString
 
+from testbed.seeds import Stream, children
 from testbed.simulation.movers._mover_kernels import nearest_mover
 from testbed.simulation.physics.backend import Hits
 from worlds import PERSON_RADIUS, Door, Person, World
 
-_COMFORT = 1.0
+_MIN_PERSON_DISTANCE = 1.0
 """A person does not come nearer to the robot's footprint than this [m]."""
 _LEG_RADIUS, _LEG_SPREAD, _STRIDE = 0.07, 0.1, 0.7
 """Of a person's legs: radius, distance from the middle, length of a step [m]."""
@@ -38,7 +39,7 @@ class _Walker:
         self._along = float(rng.uniform(0.0, self._way.length))
         self._direction = 1.0 if rng.random() < 0.5 else -1.0
         self._pause, self._walked = 0.0, 0.0
-        if self._distance(self._along, robot) < radius + _COMFORT:
+        if self._distance(self._along, robot) < radius + _MIN_PERSON_DISTANCE:
             ends = (0.0, self._way.length)
             self._along = max(ends, key=lambda along: self._distance(along, robot))
 
@@ -52,9 +53,9 @@ class _Walker:
             self._pause -= seconds
         step = 0.0 if self._pause > 0.0 else self._direction * self._person.speed * seconds
         now = self._distance(self._along, robot)
-        if now < radius + _COMFORT:
+        if now < radius + _MIN_PERSON_DISTANCE:
             step = self._retreat(self._person.speed * seconds, now, robot)
-        elif self._distance(self._along + step, robot) < radius + _COMFORT:
+        elif self._distance(self._along + step, robot) < radius + _MIN_PERSON_DISTANCE:
             step, self._direction = 0.0, -self._direction
         along = min(max(self._along + step, 0.0), self._way.length)
         self._walked += abs(along - self._along)
@@ -128,16 +129,17 @@ class _Leaf:
 class Movers:
     """All that moves in a world, told at a constant rate."""
 
-    def __init__(self, world: World, footprint_radius: float, period: float, rng: Generator) -> None:
-        """footprint_radius: the robot's [m]; period: time between two calls of `advance` [s]."""
+    def __init__(self, world: World, footprint_radius: float, period: float, stream: Stream) -> None:
+        """footprint_radius: the robot's [m]; period: time between two calls of `advance` [s]; stream: their seed."""
         robot = (world.start.x, world.start.y)
-        people, doors = rng.spawn(2)
+        people, doors = children(stream, 2)
         self._walkers = [
-            _Walker(person, robot, footprint_radius, child)
-            for person, child in zip(world.people, people.spawn(len(world.people)), strict=True)
+            _Walker(person, robot, footprint_radius, np.random.default_rng(child))
+            for person, child in zip(world.people, children(people, len(world.people)), strict=True)
         ]
         self._leaves = [
-            _Leaf(door, child) for door, child in zip(world.doors, doors.spawn(len(world.doors)), strict=True)
+            _Leaf(door, np.random.default_rng(child))
+            for door, child in zip(world.doors, children(doors, len(world.doors)), strict=True)
         ]
         self._radius, self._period = footprint_radius, period
         self._first_index = 0

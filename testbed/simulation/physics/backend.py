@@ -33,7 +33,7 @@ class Hits(NamedTuple):
     undefined where nothing was hit."""
 
 
-class Limits(NamedTuple):
+class AccelerationLimits(NamedTuple):
     """Accelerations that motor controllers keep to."""
 
     acceleration: float

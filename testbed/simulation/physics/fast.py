@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
+from testbed.simulation.physics._motion_kernels import Vehicle, drive
 from testbed.simulation.physics._ray_kernels import SegmentGrid, bin_segments, cast_rays
-from testbed.simulation.physics.backend import STEP_RATE, Hits, Limits, Motion
-from testbed.simulation.robot._motion_kernels import Vehicle, drive
+from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits, Hits, Motion
 from worlds import World
 
 _CELL = 0.7
@@ -21,7 +21,7 @@ _BORDER = 0.5137
 class FastBackend:
     """A world and a robot whose wheels never slip. Same rays as PyBullet to a micrometre, away from corners."""
 
-    def __init__(self, world: World, robot: RobotPreset, limits: Limits) -> None:
+    def __init__(self, world: World, robot: RobotPreset, limits: AccelerationLimits) -> None:
         """Bin what the robot's body can touch; what its lidars see is binned when the first ray is cast."""
         self._world = world
         self._seen: dict[float, SegmentGrid] = {}  # by height
@@ -46,7 +46,7 @@ class FastBackend:
         """Nothing to free."""
 
 
-def vehicle_of(robot: RobotPreset, limits: Limits) -> Vehicle:
+def vehicle_of(robot: RobotPreset, limits: AccelerationLimits) -> Vehicle:
     """What the motion of a robot depends on."""
     return Vehicle(robot.wheel_radius, robot.track / 2.0, robot.footprint_radius, *limits)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
-from testbed.simulation.physics.backend import Hits, Limits, Motion, ramp
+from testbed.simulation.physics.backend import AccelerationLimits, Hits, Motion, ramp
 from testbed.simulation.physics.pybullet_scene import borrow, give_back
 from worlds import World
 
@@ -25,7 +25,7 @@ class PyBulletMissingError(ValueError):
 class PyBulletBackend:
     """A world and a robot, moved by physics. Each one that is open has a physics client of its own (about 30 MB)."""
 
-    def __init__(self, world: World, robot: RobotPreset, limits: Limits) -> None:
+    def __init__(self, world: World, robot: RobotPreset, limits: AccelerationLimits) -> None:
         """The robot stands at the start of the world. Raises `PyBulletMissingError` if pybullet cannot be imported."""
         self._scene = borrow(import_pybullet(), world, robot)
         self._open = True

@@ -35,14 +35,14 @@ keep to the commanded speed (1 Nm for 0.8 kg on 33 mm wheels)."""
 _SETTLE_STEPS = STEP_RATE
 _RAYS_PER_CALL = 16_000
 """16384 rays in one call silently return nothing (bullet3#4215)."""
-_MOST_IDLE = 4
+_MAX_IDLE = 4
 """Scenes that are kept while nobody uses them; each takes about 30 MB."""
 
-_idle: list[Scene] = []
+_idle: list[PyBulletScene] = []
 """Scenes that nobody uses, the one that was given back last at the end."""
 
 
-class Scene:
+class PyBulletScene:
     """A robot at rest among walls, in a physics client of its own without a window."""
 
     def __init__(
@@ -163,7 +163,7 @@ class Scene:
         return robot
 
 
-def borrow(p: Any, world: World, robot: RobotPreset) -> Scene:
+def borrow(p: Any, world: World, robot: RobotPreset) -> PyBulletScene:
     """A scene with the robot at rest at the start of the world, to be given back; p: the module pybullet."""
     opaque, glass = _wall_quads(world, glass=False), _wall_quads(world, glass=True)
     content = hashlib.sha256(f"{robot} {len(opaque)} {len(glass)}".encode())
@@ -171,17 +171,17 @@ def borrow(p: Any, world: World, robot: RobotPreset) -> Scene:
     key = content.hexdigest()
     scene = next((idle for idle in _idle if idle.key == key), None)
     if scene is None:
-        scene = Scene(p, key, opaque, glass, robot)
+        scene = PyBulletScene(p, key, opaque, glass, robot)
     else:
         _idle.remove(scene)
     scene.set_back(world.start)
     return scene
 
 
-def give_back(scene: Scene) -> None:
+def give_back(scene: PyBulletScene) -> None:
     """Keep a scene for the next one who needs the same; the one that was kept longest makes room for it."""
     _idle.append(scene)
-    if len(_idle) > _MOST_IDLE:
+    if len(_idle) > _MAX_IDLE:
         _idle.pop(0).disconnect()
 
 

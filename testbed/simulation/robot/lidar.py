@@ -97,10 +97,10 @@ class Lidar:
     def __init__(self, preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> None:
         self._preset, self._layers = preset, layers
         self._angles = preset.angles()
-        self._most_beams = math.ceil(preset.beams * (1.0 + _MOST_JITTER * preset.beam_jitter))
+        self._max_beams = math.ceil(preset.beams * (1.0 + _MAX_JITTER * preset.beam_jitter))
         self._optics = optics_of(preset, layers)
         self._device = draw_device(preset, mount, layers, rng)
-        self._numbers = RandomRows(1, 2 * self._most_beams, 2 * self._most_beams + 1, rows=BEAM_ROWS)
+        self._numbers = RandomRows(1, 2 * self._max_beams, 2 * self._max_beams + 1, rows=BEAM_ROWS)
         self._numbers.seed(0, rng)
         self.mount = mount.pose
         """`T_robot_lidar` as the robot's description says (x, y, theta) [m, m, rad]."""
@@ -114,7 +114,7 @@ class Lidar:
         preset, layers, angles = self._preset, self._layers, self._angles
         if layers.beam_count and preset.beam_jitter > 0.0:
             count = round(preset.beams * (1.0 + preset.beam_jitter * normal[-1]))
-            angles = preset.angles(min(max(count, 1), self._most_beams))
+            angles = preset.angles(min(max(count, 1), self._max_beams))
         true_angles = angles
         if layers.angle_noise and preset.angle_noise_deg > 0.0:
             true_angles = angles + normal[: len(angles)] * math.radians(preset.angle_noise_deg)
@@ -130,7 +130,7 @@ class Lidar:
             hits.distances,
             hits.cos_incidence,
             self._uniform.reshape(2, -1),
-            self._normal[self._most_beams : -1],
+            self._normal[self._max_beams : -1],
             self._optics,
             self._device[:2],
         )
@@ -139,5 +139,5 @@ class Lidar:
 
 BEAM_ROWS = 16
 """Scans whose random numbers are drawn at once."""
-_MOST_JITTER = 4.0
+_MAX_JITTER = 4.0
 """Beam counts farther than this many standard deviations above the nominal one do not occur."""

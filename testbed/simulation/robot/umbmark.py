@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds, children
 from testbed.simulation.robot.odometry import Odometry, OdometryConfig
 
 SIDE = 4.0
@@ -42,12 +42,12 @@ class UmbmarkResult(NamedTuple):
 
 
 def umbmark(
-    robot: RobotPreset, grade: Literal["good", "typical", "poor"] = "typical", *, runs: int = 20, seed: int = 0
+    robot: RobotPreset, grade: Literal["good", "typical", "poor"] = "typical", *, seeds: RunSeeds, runs: int = 20
 ) -> UmbmarkResult:
     """Drive the square `runs` times in each direction, each time with newly drawn systematic errors."""
     config = OdometryConfig(grade=grade)
     ends: dict[int, list[NDArray[np.float64]]] = {-1: [], 1: []}
-    for run, child in enumerate(streams(seed).odometry.spawn(2 * runs)):
+    for run, child in enumerate(children(seeds.odometry, 2 * runs)):
         direction = 1 if run % 2 else -1
         odometry = Odometry(robot, config, np.random.default_rng(child))
         for left, right in _square(robot, direction):

@@ -11,8 +11,8 @@ import numpy as np
 
 from eval.filter.health import column, nees, updates
 from testbed.run.estimation import Estimation
-from testbed.run.execute import Job, metrics_of
-from testbed.seeds import streams
+from testbed.run.execute import metrics_of
+from testbed.run.job import Job
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.recordings import Recording, recording_of
 from testbed.sweep.result import MEASURED, CellResult
@@ -32,12 +32,12 @@ def compute(cell: Cell) -> CellResult:
     recording = recording_of(cell)
     job = job_of(cell, recording)
     began = time.perf_counter()
-    estimation = Estimation(job.filter, job.filter_seed, job.threads)
-    for frame in job.frames:
+    estimation = Estimation(job.filter, job.seeds.filter, job.threads)
+    for frame in job.source:
         estimation.process(frame)
     filtered = estimation.filtered()
     estimate = estimation.refined(filtered) if job.refine else filtered
-    metrics = metrics_of(job, estimation, estimate, time.perf_counter() - began, job.ended())
+    metrics = metrics_of(job, estimation, estimate, time.perf_counter() - began, job.source.ended)
     timing = {name: metrics.pop(name, None) for name in MEASURED} | {"cell_s": time.perf_counter() - started}
     del timing["peak_rss_mb"]  # this process has computed other cells, whose memory would count too
     return CellResult(metrics, _curves(estimation.steps.columns()), timing)
@@ -47,16 +47,14 @@ def job_of(cell: Cell, recording: Recording) -> Job:
     """The job that `testbed run` or `testbed slam` would execute with the settings of the cell."""
     settings = RunSettings.of(cell.settings)
     return Job(
-        frames=recording.frames,
+        source=recording.source,
         document={},
-        seed=cell.seed,
+        seeds=cell.seeds,
         filter=replace(settings.filter, particles=cell.particles),
-        filter_seed=streams(cell.seed).filter,
         threads=1,
         refine=settings.refine,
         truth_map=recording.truth_map(settings.filter.map.cell),
         relations=recording.relations,
-        ended=lambda: recording.ended,
     )
 
 

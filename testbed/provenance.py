@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where a result comes from: versions, machine, input files; the part of `config.toml` that nobody types."""
+"""Record of where a result comes from, as `config.toml` holds it: command, settings, inputs, versions, machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import tomli_w
+from testbed.toml import dump_toml
 
 PACKAGES = ("slam-testbed", "numpy", "numba", "scipy", "shapely", "pybullet", "rerun-sdk")
 
@@ -38,21 +38,8 @@ def settings_as_markdown(document: Mapping[str, Any]) -> str:
     return f"`{document['command']}`\n\n```toml\n{dump_toml(document['settings'])}```\n"
 
 
-def dump_toml(document: Mapping[str, Any]) -> str:
-    """A document as TOML; values that are None are left out, TOML has no word for them."""
-    return tomli_w.dumps(_without_none(document))
-
-
-def _without_none(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _without_none(item) for key, item in value.items() if item is not None}
-    if isinstance(value, list | tuple):
-        return [_without_none(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
-
-
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that results depend on."""
+    """Return the versions of Python and of the packages that results depend on, by name."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
