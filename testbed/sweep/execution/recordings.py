@@ -43,7 +43,7 @@ def recording_of(cell: Cell) -> Recording:
 
 @lru_cache(maxsize=2)
 def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recording:
-    place, config = simulator.load_world(world), simulator.simulation(seeds)
+    place, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
     with simulate(place, config) as simulation:
         frames = list(simulation)
         source = RecordedFrames(frames, simulation.ended(simulator.duration))

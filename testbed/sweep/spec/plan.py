@@ -114,9 +114,10 @@ class Costs:
         for world in spec.worlds:
             for line in spec.lines():
                 simulator = RunSettings.of(line.settings).simulator
-                simulator.simulation(RunSeeds.from_seed(0))
+                seeds = RunSeeds.from_seed(0)
+                simulator.simulation(seeds)
                 if (name := Path(world).stem) not in lengths:
-                    way = simulator.load_world(world).path()
+                    way = simulator.load_world(world, seeds).path()
                     lengths[name] = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         return cls(lengths)
 
