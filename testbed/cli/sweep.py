@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -29,6 +29,7 @@ from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.spec.plan import Shard
 from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
 from testbed.sweep.store import SweepDirectory
+from worlds import expand_names
 
 
 @Parameter(name="*")
@@ -39,11 +40,14 @@ class SweepOptions:
     preset: str | None = None
     """Specification in the package: particles, gate."""
     worlds: str | None = None
-    """Worlds, separated by commas."""
+    """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds."""
     particles: str | None = None
     """Particle counts, separated by commas."""
-    seeds: int | None = None
-    """Number of seeds, from 0 on."""
+    seeds: str | None = None
+    """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10."""
+    route: Literal["fixed", "random"] | None = None
+    """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
+    direction from another start. Default: fixed."""
     axis: tuple[str, ...] = ()
     """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
     set: tuple[str, ...] = ()
@@ -53,7 +57,7 @@ class SweepOptions:
         """The given flags as the document of a specification."""
         flags: dict[str, Any] = {}
         if self.worlds is not None:
-            flags["worlds"] = _words(self.worlds)
+            flags["worlds"] = expand_names(self.worlds)
         if self.particles is not None:
             flags["particles"] = _counts(self.particles)
         if self.seeds is not None:
@@ -76,9 +80,11 @@ class SweepOptions:
 
     def _with_flags(self, document: dict[str, Any], source: str, folder: Path) -> SweepSpec:
         spec = parse_spec(document | self.document(), source, folder)
-        if not self.set:
-            return spec
         settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
+        if self.route is not None:
+            settings["route"] = self.route
+        if not settings:
+            return spec
         return parse_spec(spec.document() | {"settings": spec.settings | settings}, source, folder)
 
 

@@ -17,6 +17,7 @@ from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings, Value
 from testbed.sweep.spec.spec import LogSource, SweepSpec
+from worlds import label
 
 _YAML = (".yaml", ".yml")
 """Suffixes of ROS maps; the image of a map is a second file in the same directory."""
@@ -89,7 +90,7 @@ def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
 
 def _sources(spec: SweepSpec) -> list[tuple[str, dict[str, Any]]]:
     """Name and source of each world or log."""
-    sources: list[tuple[str, dict[str, Any]]] = [(Path(world).stem, {"world": world}) for world in spec.worlds]
+    sources: list[tuple[str, dict[str, Any]]] = [(label(world), {"world": world}) for world in spec.worlds]
     sources += [(log.name, log.model_dump(exclude_none=True)) for log in spec.logs]
     names = [name for name, _ in sources]
     if len(set(names)) < len(names):
@@ -116,7 +117,7 @@ class Costs:
                 simulator = RunSettings.of(line.settings).simulator
                 seeds = RunSeeds.from_seed(0)
                 simulator.simulation(seeds)
-                if (name := Path(world).stem) not in lengths:
+                if (name := label(world)) not in lengths:
                     way = simulator.load_world(world, seeds).path()
                     lengths[name] = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         return cls(lengths)

@@ -14,18 +14,20 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from testbed.sweep.errors import SweepError
+from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
+from worlds import expand_names
 
 MAX_FILE_BYTES = 1_000_000
 """Largest file of a specification [bytes]."""
-MAX_CELLS = 1_000_000
+MAX_CELLS = 100_000
 """Largest number of cells in a sweep."""
 _PRESETS = resources.files("testbed") / "sweep" / "presets"
 BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
 """Baseline of the preset `gate` (`eval.sweep.regression_check`)."""
 
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
-Seed = Annotated[int, Field(strict=True, ge=0)]
+Seed = Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)]
 
 
 class LogSource(BaseModel):
@@ -66,11 +68,12 @@ class SweepSpec(BaseModel):
     title: str = ""
     """Title of the report."""
     worlds: tuple[str, ...] = ()
-    """Names from the catalogue, TOML files, ROS maps; all seeds drive the same tour with noise of their own."""
+    """Names from the catalogue, TOML files, ROS maps, `generated:KIND:SEED`; `generated:KIND*N` stands for N of these.
+    With the setting `route` = "fixed" all seeds drive the same tour with other noise, with "random" other routes."""
     logs: tuple[LogSource, ...] = ()
     """Recorded logs instead of worlds; the seed is then that of the filter only."""
-    seeds: tuple[Seed, ...] = tuple(range(10))
-    """In TOML also a single number: how many, from 0 on."""
+    seeds: Annotated[tuple[Seed, ...], Field(max_length=MAX_SEEDS)] = tuple(range(10))
+    """Also a single number, which is how many, from 0 on, or a text such as "0:10"."""
     particles: tuple[Count, ...] = (1, 2, 5, 10, 20, 50, 100)
     """Particle counts."""
     settings: dict[str, Any] = Field(default_factory=dict)
@@ -87,8 +90,19 @@ class SweepSpec(BaseModel):
 
     @field_validator("seeds", mode="before")
     @classmethod
-    def _count_of_seeds(cls, value: Any) -> Any:
-        return tuple(range(value)) if isinstance(value, int) and not isinstance(value, bool) else value
+    def _list_of_seeds(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            return parse_seeds(value)
+        return seeds_of_count(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+    @field_validator("worlds", mode="before")
+    @classmethod
+    def _list_of_worlds(cls, value: Any) -> Any:
+        is_text = isinstance(value, str)
+        names = [value] if is_text else value
+        if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names) or not names:
+            return value
+        return tuple(expand_names(value) if is_text else [single for name in names for single in expand_names(name)])
 
     @field_validator("worlds", "logs", "seeds", "particles", mode="after")
     @classmethod

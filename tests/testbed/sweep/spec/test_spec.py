@@ -48,6 +48,21 @@ def test_every_option_of_filter_and_simulator_can_be_an_axis():
     assert settings.filter.resample.scheme == "residual"
 
 
+def test_worlds_and_seeds_are_lists_texts_or_numbers():
+    spec = spec_of({"worlds": ["office", "generated:rooms*2"], "seeds": "2:4", "particles": [1]})
+    assert [(cell.place, cell.source["world"], cell.seed) for cell in plan(spec, "code", {})] == [
+        (place, world, seed)
+        for place, world in (
+            ("office", "office"),
+            ("rooms-0", "generated:rooms:0"),
+            ("rooms-1", "generated:rooms:1"),
+        )
+        for seed in (2, 3)
+    ]
+    assert spec_of(spec.document()) == spec
+    assert spec_of({"worlds": "office, loop"}).worlds == ("office", "loop")
+
+
 def test_values_take_the_type_of_their_setting():
     assert repr(checked("filter.match.hit_sigma", 1, recorded=False)) == "1.0"
     assert checked("filter.proposal.samples", 7, recorded=True) == 7
@@ -79,7 +94,14 @@ def test_values_take_the_type_of_their_setting():
         ({"worlds": ["office"], "settings": {"refine": True}, "axes": {"refine": [False]}}, "refine: is set twice"),
         ({"worlds": ["office"], "baseline": "best"}, "baseline 'best': no such line, expected one of default"),
         ({"logs": [{"log": "a.log"}], "axes": {"lidar": ["lds01"]}}, "recorded logs are not simulated"),
-        ({"worlds": ["office"], "seeds": 200_000}, "1400000 jobs, expected at most 1000000"),
+        ({"worlds": ["office"], "seeds": 100_000_000}, "seeds: 100000000 seeds, expected 1 to 10000"),
+        ({"worlds": ["office"], "seeds": "0:100000000"}, "seeds: 0:100000000: more than 10000 seeds"),
+        ({"worlds": ["office"], "seeds": list(range(20_000))}, "seeds: "),
+        ({"worlds": ["generated:rooms*3", "office"], "seeds": 10_000}, "280000 jobs, expected at most 100000"),
+        ({"worlds": ["generated:rooms*1000000000"]}, "expected a number of worlds from 1 to 1000"),
+        ({"worlds": ["generated:castle*3"]}, "unknown kind of world 'castle'"),
+        ({"worlds": ["office"], "settings": {"route": "round"}}, "expected 'fixed' or 'random'"),
+        ({"logs": [{"log": "a.log"}], "settings": {"route": "random"}}, "recorded logs are not simulated"),
     ],
 )
 def test_a_wrong_specification_is_named_by_key_and_expectation(document, complaint):
