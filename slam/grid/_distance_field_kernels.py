@@ -24,7 +24,7 @@ def request_field_tiles(start, stop, grids, changes, radius, request):
     width = columns << SHIFT
     for particle in range(start, stop):
         tiles, seen, count = request.tiles[particle], request.seen[particle], request.count[particle]
-        for j in range(changes.count[particle]):
+        for j in range(changes.filled[particle]):
             cx, cy = packed_x(changes.cells[particle, j]), packed_y(changes.cells[particle, j])
             for ty in range(max(cy - radius, 0) >> SHIFT, (min(cy + radius, rows * SIDE - 1) >> SHIFT) + 1):
                 for tx in range(max(cx - radius, 0) >> SHIFT, (min(cx + radius, width - 1) >> SHIFT) + 1):
@@ -118,7 +118,7 @@ def update_fields(start, stop, grids, changes, offsets):
     for particle in range(start, stop):
         table, field_table = grids.table[particle], grids.field_table[particle]
         rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
-        for j in range(changes.count[particle]):
+        for j in range(changes.filled[particle]):
             cx, cy = packed_x(changes.cells[particle, j]), packed_y(changes.cells[particle, j])
             if walls[tile_at(table, cx, cy), np.uint64(cy & MASK)] >> np.uint32(cx & MASK) & 1:
                 point_cells_to_wall(field_table, nearest, cx, cy, offsets)

@@ -164,7 +164,7 @@ def count_scan(start, stop, grids, poses, rays, occupied_share, changes):
         rays_in_cells(grids, poses[particle], rays, segments)
         n = count_misses(table, counts, segments, changed_candidates)
         n = count_hits(table, counts, surface_table, surface, segments, hit, changed_candidates, n)
-        changes.count[particle] = flip_walls(
+        changes.filled[particle] = flip_walls(
             table, counts, walls, changed_candidates[:n], occupied_share, changes.cells[particle]
         )
         refresh_lines(table, walls, surface_table, surface, segments, hit)

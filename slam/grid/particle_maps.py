@@ -63,9 +63,9 @@ class Changes(NamedTuple):
     """Cells that became walls or ceased to be in the last scan."""
 
     cells: NDArray[np.int64]
-    """Cells as `packed`, each once, (particles, m); the first `count` of each row are valid."""
-    count: NDArray[np.int64]
-    """(particles,)."""
+    """Cells as `packed`, each once, (particles, m); the first `filled` of each row are valid."""
+    filled: NDArray[np.int64]
+    """How many entries of each row are valid, (particles,)."""
 
 
 class ParticleMaps:

@@ -44,7 +44,8 @@ def distances_to_walls(maps: ParticleMaps, pose: se2.Pose, hits: NDArray[np.floa
     """
     vectors = np.empty((4, len(hits)))
     wall_distances(maps.grids, 0, *pose, hits, maps.config.field_radius, vectors)
-    return np.hypot(vectors[0], vectors[1])
+    distances: NDArray[np.float64] = np.hypot(vectors[0], vectors[1])
+    return distances
 
 
 def log_likelihoods(

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from slam.gmapping import GMapping
 from slam.step.step_report import StepReport
 from testbed.cli.shared.console import console
@@ -53,7 +53,7 @@ def run(
     output.check_directory()
     filter_config = estimator.filter_config
     loaded = simulator.load_world(world, seeds)
-    truth = true_grid(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
+    truth = grid_from_true_map(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{loaded.name}, seed {estimator.seed}",

@@ -99,9 +99,9 @@ def localization_metrics(
             "error_rmse_m": error.translation.rmse,
             "error_median_m": error.translation.median,
             "error_p95_m": error.translation.p95,
-            "error_max_m": error.translation.maximum,
+            "error_max_m": error.translation.max,
             "heading_error_mean_deg": error.rotation.mean,
-            "heading_error_max_deg": error.rotation.maximum,
+            "heading_error_max_deg": error.rotation.max,
         }
     return metrics
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from slam import se2
 from slam.se2 import Pose
 from slam.sensor.rays import BeamCounts
@@ -99,5 +99,5 @@ class StepTable:
             name: pa.array(values, type=kinds.get(name, pa.float64()), from_pandas=True)  # from_pandas: NaN is null
             for name, values in self.columns().items()
         }
-        with write_aside(path) as aside:
+        with atomic_write(path) as aside:
             pq.write_table(pa.table(columns), aside)

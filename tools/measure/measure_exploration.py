@@ -14,7 +14,7 @@ from itertools import product
 import gymnasium as gym
 import numpy as np
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.map.walls import wall_distances
 from testbed.envs import GeneratedWorlds
 from testbed.exploration import STRATEGIES, make_explorer
@@ -34,7 +34,7 @@ def episode(strategy, world, seed):
     inner = env.unwrapped
     rng = np.random.default_rng(seed)
     explorer = make_explorer(inner.robot_setup.robot, inner.robot_setup.lidar, DriverConfig(strategy=strategy), rng)
-    truth = true_grid(inner.true_map)
+    truth = grid_from_true_map(inner.true_map)
     rows, ended, steps = [], False, 0
     for limit in TIMES:
         while not ended and steps * inner.robot_setup.period < limit:

@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
@@ -60,7 +60,7 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|---|")
     for world in catalogue():
-        grid = true_grid(true_map(load(world)))
+        grid = grid_from_true_map(true_map(load(world)))
         runs = [outcome(world, grid, seed) for seed in range(seeds)]
         states = [state for state, _, _ in runs]
         found = [(after, error) for state, after, error in runs if state == "found"]

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from eval.filter.health import column, nees, updates
+from eval.filter.nees import nees
+from eval.filter.step_table import column, updates
 from testbed.run.estimation import Estimation
 from testbed.run.execute import metrics_of
 from testbed.run.job import Job
@@ -37,7 +38,9 @@ def compute(cell: Cell) -> CellResult:
         estimation.process(frame)
     filtered = estimation.filtered()
     estimate = estimation.refined(filtered) if job.refine else filtered
-    metrics = metrics_of(job, estimation, estimate, time.perf_counter() - began, job.source.ended)
+    metrics = metrics_of(
+        job, estimation, filtered, estimate, wall_seconds=time.perf_counter() - began, ended=job.source.ended
+    )
     timing = {name: metrics.pop(name, None) for name in MEASURED} | {"cell_s": time.perf_counter() - started}
     del timing["peak_rss_mb"]  # this process has computed other cells, whose memory would count too
     return CellResult(metrics, _curves(estimation.steps.columns()), timing)

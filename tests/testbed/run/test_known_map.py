@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eval.files.map_server import write_map
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from slam import se2
 from slam.config import FilterConfig, LocalizationConfig
 from slam.localization import Localization
@@ -26,7 +26,7 @@ SETTINGS = LocalizationConfig()
 
 
 def grid_of(world):
-    return true_grid(true_map(load(world)))
+    return grid_from_true_map(true_map(load(world)))
 
 
 def frames_of(world, seed, *, begin=0.0, end=20.0):
