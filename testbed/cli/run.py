@@ -52,7 +52,7 @@ def run(
     config = simulator.simulation(seeds)
     output.check_directory()
     filter_config = estimator.filter_config
-    loaded = simulator.load_world(world)
+    loaded = simulator.load_world(world, seeds)
     truth = grid_from_true_map(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
