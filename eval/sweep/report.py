@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eval.files.atomic_write import atomic_write
-from eval.report.run_report import Plot, render
+from eval.report.page import Plot, render
 from eval.sweep import plots as sweep_plots
 from eval.sweep.paper_tables import enough_words, latex_table, markdown_table
 from eval.sweep.plots import Unit

@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from eval.report.verdict import LEADS
+from eval.report.verdict import OUTCOME_SENTENCES
 
 CURVE_GRID = np.linspace(0.02, 1.0, 50)
 """Shares of a run at which its curves are read."""
@@ -73,7 +73,7 @@ class SweepTable:
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
         """Runs that went wrong: an outcome that `eval.report.verdict` calls bad, or no result at all."""
-        bad = [outcome for outcome, (_, mood) in LEADS.items() if mood == "bad"]
+        bad = [outcome for outcome, (_, severity) in OUTCOME_SENTENCES.items() if severity == "bad"]
         outcome = self.columns.get("outcome", np.full(self.shape, None, dtype=object)).astype(str)
         wrong: NDArray[np.bool_] = np.isin(outcome, bad) | (self.columns["status"].astype(str) == "failed")
         return wrong

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The command line `testbed`. Commands are imported when they are called, so that `testbed --help` answers at once."""
+"""The command line `testbed`. Commands are imported when they are called, so that `testbed --help` is fast."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ for _name, _help in HELP.items():
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 well, 1 a gate failed, 2 the user can put it right, 130 interrupted.
+    """Run the command line and exit: 0 success, 1 a limit is broken, 2 an error of usage or input, 130 interrupted.
 
-    What the user can put right is one line on stderr; `TESTBED_DEBUG=1` shows where it came from.
+    Errors of usage or input are one line on stderr; `TESTBED_DEBUG=1` shows the traceback.
     """
     try:
         status = app(arguments, exit_on_error=False, print_error=False)

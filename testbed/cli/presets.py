@@ -9,6 +9,7 @@ from rich.table import Table
 from testbed.cli.shared.console import results
 from testbed.presets import lidars, load_lidar, load_robot, robots
 from testbed.presets.models import LidarPreset, RobotPreset
+from testbed.seeds import RunSeeds
 from testbed.simulation.robot.odometry import GRADES
 from testbed.simulation.robot.umbmark import umbmark as drive_squares
 
@@ -73,11 +74,12 @@ def umbmark(*robot: str, runs: int = 20, seed: int = 0) -> None:
     """
     if runs < 1:
         raise ValueError(f"runs must be at least 1, got {runs}")
+    seeds = RunSeeds.from_seed(seed)
     table = _table("robot", *(f"{grade}, m" for grade in GRADES))
     for name in robot or robots():
         preset = load_robot(name)
         errors = [
-            drive_squares(preset, grade, runs=runs, seed=seed).return_error for grade in ("good", "typical", "poor")
+            drive_squares(preset, grade, runs=runs, seeds=seeds).return_error for grade in ("good", "typical", "poor")
         ]
         table.add_row(preset.name, *(f"{error:.3f}" for error in errors))
     results.print(table)

@@ -18,7 +18,7 @@ from testbed.cli.shared.console import console
 from testbed.cli.shared.status import GATE_FAILED
 from testbed.cli.shared.summary import headline_table
 from testbed.formats import open_log
-from testbed.lidar_views import lidar_views
+from testbed.run.execute import lidar_views
 
 
 def score(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,18 +11,19 @@ from cyclopts import Group, Parameter
 
 from eval.files.tum import read_tum
 from eval.trajectory.relations import read_relations
-from slam.config.filter import LocalizationConfig
+from slam.config import LocalizationConfig
 from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
-from testbed.cli.shared.finish import carry_out
+from testbed.cli.shared.finish import run_and_report
+from testbed.cli.shared.output import OUTPUT, OutputOptions
 from testbed.datasets.truth import with_truth
 from testbed.formats import open_log
 from testbed.formats.maps import read_map_inside
-from testbed.frame import Frame
-from testbed.run.execute import Job
+from testbed.provenance import config_document, settings_as_markdown
+from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
-from testbed.run.provenance import config_document, settings_as_markdown
-from testbed.settings.estimator import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
+from testbed.seeds import RunSeeds
+from testbed.settings.estimator import ESTIMATOR, EstimatorOptions
 from testbed.views import Scene
 
 LOCALIZATION_GROUP = Group("Localisation (with --map)", sort_key=11)
@@ -113,42 +113,22 @@ def slam(
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
     name = log.name.split(".")[0]
-    done = _Counter(frames)
     job = Job(
-        frames=done,
+        source=RecordedFrames(frames),
         document=document,
-        seed=estimator.seed,
+        seeds=RunSeeds.from_seed(estimator.seed),
         filter=filter_config,
-        filter_seed=estimator.filter_seed,
         threads=estimator.threads,
         refine=estimator.refine,
         relations=known_relations,
         known_map=place,
         truth_map=truth_map,
-        share_done=lambda: done.share,
     )
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=filter_config.most_particles,
+        particles=filter_config.max_particles,
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
-    return carry_out(job, output.directory(name), scene, output)
-
-
-class _Counter(Iterator[Frame]):
-    """The frames of a log, and how many of them were taken."""
-
-    def __init__(self, frames: list[Frame]) -> None:
-        self._frames, self._taken = frames, 0
-
-    @property
-    def share(self) -> float:
-        return self._taken / len(self._frames)
-
-    def __next__(self) -> Frame:
-        if self._taken == len(self._frames):
-            raise StopIteration
-        self._taken += 1
-        return self._frames[self._taken - 1]
+    return run_and_report(job, output.directory(name), scene, output)

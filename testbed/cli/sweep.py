@@ -16,11 +16,11 @@ from eval.sweep.regression_check import compare_with_baseline, write_baseline
 from eval.sweep.results import read_sweep
 from testbed.cli.gather import gather_and_report
 from testbed.cli.shared.console import announce_compilation, console, results
+from testbed.cli.shared.output import FLAG
 from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.shared.sweep_progress import sweep_progress
 from testbed.run.interruption import sigterm_interrupts
 from testbed.run.run_directory import default_directory
-from testbed.settings.estimator import FLAG
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import Executor, execute, pending, prepare
 from testbed.sweep.execution.dask_cluster import run_on_cluster

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A finished map to localise in, and what came of it: the part of a run that only localisation has."""
+"""The part of a run that only localisation has: the known map and the measures."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from eval.outcome import LOCAL_M
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
-from slam.config.filter import LocalizationConfig
+from slam.config import LocalizationConfig
+from slam.localization import LocalizationStatus
 from slam.localization.fixed_map import check_map, checked_start
-from slam.localization.localizer import Whereabouts
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.frame import Frame
@@ -26,24 +26,23 @@ from testbed.frame import Frame
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownMap:
-    """What a localisation is given besides its log."""
+    """The map to localise in, the start and the settings."""
 
     grid: OccupancyGrid
     """The map."""
     start: Pose | None
-    """Where the robot starts, about, `T_map_robot` (3,); None = unknown."""
+    """Approximate start `T_map_robot` (3,); None = unknown."""
     settings: LocalizationConfig
     """Settings of the localisation."""
     has_frame_of_truth: bool = False
-    """Whether true poses are poses in this map, so that errors need no alignment."""
+    """Whether true poses are in the frame of this map, so that errors need no alignment."""
 
     @classmethod
     def read(cls, path: Path, start: str | None, settings: LocalizationConfig, truth: OccupancyGrid | None) -> KnownMap:
-        """Read a map_server map, and a start "X,Y,DEG" in its frame [m, m, deg].
+        """Read a map_server map and a start "X,Y,DEG" in its frame [m, m, deg].
 
-        truth: the true map; where it is the very map to localise in, true poses are in its frame
-        Raises:
-            ValueError: the map cannot be read, has no walls or no free space, or the start is not on it.
+        truth: the true map; if it equals the map, true poses are in the map's frame. Raises ValueError if the map
+        cannot be read, has no walls or no free space, or the start is not on it.
         """
         grid = read_map(path)
         try:
@@ -56,7 +55,7 @@ class KnownMap:
 
 
 def parse_start(text: str) -> tuple[float, float, float]:
-    """Pose (x, y, theta) [m, m, rad] of "X,Y,DEG"."""
+    """Return the pose (x, y, theta) [m, m, rad] of "X,Y,DEG". Raises ValueError for other text."""
     try:
         x, y, degrees = map(float, text.split(","))
     except ValueError:
@@ -73,11 +72,11 @@ def _equal(a: OccupancyGrid, b: OccupancyGrid) -> bool:
 
 
 def localization_metrics(
-    known: KnownMap, found: Whereabouts, frames: Sequence[Frame], estimate: Trajectory, truth: Trajectory | None
+    known: KnownMap, found: LocalizationStatus, frames: Sequence[Frame], estimate: Trajectory, truth: Trajectory | None
 ) -> dict[str, Any]:
-    """The group `localization` of `metrics.json`.
+    """Return the group `localization` of `metrics.json`.
 
-    estimate: one pose per scan of `frames`;  truth: the true path, None where it is unknown
+    estimate: one pose per scan of `frames`; truth: the true path, None = unknown
     """
     scans = [frame for frame in frames if frame.scan is not None]
     odometry = np.array([frame.odometry for frame in scans])
@@ -86,8 +85,8 @@ def localization_metrics(
     metrics: dict[str, Any] = {
         "start": "given" if known.start is not None else "unknown",
         "state": found.state,
-        "places": found.places,
-        "fit": found.fit,
+        "places": found.clusters,
+        "fit": found.explained_share,
         "found_after_m": None if first is None else float(way[first]),
         "found_after_s": None if first is None else scans[first].stamp - scans[0].stamp,
         "losses": len(found.lost_at),
@@ -106,8 +105,8 @@ def localization_metrics(
     return metrics
 
 
-def why_astray(metrics: dict[str, Any]) -> str | None:
-    """Why a localisation with these `localization_metrics` is not to be trusted; None where it is."""
+def failure_reason(metrics: dict[str, Any]) -> str | None:
+    """Return why a localisation with these `localization_metrics` failed; None if it did not."""
     if metrics["losses"]:
         return _why_lost(metrics)
     if metrics["state"] == "searching":

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from eval.report.run_report import write_report
-from testbed.run.execute import Watcher, execute
-from testbed.run.provenance import config_document, settings_as_markdown
+from testbed.provenance import config_document, settings_as_markdown
+from testbed.run.execute import RunProgress, execute_job
 from testbed.run.run_directory import RunDirectory
 from testbed.settings.estimator import EstimatorOptions
 from testbed.sweep.execution.compute import job_of
@@ -29,7 +29,7 @@ def is_recorded(directory: SweepDirectory, cell: Cell) -> bool:
     return (_folder(directory, cell) / "report.html").is_file()
 
 
-def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
+def record(directory: SweepDirectory, cell: Cell, watcher: RunProgress) -> bool:
     """Leave the run of a cell below `worst/` as `testbed run` does.
 
     Returns whether it came out as in the sweep, bit for bit: other processors may round differently.
@@ -44,7 +44,7 @@ def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
         particles=cell.particles,
         true_map=job.truth_map,
     )
-    metrics = execute(job, run, watcher, open_view(run / "recording.rrd", scene, ViewOptions()))
+    metrics = execute_job(job, run, watcher, open_view(run / "recording.rrd", scene, ViewOptions()))
     write_report(folder)
     swept = directory.result(cell.key)
     return swept is not None and metrics["result_hash"] == swept.metrics["result_hash"]

@@ -25,12 +25,13 @@ from pathlib import Path
 from typing import Any
 
 from eval.files.atomic_write import atomic_directory, atomic_write, create_once
-from testbed.run.provenance import dump_toml, versions
+from testbed.provenance import versions
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.compute import CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Shard, plan
 from testbed.sweep.spec.spec import SweepSpec, parse_spec
+from testbed.toml import dump_toml
 
 MANIFEST = "sweep.toml"
 

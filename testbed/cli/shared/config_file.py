@@ -9,7 +9,7 @@ from pathlib import Path
 from cyclopts import App, ArgumentCollection
 from cyclopts.config import Toml
 
-LARGEST_CONFIG = 1_000_000
+MAX_CONFIG_BYTES = 1_000_000
 """Bytes."""
 
 
@@ -32,14 +32,16 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
         raise ValueError(
             f"{path}: no such file, expected the settings of a run (config.toml) or a preset: {', '.join(filters())}"
         )
-    if path.stat().st_size > LARGEST_CONFIG:
-        raise ValueError(f"{path}: larger than {LARGEST_CONFIG} bytes, expected the settings of a run (config.toml)")
+    if path.stat().st_size > MAX_CONFIG_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_CONFIG_BYTES} bytes, expected the settings of a run (config.toml)")
     Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
 
 
 def _settle_values_of_groups(arguments: ArgumentCollection) -> None:
-    """`--driver recorded` means `--driver.kind recorded`, since a kind is what that group is. Of other groups a value
-    would set the first of their settings: only `--odometry.grade good` says what is meant."""
+    """Accept `--driver recorded` for `--driver.kind recorded`, because the kind decides what that group means.
+
+    Other groups take no value of their own: only `--odometry.grade good` is clear.
+    """
     for argument in arguments:
         own = [token for token in argument.tokens if token.keyword == argument.name and not token.keys]
         kind = next((child for child in argument.children if child.name == f"{argument.name}.kind"), None)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""What `--help` says of each command, in one place that loads nothing: the first line is the command's summary.
+"""Help texts of the commands, in a module that imports nothing. The first line is the summary.
 
-Parameters are described where they are declared, in the module of the command.
+Parameters are described in the modules of the commands.
 """
 
 HELP = {

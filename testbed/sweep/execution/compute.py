@@ -12,8 +12,8 @@ import numpy as np
 from eval.filter.nees import nees
 from eval.filter.step_table import column, updates
 from testbed.run.estimation import Estimation
-from testbed.run.execute import Job, metrics_of
-from testbed.seeds import streams
+from testbed.run.execute import metrics_of
+from testbed.run.job import Job
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.recordings import Recording, recording_of
 from testbed.sweep.spec.cell import Cell
@@ -47,12 +47,12 @@ def compute(cell: Cell) -> CellResult:
     recording = recording_of(cell)
     job = job_of(cell, recording)
     began = time.perf_counter()
-    estimation = Estimation(job.filter, job.filter_seed, job.threads)
-    for frame in job.frames:
+    estimation = Estimation(job.filter, job.seeds.filter, job.threads)
+    for frame in job.source:
         estimation.process(frame)
     filtered = estimation.filtered()
     estimate = estimation.refined(filtered) if job.refine else filtered
-    metrics = metrics_of(job, estimation, estimate, time.perf_counter() - began, job.ended())
+    metrics = metrics_of(job, estimation, estimate, time.perf_counter() - began, job.source.ended)
     timing = {name: metrics.pop(name, None) for name in MEASURED} | {"cell_s": time.perf_counter() - started}
     del timing["peak_rss_mb"]  # the process has computed other cells before
     return CellResult(metrics, _curves(estimation.steps.columns()), timing)
@@ -62,16 +62,14 @@ def job_of(cell: Cell, recording: Recording) -> Job:
     """The job of `testbed run` or `testbed slam` with the settings of the cell; without a document, to be measured."""
     settings = RunSettings.of(cell.settings)
     return Job(
-        frames=recording.frames,
+        source=recording.source,
         document={},
-        seed=cell.seed,
+        seeds=cell.seeds,
         filter=replace(settings.filter, particles=cell.particles),
-        filter_seed=streams(cell.seed).filter,
         threads=1,
         refine=settings.refine,
         truth_map=recording.truth_map(settings.filter.map.cell),
         relations=recording.relations,
-        ended=lambda: recording.ended,
     )
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The process that computes cells: `python -m testbed.sweep.execution.worker`, one JSON document a line in and out.
 
-It ends at once when its input ends, that is, when its parent does. Started by `testbed.sweep.execution.worker_process`, which
-sets the environment of numba before this process begins.
+It ends at once when its input ends, that is, when its parent does. `testbed.sweep.execution.worker_process` starts it
+and sets the environment of numba before this process begins.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from testbed.seeds import RunSeeds
 from testbed.sweep.spec.settings import Value
 
 
@@ -30,6 +31,11 @@ class Cell:
     """SHA-256 of the files it reads, by path."""
     code: str
     """`code_version` that it is computed with."""
+
+    @property
+    def seeds(self) -> RunSeeds:
+        """The streams of random numbers that the run draws from."""
+        return RunSeeds.from_seed(self.seed)
 
     @property
     def key(self) -> str:

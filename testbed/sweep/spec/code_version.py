@@ -11,7 +11,7 @@ import slam
 import testbed
 import worlds
 from eval import scoring
-from testbed.run.provenance import versions
+from testbed.provenance import versions
 
 PACKAGES = tuple(Path(str(module.__file__)).parent for module in (slam, scoring, worlds, testbed))
 SUFFIXES = {".py", ".toml"}

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from testbed.formats import open_log
+from testbed.seeds import RunSeeds
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings, Value
@@ -113,9 +114,9 @@ class Costs:
         for world in spec.worlds:
             for line in spec.lines():
                 simulator = RunSettings.of(line.settings).simulator
-                simulator.simulation(seed=0)
+                simulator.simulation(RunSeeds.from_seed(0))
                 if (name := Path(world).stem) not in lengths:
-                    way = simulator.place(world).path()
+                    way = simulator.load_world(world).path()
                     lengths[name] = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         return cls(lengths)
 
