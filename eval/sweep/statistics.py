@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, ndtri, stdtrit
+from scipy.special import ndtr, stdtrit
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -101,12 +101,10 @@ def wilson_interval(failures: int, runs: int, *, level: float = LEVEL) -> tuple[
     """
     if runs == 0:
         return math.nan, math.nan
-    z = float(ndtri(0.5 + 0.5 * level))
-    rate = failures / runs
-    centre = (rate + z * z / (2 * runs)) / (1 + z * z / runs)
-    half = z / (1 + z * z / runs) * math.sqrt(rate * (1 - rate) / runs + z * z / (4 * runs * runs))
-    # without rounding errors the ends are exactly 0 and 1 for no and for all failures
-    return (0.0 if failures == 0 else centre - half), (1.0 if failures == runs else centre + half)
+    from scipy.stats import binomtest  # takes a second to load
+
+    interval = binomtest(failures, runs).proportion_ci(level, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True)
