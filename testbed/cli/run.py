@@ -39,7 +39,7 @@ def run(
 ) -> int:
     """Simulate a robot in a world, map it with the particle filter, score map and trajectory against the truth.
 
-    The results go into a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
+    The results are written to a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
 
     Parameters
     ----------
@@ -50,14 +50,13 @@ def run(
     seeds = RunSeeds.from_seed(estimator.seed)
     config = simulator.simulation(seeds)
     output.check_directory()
-    filter_config = estimator.filter_config
     loaded = simulator.load_world(world)
     truth = true_grid(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=filter_config.most_particles,
+        particles=estimator.filter_config.most_particles,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
@@ -67,7 +66,7 @@ def run(
             source=SimulatedFrames(simulation, simulator.duration),
             document=document,
             seeds=seeds,
-            filter=filter_config,
+            filter=estimator.filter_config,
             threads=estimator.threads,
             refine=estimator.refine,
             truth_map=truth,
