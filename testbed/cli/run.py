@@ -50,13 +50,14 @@ def run(
     seeds = RunSeeds.from_seed(estimator.seed)
     config = simulator.simulation(seeds)
     output.check_directory()
+    filter_config = estimator.filter_config  # raises before anything takes time
     loaded = simulator.load_world(world)
     truth = true_grid(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=estimator.filter_config.most_particles,
+        particles=filter_config.most_particles,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
@@ -66,7 +67,7 @@ def run(
             source=SimulatedFrames(simulation, simulator.duration),
             document=document,
             seeds=seeds,
-            filter=estimator.filter_config,
+            filter=filter_config,
             threads=estimator.threads,
             refine=estimator.refine,
             truth_map=truth,

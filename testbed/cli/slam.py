@@ -93,6 +93,7 @@ def slam(
         Readings of at least this range are no returns [m]; default: stated or shown by the log.
     """
     output.check_directory()
+    filter_config = estimator.filter_config  # raises before the log is read
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
@@ -114,7 +115,7 @@ def slam(
         source=RecordedFrames(frames),
         document=document,
         seeds=RunSeeds.from_seed(estimator.seed),
-        filter=estimator.filter_config,
+        filter=filter_config,
         threads=estimator.threads,
         refine=estimator.refine,
         relations=known_relations,
@@ -125,7 +126,7 @@ def slam(
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=job.filter.most_particles,
+        particles=filter_config.most_particles,
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)

@@ -161,14 +161,14 @@ def test_maps_of_other_systems_serve(tmp_path):
     [
         ({}, None),
         ({"state": "searching"}, "position in the map is still unknown"),
-        ({"state": "ambiguous", "places": 3}, "ambiguous: 3 places"),
+        ({"state": "ambiguous", "places": 3}, "ambiguous: 3 positions"),
         ({"state": "ambiguous"}, "too few scans"),
         ({"losses": 1, "lost_at_s": [12.0]}, "stopped fitting the map once, first after 12.0 s"),
         ({"losses": 2, "lost_at_s": [2.0, 5.0], "found_after_m": None}, r"was not found: .*\(tried 2 times\)"),
-        ({"error_median_m": 7.0}, r"in a wrong place: it was 7\.00 m from there"),
+        ({"error_median_m": 7.0}, r"in a wrong position: the median error is 7\.00 m"),
     ],
 )
-def test_every_way_to_be_astray_has_its_words(changes, words):
+def test_every_way_to_fail_has_its_sentence(changes, words):
     fine = {"losses": 0, "lost_at_s": [], "state": "found", "places": 1, "found_after_m": 1.0, "error_median_m": 0.01}
     reason = failure_reason({**fine, **changes})
     if words is None:
