@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.filter.health import Columns, column, updates
+from eval.filter.step_table import Columns, column, updates
 from eval.outcome import LOOP_DEG, LOOP_M
 from eval.trajectory.association import AssociationError, associate
 from eval.trajectory.errors import pair_errors, stretches

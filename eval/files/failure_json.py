@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.first_failure import Finding
 
 
@@ -25,7 +25,7 @@ class ShownFinding:
 
 
 def write_finding(path: str | os.PathLike[str], finding: Finding, points: ArrayLike) -> None:
-    """Write it as JSON, aside and renamed; points (k, 2) [m] are kept to the millimetre."""
+    """Write it as JSON; points (k, 2) [m] are kept to the millimetre."""
     document = {
         "scan": finding.scan,
         "since": finding.since,
@@ -36,8 +36,8 @@ def write_finding(path: str | os.PathLike[str], finding: Finding, points: ArrayL
         "expected": None if finding.expected is None else finding.expected.tolist(),
         "points": np.round(np.asarray(points, dtype=np.float64).reshape(-1, 2), 3).tolist(),
     }
-    with write_aside(path) as aside:
-        aside.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def read_finding(path: str | os.PathLike[str]) -> ShownFinding:

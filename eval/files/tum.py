@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import wrap_angle
 
@@ -71,7 +71,7 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
-    """Write a TUM file, aside and renamed, in the trajectory's order, with all digits of float64."""
+    """Write a TUM file whole, in the trajectory's order, with all digits of float64."""
     half = 0.5 * trajectory.poses[:, 2]
     rows = zip(
         trajectory.stamps.tolist(),
@@ -82,5 +82,5 @@ def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
         strict=True,
     )
     text = "".join(f"{t!r} {x!r} {y!r} 0 0 0 {qz!r} {qw!r}\n" for t, x, y, qz, qw in rows)
-    with write_aside(path) as aside:
-        aside.write_text(text, encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

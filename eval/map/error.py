@@ -48,7 +48,7 @@ def map_error(
 ) -> MapError:
     """Measure `grid` against `truth` (1 occupied, 0 free, NaN unknown) with `grid` moved by `T_truth_grid` (3,).
 
-    Cell measures are taken on the cells of the truth (`eval.map.grids.resample`), wall measures on the walls themselves.
+    Cell measures use the cells of the truth (`eval.map.grids.resample`), wall measures the walls themselves.
     `observable` (rows, cols): cells that could have been seen (`eval.map.observability`).
     """
     drawn = resample(grid, truth, T_truth_grid)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # loading worlds takes a geometry library along
     from worlds import TrueMap
 
 
-def true_grid(truth: TrueMap) -> OccupancyGrid:
+def grid_from_true_map(truth: TrueMap) -> OccupancyGrid:
     """The true map as an occupancy grid: occupied 1, free 0, and NaN what no lidar can see."""
     probability = np.full(truth.occupied.shape, np.nan, dtype=np.float32)
     probability[truth.free] = 0.0

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
 from eval.report import plots
 from eval.report.map_images import draw_map, frame_around
@@ -89,7 +89,7 @@ def write_comparison(run_directories: Sequence[str | os.PathLike[str]], out: str
         left_out=max(0, len(runs) - MAX_PICTURES),
     )
     path = Path(out)
-    with write_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_text(page, encoding="utf-8")
     return path
 

@@ -14,9 +14,10 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
-from eval.filter.health import LEVEL, chi_square, column, nees, updates
+from eval.filter.nees import LEVEL, chi_square, nees
+from eval.filter.step_table import column, updates
 from eval.first_failure import Finding
 from eval.report import plots
 from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
@@ -77,7 +78,7 @@ def write_report(run_directory: str | os.PathLike[str]) -> Path:
     run = read_run(run_directory)
     page = render("report.html.j2", **_context(run))
     path = run.path / "report.html"
-    with write_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_text(page, encoding="utf-8")
     return path
 

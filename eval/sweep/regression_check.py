@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.sweep.results import SweepTable
 
 FALSE_ALARMS = 0.01
@@ -70,7 +70,7 @@ def write_baseline(table: SweepTable, path: str | os.PathLike[str]) -> None:
             for (place, line, count), errors in groups.items()
         ],
     }
-    with write_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 

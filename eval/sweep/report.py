@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.report.run_report import Plot, render
 from eval.sweep import plots as sweep_plots
 from eval.sweep.paper_tables import enough_words, latex_table, markdown_table
@@ -92,7 +92,7 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
     tables = {"table.md": markdown_table(summary), "table.tex": latex_table(summary)}
     page = render("sweep.html.j2", **_context(folder, summary), plots=plots, tables=tables)
     for name, text in (tables | {"sweep.html": page}).items():
-        with write_aside(folder / name) as aside:
+        with atomic_write(folder / name) as aside:
             aside.write_text(text, encoding="utf-8")
     return folder / "sweep.html"
 
@@ -108,7 +108,7 @@ def _plot(drawing: Drawing, summary: SweepSummary, folder: Path) -> Plot:
             (svg, {"Date": None, "Creator": None}),
             (svg.with_suffix(".pdf"), {"CreationDate": None}),
         ):
-            with write_aside(path) as aside:
+            with atomic_write(path) as aside:
                 figure.savefig(aside, format=path.suffix[1:], metadata=metadata)
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
     return Plot(drawing.title, source, f"{drawing.caption} Files: figures/{drawing.name}.svg, .pdf.")

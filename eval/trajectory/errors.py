@@ -28,7 +28,7 @@ class Statistics:
     std: float
     median: float
     p95: float
-    maximum: float
+    max: float
     count: int
 
     @classmethod
@@ -43,7 +43,7 @@ class Statistics:
             std=float(e.std()),
             median=float(np.median(e)),
             p95=float(np.percentile(e, 95.0)),
-            maximum=float(e.max()),
+            max=float(e.max()),
             count=len(e),
         )
 

@@ -18,7 +18,7 @@ FITS_SHARE = 0.1
 """Positions whose error falls below this share of what it was, or of their extent, fit."""
 
 
-def of_trajectory(trajectory: Trajectory, name: str) -> list[str]:
+def check_trajectory(trajectory: Trajectory, name: str) -> list[str]:
     """What one trajectory shows by itself: headings in degrees, stamps in nanoseconds. `name` says whose it is."""
     found = []
     headings = np.abs(trajectory.poses[:, 2])
@@ -33,7 +33,7 @@ def of_trajectory(trajectory: Trajectory, name: str) -> list[str]:
     return found
 
 
-def of_pair(matched: Association) -> list[str]:
+def check_pair(matched: Association) -> list[str]:
     """What an estimate shows beside the truth: another unit of length, a mirrored plane, headings in another sense."""
     p, q = matched.estimate.poses, matched.reference.poses
     if len(p) < MIN_POSES:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from testbed.cli.shared.finish import carry_out
 from testbed.exploration import ExploreDriver
 from testbed.run.execute import Job, drive_ended
@@ -39,12 +39,12 @@ def run(
     output.check_directory()
     filter_config = estimator.filter_config
     place = simulator.place(world)
-    truth = true_grid(true_map(place, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
+    truth = grid_from_true_map(true_map(place, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{place.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=filter_config.most_particles,
+        particles=filter_config.max_particles,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,

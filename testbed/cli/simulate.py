@@ -18,9 +18,10 @@ from typing import Any
 from cyclopts import Parameter
 from rich.progress import track
 
+from eval.files.atomic_write import discard_unfinished
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.variants import Variant, variants
-from testbed.datasets.simulated import Format, discard_unfinished, is_complete, write_dataset
+from testbed.datasets.simulated import Format, is_complete, write_dataset
 from testbed.formats.commands import Command
 from testbed.settings.simulator import SIMULATOR, SimulatorOptions
 from testbed.simulation import SimulationConfig

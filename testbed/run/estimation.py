@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from eval.trajectory.trajectory import Trajectory
 from slam import se2
-from slam.config.filter import FilterConfig
-from slam.gmapping import GMapping, StepReport
-from slam.localization.localizer import Localization
+from slam.config import FilterConfig
+from slam.gmapping import GMapping
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
-from slam.refinement.refine import refine
+from slam.refinement import refine
 from slam.scan import Scan
 from slam.se2 import Pose
+from slam.step.step_report import StepReport
 from testbed.frame import Frame
 from testbed.run.dense_path import carry
 from testbed.run.known_map import KnownMap

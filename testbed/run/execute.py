@@ -16,11 +16,12 @@ from eval.files.failure_json import write_finding
 from eval.first_failure import find
 from eval.scoring import Reference, score
 from eval.trajectory.relations import Relations
-from slam.config.filter import FilterConfig
-from slam.gmapping import GMapping, StepReport
-from slam.localization.localizer import Localization
+from slam.config import FilterConfig
+from slam.gmapping import GMapping
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import make_rays
+from slam.step.step_report import StepReport
 from testbed.formats.commands import commands_of, write_commands
 from testbed.frame import Frame
 from testbed.lidar_views import lidar_views
@@ -185,7 +186,7 @@ def _write_finding(job: Job, directory: RunDirectory, estimation: Estimation, es
         return
     frame = estimation.frames[estimate.scan_frames[finding.scan]]
     assert frame.scan is not None
-    rays = rays_of([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
+    rays = make_rays([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
     write_finding(directory / "finding.json", finding, rays.ends)
 
 
@@ -225,7 +226,7 @@ def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ende
     """What `metrics.json` says of a localisation; the outcome where it is not to be trusted."""
     assert isinstance(estimation.mapper, Localization)
     truth = estimation.trajectory_at_scans("truth")
-    found = localization_metrics(known, estimation.mapper.whereabouts, estimation.frames, estimate.at_scans, truth)
+    found = localization_metrics(known, estimation.mapper.status, estimation.frames, estimate.at_scans, truth)
     astray = why_astray(found)
     if ended is not None or astray is None:
         return {"localization": found}

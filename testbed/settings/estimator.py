@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 
 from eval.limits import Limit
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from testbed.run.run_directory import RunDirectory, default_directory
 from testbed.seeds import streams
 from testbed.views import ViewOptions

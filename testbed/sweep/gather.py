@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.report.run_report import flat
 from testbed.sweep.execution.compute import CellResult
 from testbed.sweep.spec.cell import Cell
@@ -89,7 +89,7 @@ def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, An
     columns = {name: [row.get(name) for row in rows] for name in names}
     arrays = {name: _array(values) for name, values in columns.items()}
     table = pa.table(arrays).replace_schema_metadata({"sweep": json.dumps(about, sort_keys=True)})
-    with write_aside(path) as aside:
+    with atomic_write(path) as aside:
         pq.write_table(table, aside)
 
 

@@ -5,8 +5,8 @@
     cells/KEY/cell.json         the cell; metrics.json, curves.json: its result; timing.json: what it took
     failed/KEY.json             the cell and the reason why it has no result
 
-Everything appears whole: written aside, then renamed. A directory with another name than a key was left by a process
-that was killed, and does not count.
+Everything appears whole: written under a temporary name, then renamed. A directory with another name than a key was
+left by a process that was killed, and does not count.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import shutil
 import socket
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_directory, atomic_write, create_once
 from testbed.run.provenance import dump_toml, versions
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.compute import CellResult
@@ -71,7 +71,7 @@ class SweepDirectory:
         if holds_files and not (path / MANIFEST).is_file():
             raise SweepError(f"{path}: is not empty and holds no sweep; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
-        if not _write_once(path / MANIFEST, dump_toml(manifest.document())):
+        if not create_once(path / MANIFEST, dump_toml(manifest.document())):
             _compare(path, cls.open(path).manifest, manifest)
         for folder in ("cells", "failed"):
             (path / folder).mkdir(exist_ok=True)
@@ -118,22 +118,15 @@ class SweepDirectory:
     def keep(self, cell: Cell, result: CellResult) -> None:
         """Write the result of a cell; if another process was faster, its equal result stays."""
         target = self.path / "cells" / cell.key
-        aside = target.with_name(f".{cell.key}.{socket.gethostname()}.{os.getpid()}.tmp")
-        shutil.rmtree(aside, ignore_errors=True)
-        aside.mkdir()
-        try:
+        with suppress(FileExistsError), atomic_directory(target) as temporary:
+            temporary.mkdir()
             for name, content in (("cell", cell.document()), *vars(result).items()):
-                (aside / f"{name}.json").write_text(dump_json(content), encoding="utf-8")
-            aside.rename(target)
-        except OSError:
-            shutil.rmtree(aside, ignore_errors=True)
-            if not target.is_dir():
-                raise
+                (temporary / f"{name}.json").write_text(dump_json(content), encoding="utf-8")
         self._failure(cell.key).unlink(missing_ok=True)
 
     def keep_failure(self, cell: Cell, reason: str) -> None:
         """Write why a cell has no result."""
-        with write_aside(self._failure(cell.key)) as aside:
+        with atomic_write(self._failure(cell.key)) as aside:
             aside.write_text(dump_json({"cell": cell.document(), "reason": reason}), encoding="utf-8")
 
     def result(self, key: str) -> CellResult | None:
@@ -163,22 +156,6 @@ class SweepDirectory:
 
     def _failure(self, key: str) -> Path:
         return self.path / "failed" / f"{key}.json"
-
-
-def _write_once(path: Path, text: str) -> bool:
-    """Write a file that is whole as soon as it is there, unless there is one; whether it was written.
-
-    Of shards that start together exactly one writes it.
-    """
-    aside = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
-    aside.write_text(text, encoding="utf-8")
-    try:
-        path.hardlink_to(aside)
-    except FileExistsError:
-        return False
-    finally:
-        aside.unlink()
-    return True
 
 
 def dump_json(content: Any) -> str:

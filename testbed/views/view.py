@@ -12,10 +12,10 @@ from urllib.parse import urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.gmapping import StepReport
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose
+from slam.step.step_report import StepReport
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 """Of the addresses of Rerun's viewers and servers."""

@@ -27,14 +27,14 @@ from eval.map.grids import cell_centres
 from eval.report.map_images import UNSEEN, draw_map, frame_around
 from eval.report.plots import BAD, ESTIMATE, GOOD, ODOMETRY, QUIET, STYLE, TRUTH
 from slam import se2
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from slam.gmapping import GMapping
-from slam.matching._proposal_kernels import Proposed
+from slam.matching.proposal import ProposalResult
 from slam.motion.odometry_model import motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.particles.weights import Weights
 from slam.se2 import Pose
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import make_rays
 from testbed.frame import Frame
 from testbed.seeds import streams
 from tools.measure.measure_variants import TABLES, recording
@@ -58,7 +58,7 @@ class Step:
     """Displacement by odometry since the last step, (3,)."""
     predicted: Pose
     """Where odometry takes each particle, (particles, 3)."""
-    proposed: Proposed
+    proposed: ProposalResult
     weights: NDArray[np.float64]
     """Before resampling, (particles,)."""
     resampled: bool
@@ -106,7 +106,7 @@ def corrections(step: Step) -> NDArray[np.float64]:
 def hits(step: Step) -> NDArray[np.float64]:
     """End points of the scan in the robot's frame [m], (k, 2)."""
     assert step.frame.scan is not None
-    rays = rays_of([step.frame.scan], usable_range=FilterConfig().map.usable_range)
+    rays = make_rays([step.frame.scan], usable_range=FilterConfig().map.usable_range)
     return rays.ends[rays.hit]
 
 

@@ -23,11 +23,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import worlds
-from eval.filter.health import LEVEL, chi_square, nees
+from eval.filter.nees import LEVEL, chi_square, nees
 from eval.report.plots import BAD, ESTIMATE, GOOD, ODOMETRY, QUIET, STYLE
 from eval.sweep.results import CURVE_GRID, SweepTable, read_sweep
 from slam import se2
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.seeds import streams
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate

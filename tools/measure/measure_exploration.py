@@ -17,7 +17,7 @@ from itertools import product
 import gymnasium as gym
 import numpy as np
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.map.walls import wall_distances
 from testbed.envs import GeneratedWorlds
 from testbed.exploration import STRATEGIES, make_explorer
@@ -37,7 +37,7 @@ def episode(strategy, world, seed):
     inner = env.unwrapped
     rng = np.random.default_rng(seed)
     explorer = make_explorer(inner.outfit.robot, inner.outfit.lidar, DriverConfig(strategy=strategy), rng)
-    truth = true_grid(inner.true_map)
+    truth = grid_from_true_map(inner.true_map)
     rows, ended, steps = [], False, 0
     for limit in TIMES:
         while not ended and steps * inner.outfit.period < limit:

@@ -15,11 +15,11 @@ import argparse
 
 import numpy as np
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
-from slam.localization.localizer import Localization
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from testbed.simulation import SimulationConfig, simulate
 from worlds import catalogue, load, true_map
@@ -43,7 +43,7 @@ def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, flo
                 stamps.append(frame.stamp)
                 truth.append(frame.truth)
     true_path = Trajectory(np.array(stamps), np.array(truth))
-    found = localization.whereabouts
+    found = localization.status
     scans = localization.update_scans
     path = Trajectory(true_path.stamps[scans], localization.path())
     error = absolute_error(associate(path, true_path), "none").translation.median
@@ -64,7 +64,7 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|---|")
     for world in catalogue():
-        grid = true_grid(true_map(load(world)))
+        grid = grid_from_true_map(true_map(load(world)))
         runs = [outcome(world, grid, seed) for seed in range(seeds)]
         states = [state for state, _, _ in runs]
         found = [(after, error) for state, after, error in runs if state == "found"]

@@ -33,7 +33,7 @@ from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.relations import Relations, read_relations, relation_error
 from eval.trajectory.trajectory import Trajectory
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from eval.filter.health import column, nees, updates
+from eval.filter.nees import nees
+from eval.filter.step_table import column, updates
 from testbed.run.estimation import Estimation
 from testbed.run.execute import Job, metrics_of
 from testbed.seeds import streams

@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 from eval.files.tum import read_tum
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.trajectory.relations import Relations, read_relations
 from slam.occupancy import OccupancyGrid
 from testbed.datasets.truth import with_truth
@@ -54,7 +54,7 @@ def _driven(world: str, simulator: SimulatorOptions, seed: int) -> Recording:
 
 def _true_map(place: World, config: SimulationConfig) -> Callable[[float], OccupancyGrid]:
     height = config.robot.lidar_mount.height
-    return lru_cache(maxsize=2)(lambda cell: true_grid(true_map(place, cell, height=height)))
+    return lru_cache(maxsize=2)(lambda cell: grid_from_true_map(true_map(place, cell, height=height)))
 
 
 @lru_cache(maxsize=2)

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from testbed.settings.simulator import SimulatorOptions
 from testbed.sweep.errors import SweepError
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from testbed.exploration import STRATEGIES, ExploreDriver, make_explorer
 from testbed.exploration.guard import GAP, LATENCY, Guard
