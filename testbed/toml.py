@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Documents written as TOML."""
+"""Writing of TOML documents."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import tomli_w
 
 
 def dump_toml(document: Mapping[str, Any]) -> str:
-    """A document as TOML; values that are None are left out, because TOML cannot hold them."""
+    """Return a document as TOML text; values that are None are left out, because TOML has no null."""
     return tomli_w.dumps(_without_none(document))
 
 

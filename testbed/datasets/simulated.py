@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -13,20 +11,21 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.files.atomic_write import atomic_directory
 from eval.files.map_server import write_map
 from eval.files.tum import write_tum
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.trajectory.trajectory import Trajectory
 from testbed.formats.checksums import CONFIG, seal_directory
-from testbed.formats.commands import Command
 from testbed.formats.frame_table import BLOCK_FRAMES, FrameTable
 from testbed.formats.head import LidarHead, LogHead
 from testbed.formats.write import write_blocks
 from testbed.frame import Frame
 from testbed.simulation import SimulationConfig, simulate
+from testbed.simulation.config import CONTROL_PERIOD
+from testbed.simulation.drivers.driver import Command
 from testbed.simulation.drivers.recorded import RecordedDriver
 from testbed.simulation.physics.urdf import robot_urdf
-from testbed.simulation.simulator import CONTROL_PERIOD
 from worlds import World, dumps, true_map
 
 DatasetFormat = Literal["rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "parquet"]
@@ -62,51 +61,21 @@ def write_dataset(
 
     commands: the robot follows these instead of the tour
     """
-    discard_unfinished(path)
-    temporary = _temporary(path)
-    temporary.parent.mkdir(parents=True)
     try:
-        drive = _write(temporary, world, config, log_format, commands)
-        seal_directory(temporary, {"settings": dict(settings), "drive": drive})
+        with atomic_directory(path) as temporary:
+            drive = _write(temporary, world, config, log_format, commands)
+            seal_directory(temporary, {"settings": dict(settings), "drive": drive})
+    except FileExistsError:
         if not is_complete(path):  # a worker that outlived its parent may have made it meanwhile: the same bytes
-            temporary.replace(path)
-    finally:
-        discard_unfinished(path)
+            raise
     return drive
-
-
-def discard_unfinished(path: Path) -> None:
-    """Remove what writers of this dataset have left: this process, and those that were killed."""
-    for folder in path.parent.glob(f".{path.name}.simulating-*"):
-        writer = folder.name.rpartition("-")[2]
-        if writer.isdecimal() and (int(writer) == os.getpid() or not _is_running(int(writer))):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _temporary(path: Path) -> Path:
-    """Path at which this process writes the dataset.
-
-    The name is kept, in a folder of its own, because files are named after it. The folder carries the process id,
-    because a worker may outlive its killed parent while the job has been started again.
-    """
-    return path.parent / f".{path.name}.simulating-{os.getpid()}" / path.name
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # somebody else's
-        return True
-    return True
 
 
 def _write(
     path: Path, world: World, config: SimulationConfig, log_format: DatasetFormat, commands: Sequence[Command] | None
 ) -> dict[str, Any]:
     driver = None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
-    truth_map = true_grid(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
+    truth_map = grid_from_true_map(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
     head = LogHead(lidars=_lidars(config), truth_map=truth_map, robot_urdf=robot_urdf(config.robot), licence=LICENCE)
     with simulate(world, config, driver) as simulation:
         drive = _Drive(simulation)

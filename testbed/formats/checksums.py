@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from testbed.formats.log import LogError
+from testbed.provenance import versions
 from testbed.toml import dump_toml
-from testbed.versions import versions
 
 CONFIG = "config.toml"
 MAX_CONFIG = 1_000_000

@@ -9,8 +9,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from eval.files.atomic_write import atomic_directory
 from eval.files.map_server import write_map
-from testbed.formats.atomic_directory import atomic_directory
 from testbed.formats.carmen.reader import LIDARS
 from testbed.formats.carmen.writer import write_carmen
 from testbed.formats.checksums import seal_directory

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from slam import se2
 from testbed.formats.beams import even_spacing, same_mount
 from testbed.formats.carmen.reader import FLASER_LAYOUTS, LIDARS, MAXIMA, OFFSETS, SEAL, SEALED
@@ -47,7 +47,7 @@ def write_carmen(
     lines = _Flaser(path, head) if message == "FLASER" else _Robotlaser(path, head)
     digest = hashlib.sha256()
     with (
-        write_aside(path) as temporary,
+        atomic_write(path) as temporary,
         temporary.open("wb") as file,
         _packed(file) if path.suffix == ".gz" else nullcontext(file) as out,
     ):

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbed.formats.atomic_directory import atomic_directory
+from eval.files.atomic_write import atomic_directory
 from testbed.formats.beams import same_mount
 from testbed.formats.frame_table import FrameTable
 from testbed.formats.head import LogHead
