@@ -61,7 +61,8 @@ def test_a_variant_is_made_again_from_its_config_and_from_its_own_commands(made,
     for file in dataset.iterdir():
         assert file.name == "config.toml" or file.read_bytes() == (same / file.name).read_bytes()
     drive = tomllib.loads((dataset / "config.toml").read_text())["drive"]
-    assert drive == {"finished": False, "stuck": False, "collided": False, "recoveries": 0, "seconds": 2.5}
+    expected = {"finished": False, "stuck": False, "collided": False, "recoveries": 0, "seconds": 2.5}
+    assert drive.items() >= expected.items()
 
 
 def test_settings_are_taken_over_with_their_types():
