@@ -17,11 +17,11 @@ import pytest
 
 from slam.scan import Scan
 from testbed.formats import open_log
-from tests.testbed.recordings import write_frames
 from testbed.frame import Frame
 from testbed.run.run_directory import RUN_FILES, RunDirectory
 from testbed.settings.simulator import SimulatorOptions
 from tests.shell import TESTBED, assert_refused, call
+from tests.testbed.recordings import write_frames
 from worlds import catalogue, load
 
 
