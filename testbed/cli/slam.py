@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
 from eval.trajectory.relations import read_relations
 from slam.config import LocalizationConfig
@@ -123,6 +124,7 @@ def slam(
         relations=known_relations,
         known_map=place,
         truth_map=truth_map,
+        truth_walls=None if truth_map is None else read_true_walls(log, truth_map),
     )
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",

@@ -148,6 +148,7 @@ def metrics_of(
             trajectory=estimation.trajectory_at_scans("truth"),
             relations=job.relations,
             grid=job.truth_map,
+            walls=job.truth_walls,
             lidars=lidar_views(estimation.frames),
         ),
         odometry=estimation.trajectory_at_scans("odometry"),
