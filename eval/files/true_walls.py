@@ -32,7 +32,9 @@ def read_true_walls(folder: Path, truth: OccupancyGrid) -> NDArray[np.float64] |
         return None
     drawn = np.zeros(truth.probability.shape, dtype=np.float32)
     corner = np.array(truth.origin[:2])
-    cells = np.floor((points_on(walls, 0.2 * truth.resolution) - corner) / truth.resolution).astype(np.intp)
+    cells: NDArray[np.intp] = np.floor((points_on(walls, 0.2 * truth.resolution) - corner) / truth.resolution).astype(
+        np.intp
+    )
     col, row = cells[:, 0], cells[:, 1]
     inside = (row >= 0) & (row < drawn.shape[0]) & (col >= 0) & (col < drawn.shape[1])
     drawn[row[inside], col[inside]] = 1.0

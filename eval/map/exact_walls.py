@@ -2,8 +2,8 @@
 """Compare a map's walls with the exact true walls, drawn on the map's own cells.
 
 Two rasters of one wall differ by up to a cell, because their cells lie differently. Measures between them show the
-rasters as well as the error: true walls drawn exactly on shifted cells have an IoU of about 0.45. Here the true walls are
-drawn as lines on the cells of the map itself, so that a perfect map has no error.
+rasters as well as the error: true walls drawn exactly on shifted cells have an IoU of about 0.45. Here the true
+walls are drawn as lines on the cells of the map itself, so that a perfect map has no error.
 """
 
 from __future__ import annotations
