@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.map_server import read_map
+from eval.files.map_server import grid_from_map_file, read_map
 from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
 from eval.filter.step_table import Columns
@@ -33,6 +33,7 @@ from eval.trajectory.relations import RelationError, Relations, read_relations, 
 from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, transform_points, wrap_angle
+from worlds.format.map_file import read_map_file
 
 MIN_SHARE = 0.9
 """A smaller share of matched poses, of the path, or of the relations adds a note."""
@@ -123,8 +124,9 @@ def score_files(
     truth_file, truth_map_file = folder / "truth.tum", folder / "truth_map.yaml"
     if not truth_file.exists() and relations is None:
         raise ValueError(f"{folder}: expected truth.tum in it, or a relations file to score against")
+    file = read_map_file(Path(grid)) if grid is not None else None
     truth_map = read_map(truth_map_file) if truth_map_file.exists() else None
-    return score(
+    metrics = score(
         read_tum(trajectory),
         reference=Reference(
             trajectory=read_tum(truth_file) if truth_file.exists() else None,
@@ -133,8 +135,9 @@ def score_files(
             walls=read_true_walls(folder, truth_map) if truth_map is not None and grid is not None else None,
             lidars=lidars or _lidars_of_run(folder),
         ),
-        grid=read_map(grid) if grid is not None else None,
+        grid=grid_from_map_file(file) if file is not None else None,
     )
+    return metrics | {"notes": [*(file.notes if file is not None else ()), *metrics["notes"]]}
 
 
 def _lidars_of_run(folder: Path) -> Sequence[LidarView]:

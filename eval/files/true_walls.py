@@ -30,13 +30,11 @@ def read_true_walls(folder: Path, truth: OccupancyGrid) -> NDArray[np.float64] |
         walls = drawn_walls(load(_world_of(folder)), _LIDAR_HEIGHT)
     except (OSError, WorldError, KeyError, TypeError, ValueError):
         return None
-    drawn = np.zeros(truth.probability.shape, dtype=np.float32)
-    corner = np.array(truth.origin[:2])
-    cells: NDArray[np.intp] = np.floor((points_on(walls, 0.2 * truth.resolution) - corner) / truth.resolution).astype(
-        np.intp
-    )
-    col, row = cells[:, 0], cells[:, 1]
-    inside = (row >= 0) & (row < drawn.shape[0]) & (col >= 0) & (col < drawn.shape[1])
+    rows, cols = truth.probability.shape
+    drawn = np.zeros((rows, cols))
+    points = points_on(walls, 0.2 * truth.resolution)
+    col, row = (np.floor((points[:, k] - truth.origin[k]) / truth.resolution).astype(np.intp) for k in (0, 1))
+    inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
     drawn[row[inside], col[inside]] = 1.0
     occupied = truth.occupied
     return walls if occupied.any() and drawn[occupied].mean() >= MIN_DRAWN_SHARE else None

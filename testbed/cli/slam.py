@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from eval.files.map_server import read_map
 from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
 from eval.trajectory.relations import read_relations
@@ -19,7 +20,6 @@ from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
 from testbed.datasets.truth import with_truth
 from testbed.formats import open_log
-from testbed.formats.maps import read_map_inside
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
@@ -97,7 +97,7 @@ def slam(
     filter_config = estimator.filter_config
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
     truth_file = log / "truth_map.yaml"  # beside the recording in a dataset of ours
-    truth_map = read_map_inside(truth_file) if truth_file.is_file() else None
+    truth_map = read_map(truth_file, inside=True) if truth_file.is_file() else None
     place = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
     frames = recording.frames if truth is None else with_truth(recording.frames, read_tum(truth))
