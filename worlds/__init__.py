@@ -11,14 +11,16 @@ if TYPE_CHECKING:
     from worlds.difficulty import measure_difficulty
     from worlds.elements import Block, Box, Disc, Opening, Wall
     from worlds.errors import WorldError
-    from worlds.format.files import catalogue, dumps, load
+    from worlds.format.files import catalogue, dumps
     from worlds.format.floor_plan import import_map, import_map_with_notes, world_from_grid
     from worlds.format.map_file import is_map, map_image
-    from worlds.generate.clutter import add_clutter
-    from worlds.generate.generators import KINDS, generate
-    from worlds.generate.tour_planner import plan_tour
+    from worlds.generation.clutter import add_clutter
+    from worlds.generation.generators import KINDS, generate
+    from worlds.generation.tour_planner import plan_tour
     from worlds.movers import PERSON_RADIUS, Door, Person
+    from worlds.names import expand_names, family, label, load
     from worlds.raster import TrueMap, true_map
+    from worlds.routes.random_route import random_route
     from worlds.world import Difficulty, Start, Tour, World
 
 __all__ = [
@@ -41,20 +43,24 @@ __all__ = [
     "catalogue",
     "check_world",
     "dumps",
+    "expand_names",
+    "family",
     "generate",
     "import_map",
     "import_map_with_notes",
     "is_map",
+    "label",
     "load",
     "map_image",
     "measure_difficulty",
     "plan_tour",
+    "random_route",
     "true_map",
     "world_from_grid",
 ]
 
 _HOMES = {
-    "KINDS": "worlds.generate.generators",
+    "KINDS": "worlds.generation.generators",
     "PERSON_RADIUS": "worlds.movers",
     "Block": "worlds.elements",
     "Box": "worlds.elements",
@@ -69,18 +75,22 @@ _HOMES = {
     "Wall": "worlds.elements",
     "World": "worlds.world",
     "WorldError": "worlds.errors",
-    "add_clutter": "worlds.generate.clutter",
+    "add_clutter": "worlds.generation.clutter",
     "catalogue": "worlds.format.files",
     "check_world": "worlds.check",
     "dumps": "worlds.format.files",
-    "generate": "worlds.generate.generators",
+    "expand_names": "worlds.names",
+    "family": "worlds.names",
+    "generate": "worlds.generation.generators",
     "import_map": "worlds.format.floor_plan",
     "import_map_with_notes": "worlds.format.floor_plan",
     "is_map": "worlds.format.map_file",
-    "load": "worlds.format.files",
+    "label": "worlds.names",
+    "load": "worlds.names",
     "map_image": "worlds.format.map_file",
     "measure_difficulty": "worlds.difficulty",
-    "plan_tour": "worlds.generate.tour_planner",
+    "plan_tour": "worlds.generation.tour_planner",
+    "random_route": "worlds.routes.random_route",
     "true_map": "worlds.raster",
     "world_from_grid": "worlds.format.floor_plan",
 }

@@ -110,14 +110,14 @@ def failure_reason(metrics: dict[str, Any]) -> str | None:
     if metrics["losses"]:
         return _why_lost(metrics)
     if metrics["state"] == "searching":
-        return "the robot was not found: after all scans it may still be nearly anywhere in the map"
+        return "the robot was not found: after all scans its position in the map is still unknown"
     if metrics["state"] == "ambiguous":
         if metrics["places"] > 1:
-            return f"ambiguous: {metrics['places']} places of the map explain the scans alike"
-        return "the robot was not found: too few scans were taken in to be sure of the place"
+            return f"ambiguous: {metrics['places']} positions in the map explain the scans equally well"
+        return "the robot was not found: too few scans were processed to be sure of its position"
     error = metrics.get("error_median_m")
     if error is not None and error > LOCAL_M:
-        return f"the robot was found in a wrong place: it was {error:.2f} m from there (median)"
+        return f"the robot was localised in a wrong position: the median error is {error:.2f} m"
     return None
 
 
@@ -125,10 +125,10 @@ def _why_lost(metrics: dict[str, Any]) -> str:
     times = f"{metrics['losses']} times" if metrics["losses"] > 1 else "once"
     if metrics["found_after_m"] is None:
         return (
-            f"the robot was not found: even where the scans fitted best, the map did not explain them (tried {times}); "
-            "it may be the map of another place"
+            f"the robot was not found: no position in the map explains the scans (tried {times}); "
+            "the map may be of another place"
         )
     return (
-        f"the scans ceased to fit the map {times}, first after {metrics['lost_at_s'][0]:.1f} s: the robot was carried "
-        "away, or the map is not of this place"
+        f"the scans stopped fitting the map {times}, first after {metrics['lost_at_s'][0]:.1f} s: the robot was moved, "
+        "or the map is not of this place"
     )

@@ -28,6 +28,7 @@ RUN_FILES = (
     "truth.tum",
     "estimate_dense.tum",
     "filter.tum",
+    "online.tum",
     "commands.csv",
     "map.pgm",
     "map.yaml",

@@ -86,7 +86,7 @@ class Sensors:
             yield from self.odometry_frames(before=stamp)
             yield self._scan_frame(device)
             device.advance()
-            if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has told it
+            if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has stated it
                 self._next_odometry += 1
             for history in (self.truth, self._odometry, self._movers):
                 history.forget_before(time - self._keep)

@@ -26,7 +26,7 @@ class PurePursuit:
         differs = np.append(True, (np.diff(corners, axis=0) != 0.0).any(axis=1))
         corners = np.ascontiguousarray(corners[differs])
         if len(corners) < 2:
-            raise ValueError("a path needs at least one way point besides the start")
+            raise ValueError("a path needs at least two different corners")
         lengths = np.hypot(*np.diff(corners, axis=0).T)
         self._path = Path(corners, np.append(0.0, np.cumsum(lengths)))
         self._limits = PursuitLimits(
