@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from eval.files.map_server import read_map
 from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
 from eval.trajectory.relations import read_relations
@@ -131,6 +132,8 @@ def slam(
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
+    for note in known.notes if known is not None else ():
+        console.print(note, soft_wrap=True)
     return run_and_report(job, output.directory(name), scene, output)
 
 

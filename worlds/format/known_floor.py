@@ -17,6 +17,8 @@ CLEARANCE = 0.25
 """Floor is connected where a robot of this radius can drive [m]."""
 _MIN_INSIDE = 1.0
 """Smallest floor inside of walls [m²]; with less the map shows no building, and all of its floor is kept."""
+_MIN_DIRECTIONS = 6
+"""Directions of eight in which a cell inside of a building sees something solid: all but one or two through a gap."""
 _SMALL_SHARE = 0.1
 """A building whose floor covers less than this share of the page adds a note."""
 _SEPARATE_SHARE = 0.05
@@ -39,7 +41,7 @@ def find_floor(free: NDArray[np.bool_], unknown: NDArray[np.bool_], resolution: 
     """Find the floor among `free` and `unknown` cells (rows, cols) with sides of `resolution` [m].
 
     Free cells around the building, which surround it up to most of the page's border, are left out: a white margin.
-    Where the building is open towards them, only cells with something solid in all four directions are kept.
+    Where the building is open towards them, only cells with something solid in most directions are kept.
     Raises WorldError where no cell is free.
     """
     if not free.any():
@@ -90,13 +92,16 @@ def _outside(free: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
 
 
 def _enclosed(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the cells with something solid in all four directions of the page, (rows, cols)."""
-    enclosed = np.ones_like(solid)
-    for axis in (0, 1):
-        for view in (np.s_[:], np.s_[::-1]):
-            flipped = solid[view] if axis == 0 else solid[:, view]
-            seen = np.logical_or.accumulate(flipped, axis=axis)
-            enclosed &= seen[view] if axis == 0 else seen[:, view]
+    """Return the cells from which something solid is seen in most of the eight directions of the page, (rows, cols)."""
+    directions = np.zeros(solid.shape, dtype=np.uint8)
+    for step in (1, -1):
+        directions[:, ::step] += np.logical_or.accumulate(solid[:, ::step], axis=1)
+        for left, right in ((np.s_[:], np.s_[:]), (np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
+            seen = solid[::step].copy()
+            for row in range(1, len(seen)):
+                seen[row, left] |= seen[row - 1, right]
+            directions[::step] += seen
+    enclosed: NDArray[np.bool_] = directions >= _MIN_DIRECTIONS
     return enclosed
 
 
