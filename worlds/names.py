@@ -18,7 +18,7 @@ from typing import Any
 from worlds.check import check_world
 from worlds.errors import WorldError
 from worlds.format import files
-from worlds.generate.generators import KINDS, generate
+from worlds.generation.generators import KINDS, generate
 from worlds.world import World
 
 PREFIX = "generated:"

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.map_server import write_map
+from eval.files.map_server import read_map, write_map
 from slam.scan import Scan
 from testbed.formats.checksums import verify
 from testbed.formats.log import Log, LogError
-from testbed.formats.maps import read_map_inside
 from testbed.frame import Frame
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
@@ -85,7 +84,7 @@ def read_parquet(path: Path) -> Log:
         format="Parquet table",
         frames=frames,
         notes=(),
-        truth_map=read_map_inside(directory / MAP) if has_map else None,
+        truth_map=read_map(directory / MAP, inside=True) if has_map else None,
         robot_urdf=_read_text(urdf) if path.is_dir() and urdf.is_file() else None,
     )
 
