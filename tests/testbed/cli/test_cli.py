@@ -201,7 +201,7 @@ def test_the_classic_settings_have_a_name_and_what_is_typed_wins(here, mapped):
     assert not Path("classic/filter.tum").exists()  # no final pass
 
 
-def test_what_is_typed_wins_over_the_config_and_truth_may_come_from_a_file(here, mapped):
+def test_options_win_over_the_config_file(here, mapped):
     lines = (mapped / "room.log").read_text().splitlines()
     bare = [line for line in lines if not line.startswith("TRUEPOS") and "SHA-256" not in line]
     Path("bare.log").write_text("\n".join(bare))

@@ -43,7 +43,7 @@ def follow(path, config=None, seconds=300.0, held_at=None):
     ],
     ids=["straight", "behind", "square", "dead end", "zigzag", "circle"],
 )  # fmt: skip
-def test_the_path_is_driven_to_its_end_within_a_hand_of_it_and_within_limits(path):
+def test_the_path_is_followed_to_its_end_within_limits(path):
     driver, poses, commands = follow(path)
     assert driver.finished
     assert driver.recoveries == 0
