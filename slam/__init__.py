@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Rao-Blackwellized grid mapping (gMapping): feed scans and odometry, read pose, map and diagnostics.
 
-`GMapping` is the filter, `FilterConfig` its settings, `Scan` what it eats, `StepReport` what it says of each scan,
-`OccupancyGrid` the map that comes out; `Localization` tracks a robot in a finished map; `refine` is the final pass over
-a recording; `save_checkpoint` and `load_checkpoint` keep a whole filter in a file.
+`GMapping` is the filter, `FilterConfig` its settings, `Scan` its input, `StepReport` its report on each scan,
+`OccupancyGrid` the resulting map; `Localization` tracks a robot in a finished map; `refine` is the final pass over a
+recording; `save_checkpoint` and `load_checkpoint` keep a whole filter in a file.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from slam.checkpoint import load_checkpoint, save_checkpoint
-    from slam.config.filter import FilterConfig
-    from slam.gmapping import GMapping, StepReport
-    from slam.localization.localizer import Localization
+    from slam.config import FilterConfig
+    from slam.gmapping import GMapping
+    from slam.localization import Localization
     from slam.occupancy import OccupancyGrid
     from slam.refinement.refine import Refined, refine
     from slam.scan import Scan
+    from slam.step.step_report import StepReport
 
 __all__ = [
     "FilterConfig",
@@ -34,13 +35,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "FilterConfig": "slam.config.filter",
+    "FilterConfig": "slam.config",
     "GMapping": "slam.gmapping",
-    "Localization": "slam.localization.localizer",
+    "Localization": "slam.localization",
     "OccupancyGrid": "slam.occupancy",
     "Refined": "slam.refinement.refine",
     "Scan": "slam.scan",
-    "StepReport": "slam.gmapping",
+    "StepReport": "slam.step.step_report",
     "load_checkpoint": "slam.checkpoint",
     "refine": "slam.refinement.refine",
     "save_checkpoint": "slam.checkpoint",

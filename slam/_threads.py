@@ -36,7 +36,7 @@ class Threads:
             self._inboxes = [SimpleQueue() for _ in range(self.count - 1)]
             for inbox in self._inboxes:
                 threading.Thread(target=_work, args=(inbox,), daemon=True).start()
-            weakref.finalize(self, _dismiss, self._inboxes)
+            weakref.finalize(self, _stop_workers, self._inboxes)
         return self._inboxes
 
     def run(self, kernel: Callable[..., object], rows: int, *arguments: Any) -> None:
@@ -108,7 +108,7 @@ def _ranges(rows: int, parts: int) -> tuple[tuple[int, int], ...]:
     return tuple(ranges)
 
 
-def _dismiss(inboxes: list[SimpleQueue[Any]]) -> None:
+def _stop_workers(inboxes: list[SimpleQueue[Any]]) -> None:
     for inbox in inboxes:
         inbox.put(None)
 

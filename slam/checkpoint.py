@@ -16,7 +16,8 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
+from slam.config.renamed import with_present_names
 from slam.gmapping import GMapping
 
 VERSION = 3
@@ -27,18 +28,18 @@ class CheckpointError(ValueError):
 
 
 def save_checkpoint(mapper: GMapping, path: str | os.PathLike[str]) -> None:
-    """Write the whole filter to `path`, aside first and then renamed."""
+    """Write the whole filter to `path`: under a temporary name first, then renamed."""
     arrays, values = mapper.state()
     header = {"version": VERSION, "config": asdict(mapper.config), "values": values}
     target = Path(path)
-    aside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        with aside.open("wb") as file:
+        with temporary.open("wb") as file:
             members: dict[str, Any] = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays}
             np.savez(file, **members)
-        aside.replace(target)
+        temporary.replace(target)
     finally:
-        aside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def load_checkpoint(path: str | os.PathLike[str], *, threads: int | None = None) -> GMapping:
@@ -54,7 +55,8 @@ def load_checkpoint(path: str | os.PathLike[str], *, threads: int | None = None)
             if header["version"] != VERSION:
                 raise CheckpointError(f"{path}: checkpoint of version {header['version']}, expected {VERSION}")
             arrays: dict[str, NDArray[Any]] = {name: archive[name] for name in archive.files if name != "header"}
-        mapper = GMapping(_dataclass_from(FilterConfig, header["config"]), threads=threads)
+        config = with_present_names(header["config"], "filter.")
+        mapper = GMapping(_dataclass_from(FilterConfig, config), threads=threads)
         mapper.restore(arrays, header["values"])
     except CheckpointError:
         raise

@@ -15,8 +15,8 @@ Pose = NDArray[np.float64]
 
 def wrap_angle(angle: ArrayLike) -> NDArray[np.float64]:
     """Angle [rad] in [-pi, pi), any shape."""
-    wrapped: NDArray[np.float64] = (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
-    return wrapped
+    wrap_angle: NDArray[np.float64] = (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
+    return wrap_angle
 
 
 def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Pose:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Compilation of the kernels ahead of the first run, in a process of its own that Ctrl-C can end at any time.
+"""Compilation of all kernels before the first run, in a process of its own that Ctrl-C can end at any time.
 
 The machine code is kept on disk (`slam._jit`), so that the work is done once per version. `python -m testbed.kernels`
 is that process.
@@ -14,13 +14,18 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import slam
-from slam._jit import cache_folder
+from slam._jit import cache_folder, kernel_files
 
-PACKAGES = (Path(slam.__file__).parent, Path(__file__).parent / "simulation")
+if TYPE_CHECKING:
+    from slam.gmapping import GMapping
+    from slam.scan import Scan
+
+PACKAGES = (Path(slam.__file__).parent, Path(__file__).parent)
 """Packages with kernels."""
 
 
@@ -44,10 +49,10 @@ def compile_kernels() -> float:
 
 def exercise_kernels() -> None:
     """Call every kernel with its usual types, then note that all of them are on disk."""
-    from testbed.simulation.warm_up import warm_up
-
     _map_a_room()
-    warm_up()
+    _drive_through_a_room()
+    _drive_a_fleet()
+    _step_the_exploration()
     for package in PACKAGES:
         _mark(package).touch()
 
@@ -59,35 +64,84 @@ def _mark(package: Path) -> Path:
     sources in another place or with another time of change, such as those of a second installation.
     """
     digest = hashlib.sha256()
-    for source in sorted(package.resolve().glob("_*_kernels.py")):
+    for source in kernel_files(package.resolve()):
         status = source.stat()
         digest.update(f"{source} {status.st_mtime_ns} {status.st_size}\n".encode())
     return cache_folder(package) / f"compiled-{digest.hexdigest()[:16]}"
 
 
 def _map_a_room() -> None:
-    """Map a small room from four poses, refine it, find the robot in it."""
-    from slam.config.filter import FilterConfig, ResampleConfig
+    """Map a small room from six poses, refine it, localise and explore in it."""
+    from slam.config import FilterConfig, ResampleConfig
     from slam.gmapping import GMapping
-    from slam.localization.localizer import Localization
-    from slam.refinement.refine import refine
+    from slam.localization import Localization
+    from slam.refinement import refine
     from slam.scan import Scan
 
     angles = np.linspace(-np.pi, np.pi, 90, endpoint=False)
     with np.errstate(divide="ignore"):
         ranges = 2.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
+    ranges[:10] = 10.0  # a gap: somewhere to explore
     scan = Scan(ranges=ranges, angles=angles, range_max=10.0)
     config = FilterConfig(particles=4, resample=ResampleConfig(when="always"))
-    odometry = np.array([[0.3 * k, 0.0, 0.0] for k in range(4)])
+    odometry = np.array([[0.2 * k, 0.0, 0.0] for k in range(6)])  # more poses than the histories have room for at first
     mapper = GMapping(config)
     for pose in odometry:
         mapper.process(pose, scan)
-    grid = mapper.map()
     refine(odometry, [scan] * len(odometry), mapper.path(), config)
     for start in (odometry[0], None):
-        Localization(grid, config, start=start).process(odometry[0], scan)
+        Localization(mapper.map(), config, start=start).process(odometry[0], scan)
+    _explore(mapper, scan)
+
+
+def _explore(mapper: GMapping, scan: Scan) -> None:
+    """Ask the exploring driver for one command."""
+    from testbed.exploration import Belief, make_explorer
+    from testbed.presets import load_lidar, load_robot
+    from testbed.simulation import DriverConfig
+
+    driver = DriverConfig(strategy="information")
+    explorer = make_explorer(load_robot("create3"), load_lidar("rplidar_a2"), driver, np.random.default_rng(0))
+    explorer.command(Belief(stamp=0.0, pose=mapper.poses[0], scans=(scan,), map=mapper.map))
+
+
+def _drive_through_a_room() -> None:
+    """Simulate a quarter of a second in a small room that holds everything that a kernel is for."""
+    from testbed.simulation import SimulationConfig, simulate
+    from worlds import Door, Person, Start, Tour, Wall, World
+
+    room = World(
+        name="warm-up",
+        start=Start(x=1.0, y=1.0),
+        tour=Tour(points=[(5.0, 1.0)]),
+        walls=[Wall(name="walls", points=[(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)], closed=True)],
+        people=[Person(name="person", points=[(1.0, 4.0), (5.0, 4.0)])],
+        doors=[Door(name="door", x=3.0, y=5.9, closed=0.0, swing=1.5)],
+    )
+    for _ in simulate(room, SimulationConfig(backend="fast", duration=0.25)):
+        pass
+
+
+def _drive_a_fleet() -> None:
+    """Take one step with two robots of the vectorised environment."""
+    from testbed.envs.drive_vector import DriveVectorEnv
+
+    envs = DriveVectorEnv(num_envs=2)
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
+    envs.close()
+
+
+def _step_the_exploration() -> None:
+    """Take one step of the exploration environment."""
+    from testbed.envs.explore import ExploreEnv
+
+    env = ExploreEnv()
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.close()
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # a terminal sends Ctrl-C to this process too: it ends without a word
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # a terminal sends Ctrl-C to this process too: it ends silently
     exercise_kernels()

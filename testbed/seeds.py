@@ -34,6 +34,8 @@ class RunSeeds:
     """The particle filter."""
     driver: Stream = field(compare=False, repr=False)
     """Drivers that act at random."""
+    route: Stream = field(compare=False, repr=False)
+    """The route through the world, where it is random."""
 
     @classmethod
     def from_seed(cls, seed: int) -> RunSeeds:
@@ -43,7 +45,7 @@ class RunSeeds:
         """
         if seed < 0:
             raise ValueError(f"seed must not be negative, got {seed}")
-        world, start, odometry, lidar, movers, filter_, driver = children(SeedSequence(seed), 7)
+        world, start, odometry, lidar, movers, filter_, driver, route = children(SeedSequence(seed), 8)
         return cls(
             seed=seed,
             world=world,
@@ -53,6 +55,7 @@ class RunSeeds:
             movers=movers,
             filter=filter_,
             driver=driver,
+            route=route,
         )
 
 

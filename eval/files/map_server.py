@@ -21,7 +21,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from slam.occupancy import OccupancyGrid
 
 MAX_PIXELS = 100_000_000
@@ -52,7 +52,7 @@ def write_map(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
     shade = np.rint(exact)
     pixels[grid.known] = np.where(shade == UNKNOWN_PIXEL, beside_unknown, shade)
     image = path.with_suffix(".pgm")
-    with write_aside(image) as aside, aside.open("wb") as file:
+    with atomic_write(image) as temporary, temporary.open("wb") as file:
         file.write(f"P5\n{cols} {rows}\n255\n".encode())
         file.write(np.flipud(pixels).tobytes())
     document = {
@@ -65,8 +65,8 @@ def write_map(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
         "free_thresh": OccupancyGrid.FREE,
         "unknown_pixel": UNKNOWN_PIXEL,
     }
-    with write_aside(path) as aside:
-        aside.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None), encoding="utf-8")
 
 
 def read_map(path: str | os.PathLike[str], *, max_pixels: int = MAX_PIXELS) -> OccupancyGrid:

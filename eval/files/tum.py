@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import wrap_angle
 
 NORM_TOLERANCE = 1e-3
-"""A quaternion's length may differ from 1 by this much (files with 4 digits); it is then made a unit."""
+"""Largest deviation of a quaternion's length from 1 (files with 4 digits); such a quaternion is normalised."""
 TILT_TOLERANCE = np.radians(1.0)
-"""A pose may lean by this much out of the plane [rad]; it is then projected onto it."""
+"""Largest tilt of a pose out of the plane [rad]; such a pose is projected onto the plane."""
 
 
 class TumError(ValueError):
@@ -71,7 +71,7 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
-    """Write a TUM file, aside and renamed, in the trajectory's order, with all digits of float64."""
+    """Write a TUM file whole, in the trajectory's order, with all digits of float64."""
     half = 0.5 * trajectory.poses[:, 2]
     rows = zip(
         trajectory.stamps.tolist(),
@@ -82,5 +82,5 @@ def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
         strict=True,
     )
     text = "".join(f"{t!r} {x!r} {y!r} 0 0 0 {qz!r} {qw!r}\n" for t, x, y, qz, qw in rows)
-    with write_aside(path) as aside:
-        aside.write_text(text, encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

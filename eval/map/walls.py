@@ -36,15 +36,15 @@ class WallDistance:
 class WallProfile:
     """What the map shows along the normals of the true walls."""
 
-    double_rate: float | None
+    double_wall_rate: float | None
     """Share of the places with more walls one behind the other than in truth, 0 to 1; None without places."""
-    thickness: float | None
+    wall_thickness_m: float | None
     """Mean thickness of the map's walls [m]; None without places."""
-    true_thickness: float
+    true_wall_thickness_m: float
     """The same of the true map, on its own cells [m]: what a perfect map would show."""
     places: int
     """Places on straight true walls where the map shows a wall at all."""
-    missing_rate: float
+    missing_wall_rate: float
     """Share of the places on straight true walls where the map shows none within `REACH`, 0 to 1."""
 
 
@@ -101,11 +101,11 @@ def wall_profile(
         return WallProfile(None, None, _thickness(true, wide, cell), 0, 1.0)
     double = _walls(found, found_free) > _walls(true, true_free)
     return WallProfile(
-        double_rate=float(double[shown].mean()),
-        thickness=_thickness(found[shown], offsets, cell),
-        true_thickness=_thickness(true[shown], wide, cell),
+        double_wall_rate=float(double[shown].mean()),
+        wall_thickness_m=_thickness(found[shown], offsets, cell),
+        true_wall_thickness_m=_thickness(true[shown], wide, cell),
         places=int(shown.sum()),
-        missing_rate=float(1.0 - shown.mean()),
+        missing_wall_rate=float(1.0 - shown.mean()),
     )
 
 

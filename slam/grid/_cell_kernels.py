@@ -18,6 +18,8 @@ HIT_SHIFT = np.uint32(9)
 HITS = np.uint32(0x7F)
 VISITS = np.uint32(0x1FF)
 DIRECTION = np.uint32(0xFF)
+NO_WALL = 0
+"""Field word of a cell without a wall within the field's radius."""
 MEAN_MEMORY = 32
 """The mean of a cell's end points forgets slowly: the gain of a new one never falls below 1 / MEAN_MEMORY."""
 

@@ -9,98 +9,65 @@ the lower, then the left one, so that the field does not depend on the order in 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from slam._jit import kernel
 from slam.grid._cell_kernels import packed_x, packed_y
-from slam.grid._tile_kernels import MASK, SHIFT, SIDE, ask_for, in_tile, tile_at
-from slam.grid._update_kernels import register_scans
-
-FAR = 0
-LARGEST_RADIUS = 63
-"""[cells]; with at most 9 cells a word fits a byte."""
-
-
-class Disc(NamedTuple):
-    """The cells within the field's radius of a cell."""
-
-    radius: int
-    """[cells]."""
-    half_width: NDArray[np.int64]
-    """How far each row reaches to both sides [cells], (2 radius + 1,)."""
-    word: NDArray[np.int64]
-    """Word of the wall at an offset, [dy + radius, dx + radius]; 0 beyond the radius."""
-    offset: NDArray[np.int64]
-    """Offset dx, dy of each word, (words + 1, 2)."""
-
-
-def disc_of(radius: int) -> Disc:
-    """The disc of that radius [cells]."""
-    rows = np.arange(-radius, radius + 1)
-    dx, dy = np.meshgrid(rows, rows)
-    distance2 = dx**2 + dy**2
-    inside = distance2 <= radius**2
-    order = np.lexsort((dx[inside], dy[inside], distance2[inside]))[::-1]
-    offset = np.concatenate([np.zeros((1, 2), np.int64), np.stack([dx[inside], dy[inside]], axis=-1)[order]])
-    word = np.zeros(dx.shape, np.int64)
-    word[offset[1:, 1] + radius, offset[1:, 0] + radius] = np.arange(1, len(offset))
-    return Disc(radius, np.sqrt(radius**2 - rows**2).astype(np.int64), word, offset)
+from slam.grid._tile_kernels import MASK, SHIFT, SIDE, in_tile, request_tile, tile_at
+from slam.grid._update_kernels import count_scan
 
 
 @kernel
-def demand_of_changes(start, stop, grids, changes, radius, demand):
+def request_field_tiles(start, stop, grids, changes, radius, request):
     """List the field tiles within `radius` cells of changed cells, for particles [start, stop)."""
     rows, columns = grids.table.shape[1], grids.table.shape[2]
     width = columns << SHIFT
     for particle in range(start, stop):
-        tiles, seen, count = demand.tiles[particle], demand.seen[particle], demand.count[particle]
-        for j in range(changes.count[particle]):
+        tiles, seen, count = request.tiles[particle], request.seen[particle], request.count[particle]
+        for j in range(changes.filled[particle]):
             cx, cy = packed_x(changes.cells[particle, j]), packed_y(changes.cells[particle, j])
             for ty in range(max(cy - radius, 0) >> SHIFT, (min(cy + radius, rows * SIDE - 1) >> SHIFT) + 1):
                 for tx in range(max(cx - radius, 0) >> SHIFT, (min(cx + radius, width - 1) >> SHIFT) + 1):
-                    count = ask_for(ty * columns + tx, tiles, count, seen)
-        demand.count[particle] = count
+                    count = request_tile(ty * columns + tx, tiles, count, seen)
+        request.count[particle] = count
 
 
 @kernel
-def register_scans_and_ask(start, stop, grids, poses, rays, occupied_share, changes, radius, demand):
-    """`register_scans`, and straight after it what `demand_of_changes` asks for: one loop over the particles."""
-    register_scans(start, stop, grids, poses, rays, occupied_share, changes)
-    demand_of_changes(start, stop, grids, changes, radius, demand)
+def integrate_scan_and_request_field_tiles(start, stop, grids, poses, rays, occupied_share, changes, radius, request):
+    """Run `count_scan`, then `request_field_tiles`: one loop over the particles instead of two."""
+    count_scan(start, stop, grids, poses, rays, occupied_share, changes)
+    request_field_tiles(start, stop, grids, changes, radius, request)
 
 
 @kernel
-def spread_wall(table, nearest, cx, cy, disc):
-    """Tell the cells within the field's radius about a new wall at (cx, cy)."""
+def point_cells_to_wall(table, nearest, cx, cy, offsets):
+    """Point the cells within the field's radius to a new wall at (cx, cy), where no nearer wall is known."""
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
-    for y in range(max(cy - disc.radius, 0), min(cy + disc.radius + 1, rows)):
-        half, words = disc.half_width[y - cy + disc.radius], disc.word[cy - y + disc.radius]
+    for y in range(max(cy - offsets.radius, 0), min(cy + offsets.radius + 1, rows)):
+        half, words = offsets.half_width[y - cy + offsets.radius], offsets.word[cy - y + offsets.radius]
         x, last = max(cx - half, 0), min(cx + half, columns - 1)
         while x <= last:  # the parts of the row in one tile each
             tile, row = tile_at(table, x, y), (y & MASK) << SHIFT
             stop = min(last, x | MASK) + 1
             while x < stop:
                 k = np.uint64(row | (x & MASK))
-                nearest[tile, k] = max(np.int64(nearest[tile, k]), words[np.uint64(cx - x + disc.radius)])
+                nearest[tile, k] = max(np.int64(nearest[tile, k]), words[np.uint64(cx - x + offsets.radius)])
                 x += 1
 
 
 @kernel
-def orphans_of(table, nearest, cx, cy, disc, out):
+def cells_pointing_to(table, nearest, cx, cy, offsets, out):
     """Cells out (n, 2) as x, y whose word points to the wall at (cx, cy); returns n."""
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
     n = 0
-    for y in range(max(cy - disc.radius, 0), min(cy + disc.radius + 1, rows)):
-        half, words = disc.half_width[y - cy + disc.radius], disc.word[cy - y + disc.radius]
+    for y in range(max(cy - offsets.radius, 0), min(cy + offsets.radius + 1, rows)):
+        half, words = offsets.half_width[y - cy + offsets.radius], offsets.word[cy - y + offsets.radius]
         x, last = max(cx - half, 0), min(cx + half, columns - 1)
         while x <= last:
             tile, row = tile_at(table, x, y), (y & MASK) << SHIFT
             stop = min(last, x | MASK) + 1
             while x < stop:
-                if nearest[tile, np.uint64(row | (x & MASK))] == words[np.uint64(cx - x + disc.radius)]:
+                if nearest[tile, np.uint64(row | (x & MASK))] == words[np.uint64(cx - x + offsets.radius)]:
                     out[n, 0], out[n, 1] = x, y
                     n += 1
                 x += 1
@@ -125,11 +92,11 @@ def walls_between(table, walls, left, right, low, high, out):
 
 
 @kernel
-def adopt(table, nearest, orphans, candidates, disc):
-    """Point the orphans (n, 2) to the nearest of the walls candidates (2, m), where one is within the radius."""
-    radius, words = disc.radius, disc.word
-    for j in range(orphans.shape[0]):
-        x, y = orphans[j, 0] - radius, orphans[j, 1] - radius
+def reassign_nearest(table, nearest, cells, candidates, offsets):
+    """Point the cells (n, 2) to the nearest of the walls candidates (2, m), where one is within the radius."""
+    radius, words = offsets.radius, offsets.word
+    for j in range(cells.shape[0]):
+        x, y = cells[j, 0] - radius, cells[j, 1] - radius
         best = 0
         for w in range(candidates.shape[1]):
             dx, dy = candidates[0, w] - x, candidates[1, w] - y
@@ -139,28 +106,28 @@ def adopt(table, nearest, orphans, candidates, disc):
 
 
 @kernel
-def update_fields(start, stop, grids, changes, disc):
+def update_fields(start, stop, grids, changes, offsets):
     """Bring the fields of particles [start, stop) up to date after `changes`; their tiles must be private.
 
     The result equals the field built from scratch: a cell that pointed to a vanished wall looks at all walls within
     the radius again.
     """
-    radius = disc.radius
-    orphans, candidates = np.empty(((2 * radius + 1) ** 2, 2), np.int64), np.empty((2, (4 * radius + 1) ** 2), np.int64)
+    radius = offsets.radius
+    cells, candidates = np.empty(((2 * radius + 1) ** 2, 2), np.int64), np.empty((2, (4 * radius + 1) ** 2), np.int64)
     walls, nearest = grids.walls, grids.nearest
     for particle in range(start, stop):
         table, field_table = grids.table[particle], grids.field_table[particle]
         rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
-        for j in range(changes.count[particle]):
+        for j in range(changes.filled[particle]):
             cx, cy = packed_x(changes.cells[particle, j]), packed_y(changes.cells[particle, j])
             if walls[tile_at(table, cx, cy), np.uint64(cy & MASK)] >> np.uint32(cx & MASK) & 1:
-                spread_wall(field_table, nearest, cx, cy, disc)
+                point_cells_to_wall(field_table, nearest, cx, cy, offsets)
                 continue
-            n = orphans_of(field_table, nearest, cx, cy, disc, orphans)
+            n = cells_pointing_to(field_table, nearest, cx, cy, offsets, cells)
             if n > 0:
-                left, right = orphans[:n, 0].min() - radius, orphans[:n, 0].max() + radius
-                low, high = orphans[0, 1] - radius, orphans[n - 1, 1] + radius  # they come row by row
+                left, right = cells[:n, 0].min() - radius, cells[:n, 0].max() + radius
+                low, high = cells[0, 1] - radius, cells[n - 1, 1] + radius  # they come row by row
                 m = walls_between(
                     table, walls, max(left, 0), min(right, columns - 1), max(low, 0), min(high, rows - 1), candidates
                 )
-                adopt(field_table, nearest, orphans[:n], candidates[:, :m], disc)
+                reassign_nearest(field_table, nearest, cells[:n], candidates[:, :m], offsets)

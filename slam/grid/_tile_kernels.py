@@ -25,15 +25,15 @@ FINE_SIDE = 1 << FINE_SHIFT
 FINE_MASK = FINE_SIDE - 1
 
 
-class Demand(NamedTuple):
+class TileRequest(NamedTuple):
     """The tiles that each particle is about to write."""
 
     tiles: NDArray[np.int32]
-    """Flat places in the table, (particles, table rows * columns + 1); the first `count` of each row are valid."""
+    """Flat indices into the table, (particles, table rows * columns + 1); the first `count` of each row are valid."""
     count: NDArray[np.int64]
-    """Number of places, (particles,)."""
+    """Number of indices, (particles,)."""
     seen: NDArray[np.uint8]
-    """1 where the place is in the list, (particles, table rows * columns)."""
+    """1 where the index is in the list, (particles, table rows * columns)."""
 
 
 @inlined
@@ -65,33 +65,33 @@ def in_fine_tile(cx, cy):
 
 
 @inlined
-def ask_for(place, tiles, count, seen):
-    """Put a place into one particle's list, if it is not in it; returns the new count.
+def request_tile(index, tiles, count, seen):
+    """Add a flat table index to one particle's list, unless it is in it already; returns the new count.
 
     Without a branch: numba drops the counting of references to arrays that are passed to an inlined function only
     where that has a single path, and with it this would be eight times slower.
     """
-    tiles[np.uint64(count)] = place
-    new = 1 - np.int64(seen[np.uint64(place)])
-    seen[np.uint64(place)] = 1
+    tiles[np.uint64(count)] = index
+    new = 1 - np.int64(seen[np.uint64(index)])
+    seen[np.uint64(index)] = 1
     return count + new
 
 
 @kernel
-def copies_needed(table, references, demand):
-    """How many tiles `make_private` takes from the free ones, at most."""
+def copies_needed(table, references, request):
+    """How many tiles `copy_on_write` takes from the free ones, at most."""
     flat = table.reshape(table.shape[0], -1)
     needed = 0
     for particle in range(table.shape[0]):
-        for k in range(demand.count[particle]):
-            old = flat[particle, demand.tiles[particle, k]]
+        for k in range(request.count[particle]):
+            old = flat[particle, request.tiles[particle, k]]
             if old == 0 or references[old] > 1:
                 needed += 1
     return needed
 
 
 @kernel
-def make_private(table, references, free, free_count, demand, copies):
+def copy_on_write(table, references, free, free_count, request, copies):
     """Give every particle tiles of its own where it wants to write, and empty its list; the caller copies the contents.
 
     table (particles, rows, columns) tile numbers;  references (tiles,) owners of each tile
@@ -104,22 +104,22 @@ def make_private(table, references, free, free_count, demand, copies):
     flat = table.reshape(particles, -1)
     total = 0
     for particle in range(particles):
-        for k in range(demand.count[particle]):
-            place = demand.tiles[particle, k]
-            demand.seen[particle, place] = 0
-            old = flat[particle, place]
+        for k in range(request.count[particle]):
+            index = request.tiles[particle, k]
+            request.seen[particle, index] = 0
+            old = flat[particle, index]
             if old != 0 and references[old] == 1:
                 continue
             free_count -= 1
             new = free[free_count]
-            flat[particle, place] = new
+            flat[particle, index] = new
             references[new] = 1
             if old != 0:
                 references[old] -= 1
             copies[total, 0] = old
             copies[total, 1] = new
             total += 1
-        demand.count[particle] = 0
+        request.count[particle] = 0
     return total, free_count
 
 

@@ -4,25 +4,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from slam._jit import kernel
 from slam.grid._cell_kernels import VISITS, counted, packed
-from slam.grid._tile_kernels import SHIFT, ask_for, in_tile, tile_at
-
-
-class Rays(NamedTuple):
-    """The beams of one scan in the robot's frame at the time of the scan."""
-
-    origins: NDArray[np.float64]
-    """Where each beam starts [m], (beams, 2)."""
-    ends: NDArray[np.float64]
-    """Where each beam ends [m], (beams, 2)."""
-    hit: NDArray[np.bool_]
-    """Whether it ended on something, (beams,)."""
+from slam.grid._tile_kernels import SHIFT, in_tile, request_tile, tile_at
 
 
 @kernel
@@ -76,7 +62,7 @@ def tiles_on_rays(segments, columns, tiles, count, seen):
         per_x = 1.0 / (x1 - x0) if left_x > 0 else 0.0
         per_y = 1.0 / (y1 - y0) if left_y > 0 else 0.0
         while True:
-            count = ask_for(ty * columns + tx, tiles, count, seen)
+            count = request_tile(ty * columns + tx, tiles, count, seen)
             if left_x == 0 and left_y == 0:
                 break
             border_x, border_y = (tx + side_x) << SHIFT, (ty + side_y) << SHIFT
@@ -90,11 +76,11 @@ def tiles_on_rays(segments, columns, tiles, count, seen):
 
 
 @kernel
-def count_misses(table, counts, segments, doubtful):
+def count_misses(table, counts, segments, changed_candidates):
     """Count a miss in every cell that the beams cross before their last one (Amanatides and Woo, 1987).
 
     table (rows, columns) of one particle, counts (tiles, cells), segments (beams, 4) in cells
-    doubtful (m,) out: cells as `packed` that hold hits, whose state may therefore change, repetitions included.
+    changed_candidates (m,) out: cells as `packed` that hold hits, whose state may change, with repetitions.
     A full list drops cells: they are looked at when next seen. Returns the number of entries.
     """
     n = 0
@@ -115,8 +101,8 @@ def count_misses(table, counts, segments, doubtful):
                 counts[tile, k] = word + np.uint32(1)
             else:
                 counts[tile, k] = counted(word, 0)
-                if n < doubtful.shape[0]:
-                    doubtful[n] = packed(cx, cy)
+                if n < changed_candidates.shape[0]:
+                    changed_candidates[n] = packed(cx, cy)
                     n += 1
             if left_y == 0 or (left_x > 0 and time_x < time_y):
                 cx += step_x

@@ -8,12 +8,10 @@ a call that passes arrays counts references, which made these loops five times s
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from slam._jit import inlined, kernel
+from slam._planar_kernels import principal_axes
 from slam.grid._cell_kernels import (
     DIRECTION,
     counted,
@@ -26,54 +24,20 @@ from slam.grid._cell_kernels import (
     packed_y,
     with_end_point,
 )
-from slam.grid._tile_kernels import FINE_SHIFT, MASK, SHIFT, ask_for, fine_tile_at, in_fine_tile, in_tile, tile_at
+from slam.grid._tile_kernels import FINE_SHIFT, MASK, SHIFT, fine_tile_at, in_fine_tile, in_tile, request_tile, tile_at
 from slam.grid._traversal_kernels import count_misses, rays_in_cells, tiles_on_rays
 
 LINE_REACH = 2
+"""Half side of the square of cells in which a line is fitted [cells]."""
 LINE_FLATNESS = 0.1
-
-
-class Grids(NamedTuple):
-    """The maps of all particles, each part with tables (particles, rows, columns) of its tile numbers."""
-
-    table: NDArray[np.int32]
-    """Tiles of `counts` and `walls`: wherever a beam has been."""
-    counts: NDArray[np.uint16]
-    """Counts words, see `_cell_kernels`, (tiles, SIDE * SIDE)."""
-    walls: NDArray[np.uint16]
-    """Which cells are walls: bit x of word y of a tile, (tiles, SIDE)."""
-    surface_table: NDArray[np.int32]
-    """Fine tiles of `surface`: where beams have ended."""
-    surface: NDArray[np.uint32]
-    """Surface words, see `_cell_kernels`, (tiles, FINE_SIDE * FINE_SIDE)."""
-    field_table: NDArray[np.int32]
-    """Tiles of `nearest`: within the field's radius of walls."""
-    nearest: NDArray[np.uint8] | NDArray[np.uint16]
-    """Field words, see `_field_kernels`, (tiles, SIDE * SIDE)."""
-    offset: NDArray[np.int64]
-    """Offset dx, dy of each field word [cells], (words, 2)."""
-    corner: NDArray[np.int64]
-    """Cell number in x and in y of the tables' corner, counted from the map's origin, (2,)."""
-    cell: float
-    """Side of a cell [m]."""
-    per_cell: float
-    """1 / cell [1/m]."""
-
-
-class Changes(NamedTuple):
-    """Cells that became walls or ceased to be in the last scan."""
-
-    cells: NDArray[np.int64]
-    """Cells as `packed`, each once, (particles, m); the first `count` of each row are valid."""
-    count: NDArray[np.int64]
-    """(particles,)."""
+"""Walls form a line where their variance across it is at most this share of that along it."""
 
 
 @kernel
-def demand_of_scan(start, stop, grids, poses, rays, crossed, ended):
+def request_scan_tiles(start, stop, grids, poses, rays, crossed, ended):
     """List the tiles that the beams cross and those in which they hit, for particles [start, stop).
 
-    poses (particles, 3);  crossed, ended: `Demand` of the counts and of the surface
+    poses (particles, 3);  crossed, ended: `TileRequest`s of the counts and of the surface
     """
     columns, fine_columns, hit = grids.table.shape[2], grids.surface_table.shape[2], rays.hit
     segments = np.empty((hit.shape[0], 4))
@@ -86,15 +50,15 @@ def demand_of_scan(start, stop, grids, poses, rays, crossed, ended):
         for beam in range(segments.shape[0]):
             if hit[beam]:
                 place = (int(segments[beam, 3]) >> FINE_SHIFT) * fine_columns + (int(segments[beam, 2]) >> FINE_SHIFT)
-                count = ask_for(place, tiles, count, seen)
+                count = request_tile(place, tiles, count, seen)
         ended.count[particle] = count
 
 
 @kernel
-def count_hits(table, counts, surface_table, surface, segments, hit, doubtful, n):
+def count_hits(table, counts, surface_table, surface, segments, hit, changed_candidates, n):
     """Count what happened in the last cell of each beam: a hit or a pass; hits move the cell's mean end point.
 
-    As in `count_misses`; appends every last cell to doubtful from n on and returns the new number of entries.
+    As in `count_misses`; appends every last cell to changed_candidates from n on and returns the new number of entries.
     """
     for beam in range(segments.shape[0]):
         x, y = segments[beam, 2], segments[beam, 3]
@@ -105,26 +69,26 @@ def count_hits(table, counts, surface_table, surface, segments, hit, doubtful, n
         if hit[beam]:
             tile, k = fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)
             surface[tile, k] = with_end_point(surface[tile, k], hits_of(word), x - cx, y - cy)
-        if n < doubtful.shape[0]:
-            doubtful[n] = packed(cx, cy)
+        if n < changed_candidates.shape[0]:
+            changed_candidates[n] = packed(cx, cy)
             n += 1
     return n
 
 
 @kernel
-def flip_walls(table, counts, walls, doubtful, occupied_share, changes):
-    """Bring the walls among the doubtful cells (n,) up to date.
+def flip_walls(table, counts, walls, changed_candidates, occupied_share, changes):
+    """Bring the walls among the changed_candidates cells (n,) up to date.
 
     changes (m,) out: cells that became a wall or ceased to be one, each once. Returns their number.
     """
     changed = 0
-    for j in range(doubtful.shape[0]):
-        cx, cy = packed_x(doubtful[j]), packed_y(doubtful[j])
+    for j in range(changed_candidates.shape[0]):
+        cx, cy = packed_x(changed_candidates[j]), packed_y(changed_candidates[j])
         tile, row, bit = tile_at(table, cx, cy), np.uint64(cy & MASK), np.uint32(1) << np.uint32(cx & MASK)
         wall = (walls[tile, row] & bit) != 0
         if is_wall(counts[tile, in_tile(cx, cy)], occupied_share) != wall and changed < changes.shape[0]:
             walls[tile, row] ^= bit
-            changes[changed] = doubtful[j]
+            changes[changed] = changed_candidates[j]
             changed += 1
     return changed
 
@@ -166,10 +130,9 @@ def line_direction(table, walls, surface_table, surface, cx, cy):
     if n < 3:
         return np.uint32(0)
     cxx, cxy, cyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
-    mid, half = 0.5 * (cxx + cyy), np.sqrt(0.25 * (cxx - cyy) ** 2 + cxy * cxy)
-    if mid - half > LINE_FLATNESS * (mid + half):
+    along, smaller, larger = principal_axes(cxx, cxy, cyy)
+    if smaller > LINE_FLATNESS * larger:
         return np.uint32(0)
-    along = 0.5 * np.arctan2(2.0 * cxy, cxx - cyy)  # of the larger axis
     turn = (along / np.pi + 0.5) % 1.0  # the normal, in half turns
     return np.uint32(1) + np.uint32(min(int(turn * 255.0), 254))
 
@@ -188,20 +151,20 @@ def refresh_lines(table, walls, surface_table, surface, segments, hit):
 
 
 @kernel
-def register_scans(start, stop, grids, poses, rays, occupied_share, changes):
-    """Count one scan into the maps of particles [start, stop), each from its own pose; tiles must be private.
+def count_scan(start, stop, grids, poses, rays, occupied_share, changes):
+    """Count one scan into the maps of particles [start, stop), each from its own pose; their tiles must be their own.
 
     poses (particles, 3);  changes: `Changes`, overwritten
     """
     counts, walls, surface, hit = grids.counts, grids.walls, grids.surface, rays.hit
     segments = np.empty((hit.shape[0], 4))
-    doubtful = np.empty(16 * changes.cells.shape[1], np.int64)
+    changed_candidates = np.empty(16 * changes.cells.shape[1], np.int64)
     for particle in range(start, stop):
         table, surface_table = grids.table[particle], grids.surface_table[particle]
         rays_in_cells(grids, poses[particle], rays, segments)
-        n = count_misses(table, counts, segments, doubtful)
-        n = count_hits(table, counts, surface_table, surface, segments, hit, doubtful, n)
-        changes.count[particle] = flip_walls(
-            table, counts, walls, doubtful[:n], occupied_share, changes.cells[particle]
+        n = count_misses(table, counts, segments, changed_candidates)
+        n = count_hits(table, counts, surface_table, surface, segments, hit, changed_candidates, n)
+        changes.filled[particle] = flip_walls(
+            table, counts, walls, changed_candidates[:n], occupied_share, changes.cells[particle]
         )
         refresh_lines(table, walls, surface_table, surface, segments, hit)

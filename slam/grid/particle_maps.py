@@ -4,24 +4,68 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
 from slam._threads import Threads
-from slam.config.filter import MapConfig
+from slam.config import MapConfig
 from slam.grid._cell_kernels import VISITS, hits_of
-from slam.grid._distance_field_kernels import LARGEST_RADIUS, disc_of, register_scans_and_ask, update_fields
+from slam.grid._distance_field_kernels import integrate_scan_and_request_field_tiles, update_fields
 from slam.grid._tile_kernels import FINE_SIDE, SHIFT, SIDE
-from slam.grid._traversal_kernels import Rays, bounds_of_rays
-from slam.grid._update_kernels import Changes, Grids, demand_of_scan
+from slam.grid._traversal_kernels import bounds_of_rays
+from slam.grid._update_kernels import request_scan_tiles
+from slam.grid.distance_field import MAX_RADIUS, make_offset_table
 from slam.grid.tile_pool import TilePool
 from slam.occupancy import OccupancyGrid
+from slam.sensor.rays import Rays
 
-LARGEST_TABLE = 1 << 22
+MAX_TABLE_TILES = 1 << 22
 """Tiles that the table of one particle may span; at 0.05 m cells a square of 1.6 km."""
+
+
+HIT_LOG_ODDS = 1.2
+"""What one hit adds to a cell's log-odds; at the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, 0.4)."""
+LOG_ODDS_LIMITS = (-2.0, 3.5)
+"""Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""
+
+
+class GridArrays(NamedTuple):
+    """The maps of all particles, each part with tables (particles, rows, columns) of its tile numbers."""
+
+    table: NDArray[np.int32]
+    """Tiles of `counts` and `walls`: wherever a beam has been."""
+    counts: NDArray[np.uint16]
+    """Counts words, see `_cell_kernels`, (tiles, SIDE * SIDE)."""
+    walls: NDArray[np.uint16]
+    """Which cells are walls: bit x of word y of a tile, (tiles, SIDE)."""
+    surface_table: NDArray[np.int32]
+    """Fine tiles of `surface`: where beams have ended."""
+    surface: NDArray[np.uint32]
+    """Surface words, see `_cell_kernels`, (tiles, FINE_SIDE * FINE_SIDE)."""
+    field_table: NDArray[np.int32]
+    """Tiles of `nearest`: within the field's radius of walls."""
+    nearest: NDArray[np.uint8] | NDArray[np.uint16]
+    """Field words, see `_distance_field_kernels`, (tiles, SIDE * SIDE)."""
+    offset: NDArray[np.int64]
+    """Offset dx, dy of each field word [cells], (words, 2)."""
+    corner: NDArray[np.int64]
+    """Cell number in x and in y of the tables' corner, counted from the map's origin, (2,)."""
+    cell: float
+    """Side of a cell [m]."""
+    per_cell: float
+    """1 / cell [1/m]."""
+
+
+class Changes(NamedTuple):
+    """Cells that became walls or ceased to be in the last scan."""
+
+    cells: NDArray[np.int64]
+    """Cells as `packed`, each once, (particles, m); the first `filled` of each row are valid."""
+    filled: NDArray[np.int64]
+    """How many entries of each row are valid, (particles,)."""
 
 
 class ParticleMaps:
@@ -36,14 +80,14 @@ class ParticleMaps:
         self.config = config
         self.threads = threads
         radius = round(config.field_radius / config.cell)
-        if not 1 <= radius <= LARGEST_RADIUS:
+        if not 1 <= radius <= MAX_RADIUS:
             raise ValueError(
-                f"MapConfig.field_radius must be 1 to {LARGEST_RADIUS} cells of {config.cell} m, "
+                f"MapConfig.field_radius must be 1 to {MAX_RADIUS} cells of {config.cell} m, "
                 f"got {config.field_radius} m"
             )
-        self._disc = disc_of(radius)
+        self._offsets = make_offset_table(radius)
         cells = SIDE * SIDE
-        word = np.uint8 if len(self._disc.offset) <= 256 else np.uint16
+        word = np.uint8 if len(self._offsets.offset) <= 256 else np.uint16
         self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
         self._surface = TilePool(particles, [(np.uint32, FINE_SIDE * FINE_SIDE)])
         self._field = TilePool(particles, [(word, cells)])
@@ -54,10 +98,10 @@ class ParticleMaps:
         return self._counts, self._surface, self._field
 
     @property
-    def grids(self) -> Grids:
+    def grids(self) -> GridArrays:
         """The arrays that the kernels read; valid until the next change of the maps."""
         counts, walls = self._counts.data
-        return Grids(
+        return GridArrays(
             self._counts.table,
             counts,
             walls,
@@ -65,7 +109,7 @@ class ParticleMaps:
             self._surface.data[0],
             self._field.table,
             self._field.data[0],
-            self._disc.offset,
+            self._offsets.offset,
             self._corner,
             self.config.cell,
             1.0 / self.config.cell,
@@ -76,28 +120,30 @@ class ParticleMaps:
         """Memory of all maps together [bytes]."""
         return sum(pool.bytes_in_use for pool in self._pools)
 
-    def register(self, poses: se2.Pose, rays: Rays) -> None:
+    def integrate_scan(self, poses: se2.Pose, rays: Rays) -> None:
         """Count one scan into every map; poses (particles, 3) of the robot in the map's frame.
 
         Raises:
-            ValueError: the map would become larger than `LARGEST_TABLE` tiles; it is then as it was before.
+            ValueError: the map would become larger than `MAX_TABLE_TILES` tiles; it is then as it was before.
         """
         particles = len(poses)
         self._make_room(poses, rays)
-        crossed, ended = self._counts.demand, self._surface.demand
-        self.threads.run(demand_of_scan, particles, self.grids, poses, rays, crossed, ended)
-        self._counts.make_private(self.threads)
-        self._surface.make_private(self.threads)
+        crossed, ended = self._counts.request, self._surface.request
+        self.threads.run(request_scan_tiles, particles, self.grids, poses, rays, crossed, ended)
+        self._counts.copy_on_write(self.threads)
+        self._surface.copy_on_write(self.threads)
         room = 512 + 2 * len(rays.hit)
         changes = Changes(np.empty((particles, room), np.int64), np.zeros(particles, np.int64))
-        share, radius, wanted = self.config.occupied_share, self._disc.radius, self._field.demand
-        self.threads.run(register_scans_and_ask, particles, self.grids, poses, rays, share, changes, radius, wanted)
-        self._field.make_private(self.threads)
-        self.threads.run(update_fields, particles, self.grids, changes, self._disc)
+        share, radius, near = self.config.occupied_share, self._offsets.radius, self._field.request
+        self.threads.run(
+            integrate_scan_and_request_field_tiles, particles, self.grids, poses, rays, share, changes, radius, near
+        )
+        self._field.copy_on_write(self.threads)
+        self.threads.run(update_fields, particles, self.grids, changes, self._offsets)
 
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
         """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
-        margin, tile = self._disc.radius * self.config.cell, SIDE * self.config.cell
+        margin, tile = self._offsets.radius * self.config.cell, SIDE * self.config.cell
         x0, y0, x1, y1 = bounds_of_rays(poses, rays)  # too short to wake a thread for
         left, below = (x0 - margin) / tile, (y0 - margin) / tile
         right, above = (x1 + margin) / tile, (y1 + margin) / tile
@@ -110,16 +156,16 @@ class ParticleMaps:
         """Extend the tables to the tiles from `low` (2,) to `high` (2,), counted in tiles from the map's origin.
 
         Raises:
-            ValueError: the tables would become larger than `LARGEST_TABLE` tiles, or a bound is not finite.
+            ValueError: the tables would become larger than `MAX_TABLE_TILES` tiles, or a bound is not finite.
         """
         tile = SIDE * self.config.cell
         size = np.array(self._counts.table.shape[:0:-1])  # columns, rows
         first = self._corner >> SHIFT if size.all() else low
         new_first, last = np.minimum(first, low), np.maximum(first + size - 1, high)
         columns, rows = (last - new_first + 1).tolist()
-        if not columns * rows <= LARGEST_TABLE:  # also where a reading or pose is not finite
+        if not columns * rows <= MAX_TABLE_TILES:  # also where a reading or pose is not finite
             raise ValueError(
-                f"the map would span {columns * tile:.3g} x {rows * tile:.3g} m, more than {LARGEST_TABLE} tiles "
+                f"the map would span {columns * tile:.3g} x {rows * tile:.3g} m, more than {MAX_TABLE_TILES} tiles "
                 f"of {tile:g} m: is there a jump in the odometry, or a reading beyond all range?"
             )
         left, below = (int(n) for n in first - new_first)
@@ -128,10 +174,10 @@ class ParticleMaps:
             pool.extend(below * per_tile, above * per_tile, left * per_tile, right * per_tile)
         self._corner = new_first.astype(np.int64) << SHIFT
 
-    def descend(self, ancestors: NDArray[np.int64]) -> None:
-        """Let particle i go on with the map of particle `ancestors[i]`; any number of heirs, (heirs,)."""
+    def inherit(self, ancestors: NDArray[np.int64]) -> None:
+        """Let particle i continue with the map of particle `ancestors[i]`; any number of offspring, (offspring,)."""
         for pool in self._pools:
-            pool.descend(ancestors)
+            pool.inherit(ancestors)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All maps, as arrays."""
@@ -184,9 +230,3 @@ class ParticleMaps:
         tiles = self._counts.data[0][table].reshape(*table.shape, SIDE, SIDE)
         dense: NDArray[np.uint16] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
         return dense
-
-
-HIT_LOG_ODDS = 1.2
-"""What one hit adds to a cell's log-odds; at the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, 0.4)."""
-LOG_ODDS_LIMITS = (-2.0, 3.5)
-"""Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""

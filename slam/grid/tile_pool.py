@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from slam._threads import Threads
-from slam.grid._tile_kernels import Demand, copies_needed, copy_tiles, count_owners, make_private
+from slam.grid._tile_kernels import TileRequest, copies_needed, copy_on_write, copy_tiles, count_owners
 
 FIRST_BYTES = 40_000_000
 """Size of a pool's array at first. Memory that was never touched costs nothing, and blocks above 32 MB are mapped on
 their own (mallopt(3), M_MMAP_THRESHOLD): the system can move them when they grow, and smaller ones leave no holes."""
-WORTH_SHARING = 4096
-"""Tiles to copy from which on it pays to wake another thread."""
+MIN_SHARED_COPIES = 4096
+"""A second thread is used only when at least this many tiles are copied."""
 
 
 class TilePool:
@@ -35,11 +35,11 @@ class TilePool:
         ]
         self._free: NDArray[np.int32] = np.zeros(1, np.int32)
         self._free_count = 0
-        self.demand = self._no_demand()
+        self.request = self._empty_request()
 
-    def _no_demand(self) -> Demand:
+    def _empty_request(self) -> TileRequest:
         particles, rows, columns = self.table.shape
-        return Demand(
+        return TileRequest(
             tiles=np.zeros((particles, rows * columns + 1), np.int32),
             count=np.zeros(particles, np.int64),
             seen=np.zeros((particles, rows * columns), np.uint8),
@@ -59,21 +59,21 @@ class TilePool:
     def extend(self, below: int, above: int, left: int, right: int) -> None:
         """Add that many rows and columns of tiles at the four sides of all tables."""
         self.table = np.pad(self.table, ((0, 0), (below, above), (left, right)))
-        self.demand = self._no_demand()
+        self.request = self._empty_request()
 
-    def make_private(self, threads: Threads) -> None:
-        """Give the particles copies of their own of all tiles in `demand`, and empty it."""
-        wanted = int(self.demand.count.sum())  # at most: some are private already
+    def copy_on_write(self, threads: Threads) -> None:
+        """Give the particles copies of their own of all tiles in `request`, and empty it."""
+        wanted = int(self.request.count.sum())  # at most: some are private already
         if wanted > self._free_count:
-            wanted = copies_needed(self.table, self.references, self.demand)
+            wanted = copies_needed(self.table, self.references, self.request)
             if wanted > self._free_count:
                 self._grow(wanted - self._free_count)
         copies = np.empty((wanted, 2), np.int32)
-        count, self._free_count = make_private(
-            self.table, self.references, self._free, self._free_count, self.demand, copies
+        count, self._free_count = copy_on_write(
+            self.table, self.references, self._free, self._free_count, self.request, copies
         )
         for array in self.data:
-            if count < WORTH_SHARING:
+            if count < MIN_SHARED_COPIES:
                 copy_tiles(0, count, array, copies)
             else:
                 threads.run(copy_tiles, count, array, copies)
@@ -91,13 +91,13 @@ class TilePool:
         free[self._free_count : self._free_count + new - old] = np.arange(new - 1, old - 1, -1)
         self._free, self._free_count = free, self._free_count + new - old
 
-    def descend(self, ancestors: NDArray[np.int64]) -> None:
-        """Let particle i take over the table of particle `ancestors[i]` (heirs,); contents are shared, not copied."""
+    def inherit(self, ancestors: NDArray[np.int64]) -> None:
+        """Let particle i take over the table of particle `ancestors[i]`, (offspring,); tiles are shared, not copied."""
         resized = len(ancestors) != len(self.table)
         self.table = np.ascontiguousarray(self.table[ancestors])
         self._free_count = count_owners(self.table, self.references, self._free)
         if resized:
-            self.demand = self._no_demand()
+            self.request = self._empty_request()
 
     def state(self, name: str) -> dict[str, NDArray[Any]]:
         """The whole pool, as arrays whose names begin with `name`."""
@@ -116,4 +116,4 @@ class TilePool:
         self._free_count = len(free)
         self._free = np.zeros(len(self.references), np.int32)
         self._free[: self._free_count] = free
-        self.demand = self._no_demand()
+        self.request = self._empty_request()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A finished map as the matcher reads it: walls at the centres of cells, with lines through them and a field about."""
+"""A finished map as the matcher reads it: walls at the centres of cells, lines through them, a field of distances."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
 from slam._threads import Threads
-from slam.config.filter import MapConfig
-from slam.grid._traversal_kernels import Rays
+from slam.config import MapConfig
 from slam.grid.particle_maps import ParticleMaps
 from slam.occupancy import OccupancyGrid
+from slam.sensor.rays import Rays
 
 TABLES = 64
-"""Particles that are matched at a time: each reads the one map through a table of its own."""
+"""Particles that are matched at a time: each reads the one map through a tile table of its own."""
 
 
-class FrozenMap:
-    """One map that nobody changes, shared by all particles.
+class FixedMap:
+    """One map that never changes, shared by all particles.
 
-    Inside, poses are seen from the outer corner of the map's cell (0, 0), so that any origin will do, a turned one
-    included: `T_map_grid` leads back to the map's frame.
+    Inside, poses are seen from the outer corner of the map's cell (0, 0), so that the origin may be anywhere, turned
+    too: `T_map_grid` leads back to the map's frame.
     """
 
     def __init__(self, grid: OccupancyGrid, config: MapConfig, threads: Threads) -> None:
@@ -36,32 +36,32 @@ class FrozenMap:
         self.grid = grid
         self.T_map_grid = np.array(grid.origin, dtype=np.float64)
         self.maps = maps_of_walls(wall_faces(grid), replace(config, cell=grid.resolution), threads)
-        self.maps.descend(np.zeros(TABLES, dtype=np.int64))
+        self.maps.inherit(np.zeros(TABLES, dtype=np.int64))
 
 
 def check_map(grid: OccupancyGrid) -> None:
-    """Raise ValueError where a map has no walls or no free space: nothing can be found in it."""
+    """Raise ValueError where a map has no walls or no free space: a robot cannot be found in it."""
     if not grid.occupied.any():
         raise ValueError(f"the map has no walls: expected cells occupied with more than {OccupancyGrid.OCCUPIED}")
     if not grid.free.any():
         raise ValueError(f"the map has no free space: expected cells occupied with less than {OccupancyGrid.FREE}")
 
 
-def checked_start(start: ArrayLike, grid: OccupancyGrid, most: float) -> se2.Pose:
+def checked_start(start: ArrayLike, grid: OccupancyGrid, max_distance: float) -> se2.Pose:
     """A start pose (3,) in the map's frame as an array.
 
     Raises:
-        ValueError: it is not three finite numbers, or lies more than `most` [m] away from all free cells.
+        ValueError: it is not three finite numbers, or lies more than `max_distance` [m] away from all free cells.
     """
     pose = np.asarray(start, dtype=np.float64)
     if pose.shape != (3,) or not np.all(np.isfinite(pose)):
         raise ValueError(f"start must be three finite numbers (x, y, theta), got {pose.tolist()}")
     point = se2.between(grid.origin, pose)[:2]
     away = float(np.hypot(*(free_cells(grid) - point).T).min())
-    if away > most:
+    if away > max_distance:
         raise ValueError(
             f"start ({pose[0]:g}, {pose[1]:g}) m lies {away:.2f} m outside of the map's free space, "
-            f"expected at most {most:g} m"
+            f"expected at most {max_distance:g} m"
         )
     return pose
 
@@ -72,17 +72,17 @@ def free_cells(grid: OccupancyGrid) -> NDArray[np.float64]:
 
 
 def wall_faces(grid: OccupancyGrid) -> NDArray[np.float64]:
-    """Centres (n, 2) [m] of the occupied cells beside free ones, seen from the grid's corner.
+    """Centres (n, 2) [m] of the occupied cells next to free ones, seen from the grid's corner.
 
-    Beams end at faces of walls. What lies behind them would, in maps with solid walls, hide where the face is.
+    Beams end at faces of walls. In maps with solid walls the cells behind them would hide where the face is.
     """
     free = np.pad(grid.free, 1)
     rows, columns = grid.free.shape
-    beside = np.zeros_like(grid.free)
+    near_free = np.zeros_like(grid.free)
     for below in range(3):
         for left in range(3):
-            beside |= free[below : below + rows, left : left + columns]
-    faces = grid.occupied & beside
+            near_free |= free[below : below + rows, left : left + columns]
+    faces = grid.occupied & near_free
     return _centres(faces if faces.any() else grid.occupied, grid.resolution)
 
 
@@ -91,7 +91,7 @@ def maps_of_walls(points: NDArray[np.float64], config: MapConfig, threads: Threa
     centre = np.append(0.5 * (points.min(axis=0) + points.max(axis=0)), 0.0)
     ends = points - centre[:2]
     maps = ParticleMaps(1, config, threads)
-    maps.register(centre[None], Rays(origins=ends, ends=ends, hit=np.ones(len(ends), np.bool_)))
+    maps.integrate_scan(centre[None], Rays(origins=ends, ends=ends, hit=np.ones(len(ends), np.bool_)))
     return maps
 
 

@@ -1,183 +1,176 @@
 # SPDX-License-Identifier: MIT
-"""Particles in a map that nobody changes: Algorithm 1 of T-RO 2007 without its map update, with as many particles as
-their spread asks for (Fox 2003)."""
+"""Pose tracking in a fixed map: Algorithm 1 of T-RO 2007 without its map update, with a particle number that follows
+the belief (Fox 2003)."""
 
 from __future__ import annotations
 
-import time
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.config.filter import FilterConfig, LocalizationConfig
-from slam.gmapping import StepReport
-from slam.localization.fixed_map import FrozenMap
-from slam.matching._likelihood_kernels import Evidence, MotionPrior, wall_distances
-from slam.matching._proposal_kernels import Proposed
-from slam.matching.proposal import beam_model, propose_poses, search_of
-from slam.motion.odometry_model import motion_prior
-from slam.particles.ancestry import Ancestry
+from slam.config import FilterConfig, LocalizationConfig
+from slam.localization.fixed_map import FixedMap
+from slam.matching.likelihood import distances_to_walls, make_beam_model
+from slam.matching.proposal import ProposalResult, ScanAndPrior, make_match_settings, propose_poses
+from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.particles.kld import bins_of, count_by_kld
-from slam.particles.resampling import SCHEMES
-from slam.particles.weights import Weights, pose_covariance
-from slam.sensor.rays import Readings
+from slam.particles.particle_set import ParticleSet
+from slam.particles.resampling import SCHEMES, resampling_is_due
+from slam.particles.weights import Weights
+from slam.step.scan_intake import TakenScan
+from slam.step.step_report import StageClock, StepReport, report_update
 
 
-class Rough(NamedTuple):
-    """How far off poses may be."""
+class PoseUncertainty(NamedTuple):
+    """Standard deviations of a pose that is known approximately."""
 
     position: float
-    """Standard deviation in x and in y [m]."""
+    """In x and in y [m]."""
     heading: float
-    """Standard deviation [rad]."""
+    """In heading [rad]."""
 
     @property
     def prior(self) -> MotionPrior:
-        """A Gaussian of these deviations, as both components of a motion prior."""
+        """Motion prior of which both components are a Gaussian with these deviations."""
         sigma = np.array([self.position, self.position, self.heading])
         log_scale = -np.log(2.0) - np.log(sigma).sum() - 1.5 * np.log(2.0 * np.pi)
         return MotionPrior(precision=np.tile(sigma**-2.0, (2, 1)), log_scale=np.full(2, log_scale))
 
     @property
     def starts(self) -> NDArray[np.float64]:
-        """Starting points of the matcher (n, 3) seen from the pose: up to two deviations, one apart."""
+        """Starting points of the matcher (n, 3) seen from the pose: a lattice of one deviation, two to each side."""
         steps = np.stack(np.meshgrid(*[np.arange(-2.0, 3.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         return steps[np.any(steps != 0.0, axis=1)] * (self.position, self.position, self.heading)
 
 
-class MapTracker:
-    """Particles that are matched one by one; poses are seen from the grid's corner, as in `FrozenMap`."""
+class PoseTracker:
+    """Particles that are matched one by one; poses are seen from the grid's corner, as in `FixedMap`."""
 
     def __init__(
         self,
-        frozen: FrozenMap,
+        fixed: FixedMap,
         config: FilterConfig,
         settings: LocalizationConfig,
         rng: np.random.Generator,
         *,
         poses: se2.Pose,
-        rough: Rough,
+        uncertainty: PoseUncertainty,
     ) -> None:
-        """Particles of equal weight at `poses` (n, 3), of which the first scan is to find out more."""
+        """Start particles of equal weight at `poses` (n, 3), which the first scan corrects within their uncertainty."""
         self.config, self.settings = config, settings
-        self.poses, self.weights = poses, Weights.uniform(len(poses))
-        self.fit: float | None = None
+        self.explained_share: float | None = None
         """Share of the hits that the map explains at the best pose, mean over the last updates; None before them."""
-        self.places = 0
-        """Places that hold `settings.sure` of the weight together."""
-        self._frozen = frozen
+        self.clusters = 0
+        """Number of clusters of particles that hold `settings.found_weight` of the weight together."""
+        self._fixed = fixed
         self._rng = rng
-        self._rough: Rough | None = rough
-        self._ancestry = Ancestry(len(poses))
+        self._uncertainty: PoseUncertainty | None = uncertainty
+        self._particles = ParticleSet(poses)
+
+    @property
+    def poses(self) -> se2.Pose:
+        """Poses of the particles after the last scan, (n, 3)."""
+        return self._particles.poses
+
+    @property
+    def weights(self) -> Weights:
+        """Weights of the particles after the last scan."""
+        return self._particles.weights
 
     @property
     def judged(self) -> bool:
-        """Whether there were enough updates to go by `fit`."""
-        return 2 * self._ancestry.generations >= self.settings.fit_memory
+        """Whether there were enough updates to rely on `explained_share`."""
+        return 2 * self._particles.ancestry.generations >= self.settings.explained_memory
 
     @property
     def lost(self) -> bool:
         """Whether the map explains too little of what the robot sees."""
-        return self.judged and self.fit is not None and self.fit < self.settings.least_fit
+        share = self.explained_share
+        return self.judged and share is not None and share < self.settings.min_explained_share
 
     @property
     def found(self) -> bool:
-        """Whether one place is left and the map explains what the robot sees there."""
-        return self.judged and not self.lost and self.places == 1
+        """Whether one cluster is left and the map explains what the robot sees there."""
+        return self.judged and not self.lost and self.clusters == 1
 
     def path(self, particle: int | None = None) -> se2.Pose:
         """Path of a particle (default: the best): the mean of its proposal at each update, (updates, 3)."""
-        return self._ancestry.path(self.weights.best if particle is None else particle)
+        return self._particles.ancestry.path(self.weights.best if particle is None else particle)
 
-    def take(self, motion: se2.Pose, hits: NDArray[np.float64], readings: Readings) -> StepReport:
-        """Take in a scan with hits (K, 2) [m] in the robot's frame, after a displacement (3,) since the last one."""
-        clock = [time.perf_counter()]
-        proposed = self._propose(motion, hits)
-        clock.append(time.perf_counter())
+    def update(self, taken: TakenScan) -> StepReport:
+        """Run Algorithm 1 once, the map update left out."""
+        particles, clock = self._particles, StageClock()
+        result = self._propose(taken)
+        clock.end_stage("match")
 
-        self.poses = proposed.pose.copy()
-        self.weights, evidence = self.weights.times(self.settings.weight_share * proposed.log_gain)
-        self._ancestry.add(proposed.mean)
+        gain = self.settings.weight_share * result.log_gain
+        evidence = particles.move(result.pose.copy(), result.covariance, gain, history=result.mean)
+        pose = result.mean[self.weights.best].copy()
+        report = report_update(particles, result, taken.counts, pose=pose, evidence=evidence)
+        self._judge(pose, taken.hits)
+        resampled = self._resample(report.ess)
+        clock.end_stage("resample")
 
-        ess, best, weights = self.weights.ess, self.weights.best, self.weights.values
-        pose = proposed.mean[best].copy()
-        covariance = pose_covariance(self.poses, weights, proposed.covariance)
-        self._judge(pose, hits)
-        resampled = self._resample(ess)
-        clock.append(time.perf_counter())
-
-        return StepReport(
-            updated=True,
-            pose=pose,
-            covariance=covariance,
-            particles=len(weights),
-            ess=ess,
-            readings=readings,
+        return replace(
+            report,
             resampled=resampled,
-            matched_share=min(float(weights @ proposed.matched), 1.0),  # the weights' sum may round above 1
-            match_failures=int(proposed.failed.sum()),
-            log_evidence=evidence,
-            unique_ancestors=self._ancestry.unique_ancestors,
-            best=best,
-            map_bytes=self._frozen.maps.bytes_in_use,
-            seconds=dict(zip(("match", "resample"), np.diff(clock).tolist(), strict=True)),
-            proposed=proposed,
+            unique_ancestors=particles.ancestry.unique_ancestors,
+            map_bytes=self._fixed.maps.bytes_in_use,
+            seconds=clock.seconds,
         )
 
-    def _propose(self, motion: se2.Pose, hits: NDArray[np.float64]) -> Proposed:
-        """New poses of all particles; from a wide prior and many starting points where they are only roughly right."""
-        cfg = self.config
-        prior, search = motion_prior(motion, cfg.motion), search_of(motion, hits, cfg)
-        if self._rough is not None:
-            prior, search = self._rough.prior, search._replace(starts=self._rough.starts)
-            self._rough = None
-        evidence = Evidence(hits, beam_model(cfg.match, cfg.map), prior)
+    def _propose(self, taken: TakenScan) -> ProposalResult:
+        """New poses of all particles; a wide prior and many starting points where poses are known approximately."""
+        cfg, motion, hits = self.config, taken.motion, taken.hits
+        prior, settings = motion_prior(motion, cfg.motion), make_match_settings(motion, hits, cfg)
+        if self._uncertainty is not None:
+            prior, settings = self._uncertainty.prior, settings._replace(starts=self._uncertainty.starts)
+            self._uncertainty = None
+        scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), prior)
         guesses = se2.compose(self.poses, motion)
-        return propose_poses(self._frozen.maps, guesses, evidence, search, cfg.proposal.samples, self._rng)
+        return propose_poses(self._fixed.maps, guesses, scan_and_prior, settings, cfg.proposal.samples, self._rng)
 
     def _judge(self, pose: se2.Pose, hits: NDArray[np.float64]) -> None:
-        """Bring `fit` and `places` up to date, for the best pose (3,) and the hits (K, 2) of a scan."""
-        distances = np.empty((4, len(hits)))
-        wall_distances(self._frozen.maps.grids, 0, *pose, hits, self.config.map.field_radius, distances)
-        explained = float(np.mean(np.hypot(distances[0], distances[1]) <= self.settings.near))
-        gain = 1.0 / min(self._ancestry.generations, self.settings.fit_memory)
-        self.fit = explained if self.fit is None else self.fit + gain * (explained - self.fit)
-        self.places = self._count_places()
+        """Update `explained_share` and `clusters`, for the best pose (3,) and the hits (K, 2) of a scan."""
+        distances = distances_to_walls(self._fixed.maps, pose, hits)
+        explained = float(np.mean(distances <= self.settings.explained_distance))
+        gain = 1.0 / min(self._particles.ancestry.generations, self.settings.explained_memory)
+        before = self.explained_share
+        self.explained_share = explained if before is None else before + gain * (explained - before)
+        self.clusters = self._count_clusters()
 
-    def _count_places(self) -> int:
-        """How many places are needed until they hold `sure` of the weight, the heaviest first."""
+    def _count_clusters(self) -> int:
+        """How many clusters, the heaviest first, are needed to hold `found_weight` of the weight."""
         s, weights = self.settings, self.weights.values
         count = 0
-        while weights.sum() > 1.0 - s.sure:
+        while weights.sum() > 1.0 - s.found_weight:
             away = np.abs(self.poses - self.poses[np.argmax(weights)])
-            here = (np.hypot(away[:, 0], away[:, 1]) < s.place_position) & (
-                np.abs(se2.wrap_angle(away[:, 2])) < s.place_heading
+            here = (np.hypot(away[:, 0], away[:, 1]) < s.cluster_position) & (
+                np.abs(se2.wrap_angle(away[:, 2])) < s.cluster_heading
             )
             weights = np.where(here, 0.0, weights)
             count += 1
         return count
 
     def _resample(self, ess: float) -> bool:
-        """Draw the particles anew where the weights or the number of particles call for it."""
-        policy, s, n = self.config.resample, self.settings, len(self.poses)
+        """Resample where the weights or the number of particles ask for it."""
+        policy, s, n = self.config.resample, self.settings, len(self._particles)
         if policy.when == "never":
             return False
         weights = self.weights.values
         needed = count_by_kld(
-            bins_of(self.poses, s.place_position, s.place_heading),
+            bins_of(self.poses, s.cluster_position, s.cluster_heading),
             weights,
             self._rng,
             error=s.kld_error,
             quantile=s.kld_quantile,
             least=self.config.particles,
-            most=max(s.most_candidates, self.config.particles),
+            most=max(s.max_candidates, self.config.particles),
         )
-        if policy.when == "ess" and ess >= policy.threshold * n and 2 * needed > n:
+        if not resampling_is_due(policy, ess, n) and 2 * needed > n:
             return False
-        ancestors = SCHEMES[policy.scheme](weights, self._rng, min(needed, n))
-        self.poses = self.poses[ancestors]
-        self._ancestry.descend(ancestors)
-        self.weights = Weights.uniform(len(ancestors))
+        self._particles.resample(SCHEMES[policy.scheme](weights, self._rng, min(needed, n)))
         return True

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
-"""Compiled parts of the scan likelihood, the matcher and the improved proposal.
+"""Compiled parts of the scan likelihood p(z | m, x): the beam end point model on the field of nearest walls.
 
 The negative logarithm of p(z | m, x) p(x | x', u) is called the cost [nats]:
 
@@ -13,54 +13,19 @@ deviation from the odometry seen from the pose that it predicts.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from slam._jit import inlined, kernel
-from slam.grid._cell_kernels import DIRECTION, mean_x, mean_y
-from slam.grid._distance_field_kernels import FAR
+from slam._jit import kernel
+from slam.grid._cell_kernels import DIRECTION, NO_WALL, mean_x, mean_y
 from slam.grid._tile_kernels import SHIFT, fine_tile_at, in_fine_tile, in_tile, tile_at
 
-LINES = np.array(
+NORMALS = np.array(
     [(0.0, 0.0)] + [(np.cos((k + 0.5) / 255.0 * np.pi), np.sin((k + 0.5) / 255.0 * np.pi)) for k in range(255)]
 )
 """Unit normal of each direction code of a surface word, (256, 2)."""
 HALF_LENGTH = 0.75
 """A wall cell stands for a piece of wall this far to both sides of its mean end point [cells]; half a cell's diagonal
 would leave gaps in walls that are not parallel to an axis."""
-
-
-class BeamModel(NamedTuple):
-    """The beam end point model."""
-
-    per_sigma2: float
-    """1 / s^2 [1/m^2]."""
-    per_outlier2: float
-    """1 / c^2 [1/m^2]."""
-    weight: float
-    """w: share of each beam's log-likelihood that counts."""
-    far: float
-    """Distance charged where no wall is within the field's radius [m]."""
-
-
-class MotionPrior(NamedTuple):
-    """p(x | x', u) about the predicted pose: a mixture of two zero-mean Gaussians in the predicted robot's frame."""
-
-    precision: NDArray[np.float64]
-    """1 / variance along, across [1/m^2] and in heading [1/rad^2], (2, 3): odometry good, odometry failed."""
-    log_scale: NDArray[np.float64]
-    """Log of share times the Gaussian's normalisation, (2,)."""
-
-
-class Evidence(NamedTuple):
-    """What the new pose is judged by, the same for all particles: p(z | m, x) p(x | x', u) but for map and x'."""
-
-    hits: NDArray[np.float64]
-    """End points of the scan in the robot's frame [m], (K, 2)."""
-    beams: BeamModel
-    prior: MotionPrior
 
 
 @kernel
@@ -84,7 +49,7 @@ def wall_distances(grids, particle, x, y, theta, hits, far, out):
         if 0.0 <= u < width and 0.0 <= v < height:
             cx, cy = int(u), int(v)
             word = np.uint64(nearest[tile_at(field_table, cx, cy), in_tile(cx, cy)])
-            if word != FAR:
+            if word != NO_WALL:
                 cx += offset[word, 0]
                 cy += offset[word, 1]
                 surface = surfaces[fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)]
@@ -94,7 +59,7 @@ def wall_distances(grids, particle, x, y, theta, hits, far, out):
                     length = max(np.sqrt(ex * ex + ey * ey), 1e-9)
                     across, nx, ny = length * cell, ex / length, ey / length
                 else:
-                    nx, ny = LINES[direction, 0], LINES[direction, 1]
+                    nx, ny = NORMALS[direction, 0], NORMALS[direction, 1]
                     across = (nx * ex + ny * ey) * cell
                     along = nx * ey - ny * ex
                     along = (along - min(max(along, -HALF_LENGTH), HALF_LENGTH)) * cell
@@ -114,7 +79,7 @@ def scan_cost(grids, particle, x, y, theta, hits, model, distances):
 
 
 @kernel
-def linearise(grids, particle, x, y, theta, hits, model, distances, H, g):
+def linearise_scan(grids, particle, x, y, theta, hits, model, distances, H, g):
     """Cost of a scan, its gradient g (3,) and Gauss-Newton Hessian H (3, 3) at a pose, both added to what is there.
 
     Also returns the number of end points within the outlier distance of a wall. distances (4, K) is overwritten.
@@ -168,133 +133,12 @@ def linearise(grids, particle, x, y, theta, hits, model, distances, H, g):
     return 0.5 * scale * total, near
 
 
-@inlined
-def wrapped(angle):
-    """Angle in [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
-
-
-@inlined
-def deviation(guess, x, y, theta):
-    """Pose (x, y, theta) seen from the guess (3,): along, across [m], heading [rad]."""
-    cos, sin = np.cos(guess[2]), np.sin(guess[2])
-    dx, dy = x - guess[0], y - guess[1]
-    return cos * dx + sin * dy, -sin * dx + cos * dy, wrapped(theta - guess[2])
-
-
-@inlined
-def log_components(precision, log_scale, along, across, turn):
-    """Log density of each of the two components of a motion prior, (2, 3) and (2,), at a deviation."""
-    a, c, t = along * along, across * across, turn * turn
-    return (
-        log_scale[0] - 0.5 * (precision[0, 0] * a + precision[0, 1] * c + precision[0, 2] * t),
-        log_scale[1] - 0.5 * (precision[1, 0] * a + precision[1, 1] * c + precision[1, 2] * t),
-    )
-
-
 @kernel
-def motion_cost(prior, guess, x, y, theta):
-    """-log p(x | x', u) [nats]."""
-    along, across, turn = deviation(guess, x, y, theta)
-    a, b = log_components(prior.precision, prior.log_scale, along, across, turn)
-    top = max(a, b)
-    return -top - np.log(np.exp(a - top) + np.exp(b - top))
+def score_poses(start, stop, grids, poses, hits, model, out):
+    """Log-likelihood out (poses,) [nats, up to a constant] of a scan at poses [start, stop) of (poses, 3).
 
-
-@kernel
-def linearise_motion(prior, guess, x, y, theta, H, g):
-    """Cost of the motion prior; adds its gradient to g (3,) and its Hessian to H (3, 3).
-
-    The Hessian is that of the Gaussians with their shares at this pose held fixed (one step of expectation
-    maximisation), so it is always positive definite.
+    All poses use the map of particle 0.  hits (K, 2) end points in the robot's frame [m];  model: `BeamModel`
     """
-    along, across, turn = deviation(guess, x, y, theta)
-    a, b = log_components(prior.precision, prior.log_scale, along, across, turn)
-    top = max(a, b)
-    cost = -top - np.log(np.exp(a - top) + np.exp(b - top))
-    first, second = np.exp(a + cost), np.exp(b + cost)
-    pa = first * prior.precision[0, 0] + second * prior.precision[1, 0]
-    pc = first * prior.precision[0, 1] + second * prior.precision[1, 1]
-    pt = first * prior.precision[0, 2] + second * prior.precision[1, 2]
-    cos, sin = np.cos(guess[2]), np.sin(guess[2])
-    H[0, 0] += pa * cos * cos + pc * sin * sin
-    H[1, 1] += pa * sin * sin + pc * cos * cos
-    H[0, 1] += (pa - pc) * cos * sin
-    H[1, 0] += (pa - pc) * cos * sin
-    H[2, 2] += pt
-    g[0] += pa * along * cos - pc * across * sin
-    g[1] += pa * along * sin + pc * across * cos
-    g[2] += pt * turn
-    return cost
-
-
-@kernel
-def cholesky(A, L):
-    """Lower Cholesky factor L of a symmetric 3 x 3 matrix; returns False where A is not positive definite."""
-    for i in range(3):
-        for j in range(i + 1):
-            total = A[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                if not total > 0.0:
-                    return False
-                L[i, i] = np.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
-        for j in range(i + 1, 3):
-            L[i, j] = 0.0
-    return True
-
-
-@kernel
-def solve(L, x):
-    """Solve L L^T y = x; y is written over x (3,)."""
-    for i in range(3):
-        for k in range(i):
-            x[i] -= L[i, k] * x[k]
-        x[i] /= L[i, i]
-    for i in range(2, -1, -1):
-        for k in range(i + 1, 3):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]
-
-
-@kernel
-def descend(grids, particle, guess, start, evidence, iterations, pose, L):
-    """Local minimum of the cost from `start` (3,) by Gauss-Newton with step halving.
-
-    The last step, of less than a millimetre, is taken unseen, and the cost after it is that of the quadratic form.
-    pose (3,) out: the optimum;  L (3, 3) out: Cholesky factor of the Hessian before the last step
-    Returns the cost and the number of end points near a wall.
-    """
-    hits, model, prior = evidence
-    H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
     distances = np.empty((4, hits.shape[0]))
-    x, y, theta = start[0], start[1], start[2]
-    best = np.inf
-    best_near = 0
-    for _ in range(iterations):
-        H[:] = 0.0
-        g[:] = 0.0
-        cost = linearise_motion(prior, guess, x, y, theta, H, g)
-        scan, near = linearise(grids, particle, x, y, theta, hits, model, distances, H, g)
-        cost += scan
-        improved = cost < best - 1e-6
-        if improved:
-            best, best_near = cost, near
-            pose[0], pose[1], pose[2] = x, y, theta
-            if not cholesky(H, L):
-                break
-            step[:] = g
-            solve(L, step)
-        else:
-            step *= 0.5
-        if abs(step[0]) < 1e-3 and abs(step[1]) < 1e-3 and abs(step[2]) < 5e-4:
-            if improved:
-                for a in range(3):
-                    pose[a] -= step[a]
-                    best -= 0.5 * g[a] * step[a]
-            break
-        x, y, theta = pose[0] - step[0], pose[1] - step[1], pose[2] - step[2]
-    return best, best_near
+    for i in range(start, stop):
+        out[i] = -scan_cost(grids, 0, poses[i, 0], poses[i, 1], poses[i, 2], hits, model, distances)

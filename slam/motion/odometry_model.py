@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""The motion model p(x | x', u) of an odometry that is good most of the time."""
+"""The motion model p(x | x', u) of an odometry that is right most of the time, and fails now and then."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from slam.config.filter import MotionConfig
-from slam.matching._likelihood_kernels import MotionPrior
-from slam.se2 import Pose
+from slam import se2
+from slam.config import MotionConfig
 
 
-def checked_odometry(odometry: ArrayLike, twist: ArrayLike | None) -> Pose:
-    """The odometry (3,) as an array; ValueError where it or the twist (3,) is not three finite numbers."""
-    now = np.asarray(odometry, dtype=np.float64)
-    if twist is not None and not np.all(np.isfinite(twist)):
-        raise ValueError(f"twist must be three finite numbers (vx, vy, omega), got {twist}")
-    if now.shape != (3,) or not np.all(np.isfinite(now)):
-        raise ValueError(f"odometry must be three finite numbers (x, y, theta), got {now.tolist()}")
-    return now
+class MotionPrior(NamedTuple):
+    """p(x | x', u) about the predicted pose: a mixture of two zero-mean Gaussians in the predicted robot's frame."""
+
+    precision: NDArray[np.float64]
+    """1 / variance along, across [1/m^2] and in heading [1/rad^2], (2, 3): odometry good, odometry failed."""
+    log_scale: NDArray[np.float64]
+    """Log of share times the Gaussian's normalisation, (2,)."""
 
 
 def motion_prior(motion: ArrayLike, config: MotionConfig) -> MotionPrior:
@@ -49,3 +49,11 @@ def motion_prior(motion: ArrayLike, config: MotionConfig) -> MotionPrior:
         log_share = np.log([1.0 - config.failure_share, config.failure_share])
     log_scale = log_share - np.log(sigma).sum(axis=-1) - 1.5 * np.log(2.0 * np.pi)
     return MotionPrior(precision=sigma**-2.0, log_scale=log_scale)
+
+
+def sample_motion(poses: se2.Pose, motion: ArrayLike, config: MotionConfig, rng: np.random.Generator) -> se2.Pose:
+    """Poses (n, 3) after a displacement (3,), each with an error drawn from the motion model."""
+    n, sigma = len(poses), motion_prior(motion, config).precision ** -0.5
+    failed = rng.uniform(size=n) < config.failure_share
+    error = rng.standard_normal((n, 3)) * sigma[failed.astype(np.int64)]
+    return se2.compose(se2.compose(poses, motion), error)

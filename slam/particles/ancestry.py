@@ -40,8 +40,8 @@ class Ancestry:
         self._used += n
         self.generations += 1
 
-    def descend(self, ancestors: NDArray[np.int64]) -> None:
-        """Let particle i go on with the history of particle `ancestors[i]`; any number of heirs, (heirs,)."""
+    def inherit(self, ancestors: NDArray[np.int64]) -> None:
+        """Let particle i continue the history of particle `ancestors[i]`; any number of offspring, (offspring,)."""
         if self.coalesced:
             self._founders = np.arange(len(self._leaves))
         self._leaves = self._leaves[ancestors]

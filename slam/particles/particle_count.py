@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How many particles the filter goes on with: a rule on the belief of the pose, apart from the resampling itself."""
+"""How many particles the filter continues with: a rule on the belief of the pose, separate from resampling itself."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.config.filter import AdaptConfig
+from slam.config import AdaptConfig
 from slam.particles.kld import particles_needed
 
 
@@ -25,11 +25,13 @@ def bins_covered(covariance: NDArray[np.float64], position: float, heading: floa
 
 
 def next_count(present: int, covariance: NDArray[np.float64], config: AdaptConfig) -> int:
-    """Number of particles to go on with, from `present` ones and the covariance (3, 3) of the pose in the map's frame;
-    `present` itself unless another number is wanted by the factor `AdaptConfig.change`."""
+    """Number of particles to continue with; `present` unless the wanted number differs by `AdaptConfig.resize_factor`.
+
+    covariance (3, 3) of the pose in the map's frame
+    """
     if config.count == "fixed":
         return present
     bins = bins_covered(covariance, config.position, config.heading)
     needed = math.ceil(particles_needed(bins, error=config.error, quantile=config.quantile))
-    wanted = min(max(needed, config.least), config.most)
-    return present if max(wanted, present) < config.change * min(wanted, present) else wanted
+    wanted = min(max(needed, config.min_particles), config.max_particles)
+    return present if max(wanted, present) < config.resize_factor * min(wanted, present) else wanted

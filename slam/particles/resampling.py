@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.config import ResampleConfig
+
 BELOW_ONE = np.nextafter(1.0, 0.0)
 
 
@@ -53,3 +55,8 @@ def residual(weights: NDArray[np.float64], rng: np.random.Generator, count: int 
 
 
 SCHEMES = {"systematic": systematic, "stratified": stratified, "multinomial": multinomial, "residual": residual}
+
+
+def resampling_is_due(policy: ResampleConfig, ess: float, particles: int) -> bool:
+    """Whether that many particles of this effective sample size are to be resampled (T-RO 2007, section III-B)."""
+    return policy.when == "always" or (policy.when == "ess" and ess < policy.threshold * particles)

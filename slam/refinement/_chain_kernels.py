@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from slam._jit import kernel
-from slam.matching._likelihood_kernels import cholesky, deviation, log_components, solve
+from slam._planar_kernels import cholesky, deviation, solve
+from slam.motion._odometry_model_kernels import log_components
 
 
 @kernel

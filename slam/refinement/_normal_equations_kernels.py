@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
-"""Compiled parts of the adjustment: end points matched to surfels, and the equations of all poses without surfels.
+"""Compiled normal equations: end points matched to surfels, and the equations of all poses, surfels eliminated.
 
 A surfel e is a line with a fixed normal n_e and a free offset o_e along it. With the weights w_i of its end points p_i
 the cost 1/2 sum_i w_i (n_e . p_i - o_e)^2 has its minimum at the weighted mean, so the offsets can be eliminated from
@@ -20,11 +20,15 @@ from numpy.typing import NDArray
 
 from slam._jit import kernel
 
-LEAST_COSINE = 0.05
-"""Least cosine of the angle of incidence with which a surfel can have been seen."""
-PARALLEL = 0.9
-"""Least cosine of the angle between a surfel and the line through the end points about one that belongs to it: what
-stands before a wall, or about a corner, does not."""
+MIN_COSINE = 0.05
+"""A surfel can have been seen where the cosine of the angle of incidence is at least this."""
+MIN_PARALLEL_COSINE = 0.9
+"""An end point belongs to a surfel where the cosine between it and the line through the neighbouring end points is at
+least this: what stands before a wall or around a corner does not."""
+GATE_SIGMAS = 3.0
+"""End points belong to a surfel up to the gate plus this many standard deviations of the noise: 99.7 % of them."""
+CENTRE_PREFERENCE = 1e-4
+"""Breaks ties between surfels: at equal distance the nearest centre wins; too small to decide otherwise."""
 
 
 class Matches(NamedTuple):
@@ -33,7 +37,7 @@ class Matches(NamedTuple):
     surfel: NDArray[np.int32]
     """Its number, (n,); -1 = none."""
     across: NDArray[np.float64]
-    """Distance of the end point along the normal [m], (n,): from its surfel's place, after `weigh_points` from the
+    """Distance of the end point along the normal [m], (n,): from its surfel, after `weigh_points` from the
     weighted mean of its surfel's end points."""
     variance: NDArray[np.float64]
     """Variance of that distance [m^2], (n,)."""
@@ -41,17 +45,17 @@ class Matches(NamedTuple):
     """Weight in the equations [1/m^2], (n,); 0 where there is no surfel."""
 
 
-class Sights(NamedTuple):
-    """Each surfel as each scan sees it: the 3-vectors B, those of scan i from first[i] to first[i + 1]."""
+class SurfelObservations(NamedTuple):
+    """How each scan observes each surfel: the 3-vectors B, those of scan i from first[i] to first[i + 1]."""
 
     first: NDArray[np.int64]
     """(scans + 1,)."""
     surfel: NDArray[np.int32]
-    """(sights,)."""
+    """Number of the surfel, (observations,)."""
     weight: NDArray[np.float64]
-    """Sum of the weights of the end points [1/m^2], (sights,)."""
-    lever: NDArray[np.float64]
-    """Sum of the weights times the derivatives of n . p by the heading [1/m], (sights,)."""
+    """Sum of the weights of the end points [1/m^2], (observations,)."""
+    heading_jacobian: NDArray[np.float64]
+    """Sum of the weights times the derivatives of n . p by the heading [1/m], (observations,)."""
 
 
 @kernel
@@ -62,14 +66,16 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
     about it, on a piece of wall `spacing` [m] long to both sides, no farther across than `gate` [m] plus three standard
     deviations of the noise, as far as the surfel is listed for the point's cell.
     """
-    points, views = placed.points, placed.views
-    place, normal, _, lines, first, items = surfels
+    points, view_directions = placed.points, placed.view_directions
+    point, normal, _, lines, first, items = surfels
     for i in range(start, stop):
         matches.surfel[i] = -1
         matches.weight[i] = 0.0
         nearest = np.inf
         cell = cell_of[i]
-        ahead = lines.normal[cell, 0, 0] * views[i, 0] + lines.normal[cell, 0, 1] * views[i, 1] >= 0.0
+        ahead = (
+            lines.normal[cell, 0, 0] * view_directions[i, 0] + lines.normal[cell, 0, 1] * view_directions[i, 1] >= 0.0
+        )
         side = 0 if lines.weight[cell, 0] > 0.0 and ahead else 1
         if not lines.weight[cell, side] > 0.0:
             continue
@@ -78,16 +84,16 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
         for k in range(first[cell_of[i]], first[cell_of[i] + 1]):
             e = items[k]
             nx, ny = normal[e, 0], normal[e, 1]
-            cosine = nx * views[i, 0] + ny * views[i, 1]
-            if cosine < LEAST_COSINE or ax * nx + ay * ny < PARALLEL:
+            cosine = nx * view_directions[i, 0] + ny * view_directions[i, 1]
+            if cosine < MIN_COSINE or ax * nx + ay * ny < MIN_PARALLEL_COSINE:
                 continue
-            dx, dy = points[i, 0] - place[e, 0], points[i, 1] - place[e, 1]
+            dx, dy = points[i, 0] - point[e, 0], points[i, 1] - point[e, 1]
             across, along = nx * dx + ny * dy, abs(nx * dy - ny * dx)
             variance = noise.floor2 + spread * cosine * cosine
-            if along > spacing or abs(across) > gate + 3.0 * np.sqrt(variance):
+            if along > spacing or abs(across) > gate + GATE_SIGMAS * np.sqrt(variance):
                 continue
             beyond = max(along - 0.5 * spacing, 0.0)
-            distance = across * across + beyond * beyond + 1e-4 * along * along  # of equals the one in the middle
+            distance = across * across + beyond * beyond + CENTRE_PREFERENCE * along * along
             if distance < nearest:
                 nearest = distance
                 matches.surfel[i], matches.across[i], matches.variance[i] = e, across, variance
@@ -108,7 +114,7 @@ def weigh_points(matches, each, gate, total):
         for i in range(surfel.shape[0]):
             e = surfel[i]
             if e >= 0:
-                bound = gate + 3.0 * np.sqrt(variance[i])
+                bound = gate + GATE_SIGMAS * np.sqrt(variance[i])
                 rho = 1.0 / (1.0 + across[i] * across[i] / (bound * bound))
                 weight[i] = each * rho * rho / variance[i]
                 total[e] += weight[i]
@@ -119,13 +125,13 @@ def weigh_points(matches, each, gate, total):
 
 
 @kernel
-def collect(start, stop, poses, points, matches, normal, diagonal, gradient, sights, count):
+def collect(start, stop, poses, points, matches, normal, diagonal, gradient, observations, count):
     """Equations of the scans [start, stop): diagonal (scans, 3, 3) and gradient (scans, 3) are added to.
 
-    sights out: arrays as long as the cloud, those of scan i from first[i] on, where its end points begin too
+    observations out: arrays as long as the cloud, those of scan i from first[i] on, where its end points begin too
     count (scans,) out: how many these are
     """
-    first = sights.first
+    first = observations.first
     row_of = np.full(normal.shape[0], -1, np.int64)
     for scan in range(start, stop):
         H, g, begin = diagonal[scan], gradient[scan], first[scan]
@@ -149,23 +155,25 @@ def collect(start, stop, poses, points, matches, normal, diagonal, gradient, sig
             row = row_of[e]
             if row < begin:  # of an earlier scan, or none
                 row_of[e] = row = end
-                sights.surfel[row], sights.weight[row], sights.lever[row] = e, 0.0, 0.0
+                observations.surfel[row], observations.weight[row], observations.heading_jacobian[row] = e, 0.0, 0.0
                 end += 1
-            sights.weight[row] += w
-            sights.lever[row] += w * nt
+            observations.weight[row] += w
+            observations.heading_jacobian[row] += w * nt
         H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
         count[scan] = end - begin
 
 
 @kernel
-def subtract_surfels(sights, normal, total, x, out):
-    """out (scans, 3) -= B W^-1 B^T x: what the surfels' following takes off; x (scans, 3), total (surfels,) = W."""
-    first, surfel, weight, lever = sights
+def subtract_schur_complement(observations, normal, total, x, out):
+    """Subtract B W^-1 B^T x from out (scans, 3): the surfels follow the poses; x (scans, 3), total (surfels,) = W."""
+    first, surfel, weight, heading_jacobian = observations
     follows = np.zeros(total.shape[0])
     for scan in range(x.shape[0]):
         for k in range(first[scan], first[scan + 1]):
             e = surfel[k]
-            follows[e] += weight[k] * (normal[e, 0] * x[scan, 0] + normal[e, 1] * x[scan, 1]) + lever[k] * x[scan, 2]
+            follows[e] += (
+                weight[k] * (normal[e, 0] * x[scan, 0] + normal[e, 1] * x[scan, 1]) + heading_jacobian[k] * x[scan, 2]
+            )
     for e in range(total.shape[0]):
         follows[e] = follows[e] / total[e] if total[e] > 0.0 else 0.0
     for scan in range(x.shape[0]):
@@ -174,7 +182,7 @@ def subtract_surfels(sights, normal, total, x, out):
             e = surfel[k]
             a += weight[k] * normal[e, 0] * follows[e]
             b += weight[k] * normal[e, 1] * follows[e]
-            c += lever[k] * follows[e]
+            c += heading_jacobian[k] * follows[e]
         out[scan, 0] -= a
         out[scan, 1] -= b
         out[scan, 2] -= c

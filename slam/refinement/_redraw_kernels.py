@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 
 from slam._jit import kernel
-from slam.refinement._normal_equations_kernels import LEAST_COSINE
-from slam.refinement._surfel_kernels import cell_at
+from slam.refinement._cell_index_kernels import cell_at
+from slam.refinement._normal_equations_kernels import MIN_COSINE
 
-SIGMAS = 4.0
+SNAP_SIGMAS = 4.0
 """How many standard deviations of the noise an end point may lie from its wall: of many thousands some lie far off, and
 one that is left behind the wall opens it."""
 
@@ -21,31 +21,31 @@ def move_onto_walls(start, stop, placed, ranges, cells, surfels, noise, spacing,
 
     cells: those in which the surfels were found. An end point belongs to the most probable of the surfels that face
     where it was seen from, on a piece of wall `spacing` [m] long to both sides, no farther across than `gate` [m] plus
-    `SIGMAS` standard deviations of the noise. A surfel is the more probable the more has been seen of it: readings that
-    are too long, and form something like a line behind a wall, come to the wall.
+    `SNAP_SIGMAS` standard deviations of the noise. A surfel that many readings have seen is more
+    probable: readings that are too long, and form a line of their own behind a wall, come to the wall.
     """
-    points, views = placed.points, placed.views
-    place, normal, seen, first, items = surfels.place, surfels.normal, surfels.weight, surfels.first, surfels.items
+    points, view_directions = placed.points, placed.view_directions
+    point, normal, seen, first, items = surfels.point, surfels.normal, surfels.weight, surfels.first, surfels.items
     for i in range(start, stop):
         x, y = points[i, 0], points[i, 1]
         cx, cy = np.floor((x - cells.corner[0]) / cells.side), np.floor((y - cells.corner[1]) / cells.side)
-        cell = cell_at(cells.tiles, cells.numbers, int(cx), int(cy))
+        cell = cell_at(cells.tiles, cells.indices, int(cx), int(cy))
         if cell < 0:
             continue
         spread, most, to_x, to_y = noise.share2 * ranges[i] * ranges[i], 0.0, 0.0, 0.0
         for k in range(first[cell], first[cell + 1]):
             e = items[k]
             nx, ny = normal[e, 0], normal[e, 1]
-            cosine = nx * views[i, 0] + ny * views[i, 1]
-            dx, dy = x - place[e, 0], y - place[e, 1]
+            cosine = nx * view_directions[i, 0] + ny * view_directions[i, 1]
+            dx, dy = x - point[e, 0], y - point[e, 1]
             across = nx * dx + ny * dy
             variance = noise.floor2 + spread * cosine * cosine
-            bound = gate + SIGMAS * np.sqrt(variance)
-            if cosine < LEAST_COSINE or abs(nx * dy - ny * dx) > spacing or abs(across) > bound:
+            bound = gate + SNAP_SIGMAS * np.sqrt(variance)
+            if cosine < MIN_COSINE or abs(nx * dy - ny * dx) > spacing or abs(across) > bound:
                 continue
             probability = seen[e] * np.exp(-0.5 * across * across / variance)
             if probability > most:
                 most = probability
-                to_x = (noise.floor2 * nx + spread * cosine * views[i, 0]) * across / variance + depth * nx
-                to_y = (noise.floor2 * ny + spread * cosine * views[i, 1]) * across / variance + depth * ny
+                to_x = (noise.floor2 * nx + spread * cosine * view_directions[i, 0]) * across / variance + depth * nx
+                to_y = (noise.floor2 * ny + spread * cosine * view_directions[i, 1]) * across / variance + depth * ny
         points[i, 0], points[i, 1] = x - to_x, y - to_y

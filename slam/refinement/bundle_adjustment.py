@@ -11,41 +11,51 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._threads import Threads
-from slam.config.filter import RefineConfig
+from slam.config import RefineConfig
 from slam.motion.odometry_model import motion_prior
 from slam.refinement._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
 from slam.refinement._normal_equations_kernels import (
+    GATE_SIGMAS,
     Matches,
-    Sights,
+    SurfelObservations,
     collect,
     dot,
     match_points,
-    subtract_surfels,
+    subtract_schur_complement,
     weigh_points,
 )
-from slam.refinement._surfel_kernels import Cells, Cloud, Placed
-from slam.refinement.surfels import Surfels, cells_of, find_surfels, noise_of, placed
+from slam.refinement.surfels import (
+    Cells,
+    Cloud,
+    PlacedCloud,
+    Surfels,
+    find_surfels,
+    make_cells,
+    make_noise,
+    transform_cloud,
+)
 
 GAUGE = 1e-2
-"""Precision of the first pose [1/m^2, 1/rad^2]: nothing else ties the whole to the frame. Weak, so that it costs no
-iterations: who needs the first pose where it was moves the whole back."""
+"""Precision of the first pose [1/m^2, 1/rad^2], which alone ties the trajectory to the frame. It is weak, so that it
+costs no iterations; callers that need the first pose unchanged transform the result afterwards."""
 TOLERANCE = 1e-8
 """The equations count as solved where the residual, in the norm of the preconditioner, has fallen by this factor;
 that norm hardly notices bends of the whole, so it has to be small."""
 MAX_ITERATIONS = 500
-"""Of conjugate gradients in one step; the next step goes on from there."""
+"""Largest number of iterations of conjugate gradients in one step; the next step continues from there."""
 
 
 class ScanEquations(NamedTuple):
-    """What the scans say of their poses, the surfels' offsets eliminated."""
+    """The scans' part of the equations of their poses, the surfels' offsets eliminated."""
 
     diagonal: NDArray[np.float64]
-    """(scans, 3, 3)."""
+    """Diagonal blocks, (scans, 3, 3)."""
     gradient: NDArray[np.float64]
-    """(scans, 3)."""
-    sights: Sights
+    """Gradient, (scans, 3)."""
+    observations: SurfelObservations
+    """The blocks between scans and surfels."""
     normal: NDArray[np.float64]
-    """Of the surfels, (surfels, 2)."""
+    """Normals of the surfels, (surfels, 2)."""
     total: NDArray[np.float64]
     """Sums of the weights of the surfels' end points [1/m^2], (surfels,)."""
 
@@ -74,7 +84,9 @@ class Adjustment:
         def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
             out, followed = np.empty_like(x), np.zeros((len(k), 3))
             multiply_chain(diagonal, coupling, x, out)
-            subtract_surfels(scans.sights, scans.normal, scans.total, np.ascontiguousarray(x[k]), followed)
+            subtract_schur_complement(
+                scans.observations, scans.normal, scans.total, np.ascontiguousarray(x[k]), followed
+            )
             out[k] += followed
             return out
 
@@ -90,23 +102,23 @@ class Adjustment:
         return -conjugate_gradients(product, precondition, gradient)
 
     def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
-        """Find the surfels at poses (scans, 3) and set up what the scans say."""
+        """Find the surfels at poses (scans, 3) and set up the scans' part of the equations."""
         cloud, config, threads = self.cloud, self.config, self.threads
-        n, noise = len(cloud.ends), noise_of(config)
-        there = placed(cloud, poses, threads)
-        _, cell_of, surfels = self.walls(there, config.spacing + gate + 3.0 * config.hit_sigma)
+        n, noise = len(cloud.ends), make_noise(config)
+        there = transform_cloud(cloud, poses, threads)
+        _, cell_of, surfels = self.walls(there, config.spacing + gate + GATE_SIGMAS * config.hit_sigma)
         matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
         match = there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches
         threads.run(match_points, n, *match)
-        total = np.empty(len(surfels.place))
+        total = np.empty(len(surfels.point))
         weigh_points(matches, cloud.each, gate, total)
         return self._collect(poses, there.points, matches, surfels.normal, total)
 
-    def walls(self, there: Placed, reach: float) -> tuple[Cells, NDArray[np.int32], Surfels]:
+    def walls(self, there: PlacedCloud, reach: float) -> tuple[Cells, NDArray[np.int32], Surfels]:
         """Cells of the cloud that lies `there`, the cell of each end point (n,), and the surfels, listed for the
         cells within `reach` [m]."""
         config = self.config
-        cells, cell_of = cells_of(there.points, config.cell)
+        cells, cell_of = make_cells(there.points, config.cell)
         return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, reach, self.threads)
 
     def _collect(
@@ -120,13 +132,13 @@ class Adjustment:
         """The equations from points (n, 2) in the map's frame and their surfels; total (surfels,): sums of weights."""
         first, scans, n = self.cloud.first, len(poses), len(points)
         diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-        rows = Sights(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+        rows = SurfelObservations(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
         self.threads.run(collect, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
         hits = np.diff(first)
         used = np.arange(n) - np.repeat(first[:-1], hits) < np.repeat(count, hits)
         begins = np.concatenate([[0], np.cumsum(count)])
-        sights = Sights(begins, rows.surfel[used], rows.weight[used], rows.lever[used])
-        return ScanEquations(diagonal, gradient, sights, normal, total)
+        observations = SurfelObservations(begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used])
+        return ScanEquations(diagonal, gradient, observations, normal, total)
 
 
 def conjugate_gradients(

@@ -21,30 +21,33 @@ import numpy as np
 
 from slam import se2
 from slam._threads import Threads
-from slam.config.filter import FilterConfig, RefineConfig
-from slam.grid._traversal_kernels import Rays
+from slam.config import FilterConfig, RefineConfig
 from slam.grid.particle_maps import ParticleMaps
 from slam.occupancy import OccupancyGrid
-from slam.refinement._redraw_kernels import SIGMAS, move_onto_walls
-from slam.refinement._surfel_kernels import Cells
-from slam.refinement.surfels import Surfels, cloud_of, noise_of, placed
+from slam.refinement._redraw_kernels import SNAP_SIGMAS, move_onto_walls
+from slam.refinement.surfels import Cells, Surfels, make_cloud, make_noise, transform_cloud
+from slam.sensor.rays import Rays
 
 DEPTH = 0.1
 """How far end points are put into their wall, in cells: they lie on its face, and where that is the border of two
 cells, the one behind is solid."""
-FAR = 10.0
-"""Up to this range [m] an end point finds its wall wherever the noise may have put it; beyond, where it is near."""
+NOISE_RANGE_LIMIT = 10.0
+"""Up to this range [m] an end point finds its wall wherever noise may have put it; beyond, only a near wall."""
 BATCH = 512
 """Scans whose end points are moved at once: enough to keep the threads busy, and little memory."""
 
 
-def reach_of(config: RefineConfig) -> float:
-    """How far from the place of its surfel an end point may lie [m]."""
-    noise = noise_of(config)
-    return config.spacing + config.last_gate + SIGMAS * float(np.sqrt(noise.floor2 + noise.share2 * FAR**2))
+def max_snap_distance(config: RefineConfig) -> float:
+    """Largest distance of an end point from the point of its surfel [m]."""
+    noise = make_noise(config)
+    return (
+        config.spacing
+        + config.last_gate
+        + SNAP_SIGMAS * float(np.sqrt(noise.floor2 + noise.share2 * NOISE_RANGE_LIMIT**2))
+    )
 
 
-def draw_map(
+def redraw_map(
     poses: se2.Pose,
     rays: Mapping[int, Rays],
     walls: tuple[Cells, Surfels],
@@ -59,20 +62,20 @@ def draw_map(
     frames = list(rays)
     for begin in range(0, len(frames), BATCH):
         batch = frames[begin : begin + BATCH]
-        moved = on_walls([rays[i] for i in batch], poses[batch], walls, config, threads)
+        moved = snap_to_walls([rays[i] for i in batch], poses[batch], walls, config, threads)
         for frame, ray in zip(batch, moved, strict=True):
-            maps.register(poses[frame : frame + 1], ray)
+            maps.integrate_scan(poses[frame : frame + 1], ray)
     return maps.occupancy(0)
 
 
-def on_walls(
+def snap_to_walls(
     rays: Sequence[Rays], poses: se2.Pose, walls: tuple[Cells, Surfels], config: FilterConfig, threads: Threads
 ) -> list[Rays]:
     """Rays of scans at poses (scans, 3), the end points of hits moved onto the walls that they belong to."""
     cells, surfels = walls
-    cloud, settings = cloud_of(rays, most=sys.maxsize), config.refine
-    there = placed(cloud, poses, threads)
-    belongs = noise_of(settings), settings.spacing, settings.last_gate
+    cloud, settings = make_cloud(rays, max_points=sys.maxsize), config.refine
+    there = transform_cloud(cloud, poses, threads)
+    belongs = make_noise(settings), settings.spacing, settings.last_gate
     depth = DEPTH * config.map.cell
     threads.run(move_onto_walls, len(cloud.ends), there, cloud.ranges, cells, surfels, *belongs, depth)
     moved = []

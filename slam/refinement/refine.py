@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._threads import Threads
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from slam.occupancy import OccupancyGrid
 from slam.refinement.bundle_adjustment import Adjustment
-from slam.refinement.redraw_map import draw_map, reach_of
-from slam.refinement.surfels import cloud_of, placed
+from slam.refinement.redraw_map import max_snap_distance, redraw_map
+from slam.refinement.surfels import make_cloud, transform_cloud
 from slam.scan import Scan
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import make_rays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +67,7 @@ def refine(
     if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
         raise ValueError("odometry and initial must be finite")
     rays = {
-        i: rays_of(
+        i: make_rays(
             [scan],
             usable_range=config.map.usable_range,
             free_range=config.map.free_range,
@@ -80,7 +80,7 @@ def refine(
     if not seen:
         raise ValueError("no frame has a scan with a hit: nothing to refine")
     workers, settings = Threads(threads), config.refine
-    cloud = cloud_of(list(seen.values()), settings.most_points)
+    cloud = make_cloud(list(seen.values()), settings.max_points)
     adjustment = Adjustment(odometry, cloud, np.fromiter(seen, np.int64), settings, workers)
     poses = np.array(initial, dtype=np.float64)
     for passed in range(settings.rounds):
@@ -88,5 +88,7 @@ def refine(
         poses[:, 2] = se2.wrap_angle(poses[:, 2])
     # The first pose defines the frame, but it errs as any other: it moves with them, then the whole is moved back.
     poses = se2.compose(se2.compose(initial[0], se2.inverse(poses[0])), poses)
-    cells, _, surfels = adjustment.walls(placed(cloud, poses[adjustment.with_scan], workers), reach_of(settings))
-    return Refined(poses=poses, map=draw_map(poses, rays, (cells, surfels), config, workers))
+    cells, _, surfels = adjustment.walls(
+        transform_cloud(cloud, poses[adjustment.with_scan], workers), max_snap_distance(settings)
+    )
+    return Refined(poses=poses, map=redraw_map(poses, rays, (cells, surfels), config, workers))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Surfels: short pieces of wall, each with the side that it was seen from, found in the end points of all scans.
 
-Where many end points lie, a line is fitted to those in a window, short ranges with more weight than long ones;
-the two faces of a thin wall are told apart by where they were seen from. The best lines, at least `spacing` apart,
+Where many end points lie, a line is fitted to those in a window, short ranges with more weight than long ones; the two
+faces of a thin wall are distinguished by the side that they were seen from. The best lines, at least `spacing` apart,
 are the surfels (after Bosse and Zlot, ICRA 2009, who match such elements of several sweeps).
 """
 
@@ -16,49 +16,94 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._threads import Threads
-from slam.config.filter import RefineConfig
+from slam.config import RefineConfig
 from slam.grid._tile_kernels import SIDE
-from slam.grid._traversal_kernels import Rays
-from slam.refinement._surfel_kernels import (
-    Cells,
-    Cloud,
-    Lines,
-    Noise,
-    Placed,
-    add_moments,
-    choose,
-    fit_lines,
-    fit_normals,
-    list_candidates,
-    list_places,
-    mark_cells,
-    mark_tiles,
-    place_cloud,
-)
+from slam.refinement._cell_index_kernels import list_candidates, list_coordinates, mark_cells, mark_tiles
+from slam.refinement._line_fit_kernels import add_moments, choose, fit_lines, fit_normals, place_cloud
+from slam.sensor.rays import Rays
+
+
+class Cloud(NamedTuple):
+    """End points of all scans, those of scan i from first[i] to first[i + 1]."""
+
+    ends: NDArray[np.float64]
+    """End points in the robot's frame [m], (n, 2)."""
+    origins: NDArray[np.float64]
+    """Where their beams start, in the robot's frame [m], (n, 2)."""
+    ranges: NDArray[np.float64]
+    """Lengths of the beams [m], (n,)."""
+    first: NDArray[np.int64]
+    """(scans + 1,)."""
+    each: float
+    """How many hits each end point stands for."""
+
+
+class PlacedCloud(NamedTuple):
+    """The cloud in the map's frame."""
+
+    points: NDArray[np.float64]
+    """End points [m], (n, 2)."""
+    view_directions: NDArray[np.float64]
+    """Unit vectors from the end points to where they were seen from, (n, 2)."""
+
+
+class Noise(NamedTuple):
+    """Spread of end points about a wall."""
+
+    floor2: float
+    """Variance that is there at any distance [m^2]."""
+    share2: float
+    """Variance along the beam as a share of the squared range."""
+
+
+class Cells(NamedTuple):
+    """The cells in which end points lie."""
+
+    tiles: NDArray[np.int32]
+    """Number of the tile at (row, column) of tiles, (rows, columns); -1 = none."""
+    indices: NDArray[np.int32]
+    """Index of each cell of the tiles, (tiles, SIDE * SIDE); -1 = no end point there."""
+    coordinates: NDArray[np.int32]
+    """Column and row of each cell, (cells, 2)."""
+    corner: NDArray[np.float64]
+    """Position of the corner of cell (0, 0) [m], (2,)."""
+    side: float
+    """Side of a cell [m]."""
+
+
+class Lines(NamedTuple):
+    """Lines through the end points around each cell: those seen from one side (0) and those seen from the other (1)."""
+
+    weight: NDArray[np.float64]
+    """Sum of the weights, (cells, 2); 0 where the end points form no line."""
+    point: NDArray[np.float64]
+    """The point of the line that is nearest to the cell's centre [m], (cells, 2, 2)."""
+    normal: NDArray[np.float64]
+    """Unit normal towards where the end points were seen from, (cells, 2, 2)."""
 
 
 class Surfels(NamedTuple):
-    """Pieces of wall, and what it takes to find that of an end point."""
+    """Pieces of wall, and an index that finds the one of an end point."""
 
-    place: NDArray[np.float64]
+    point: NDArray[np.float64]
     """A point on each [m], map frame, (surfels, 2)."""
     normal: NDArray[np.float64]
     """Unit normal towards where it was seen from, (surfels, 2)."""
     weight: NDArray[np.float64]
-    """Sum of the weights of the end points [1/m^2] of the line that each was made of, (surfels,)."""
+    """Sum of the weights of the end points on the line that each was made from [1/m^2], (surfels,)."""
     lines: Lines
-    """The lines through the end points about each cell, among which they were chosen."""
+    """Lines through the end points around each cell, among which the surfels were chosen."""
     first: NDArray[np.int64]
     """Surfels within reach of cell i are items[first[i] : first[i + 1]], (cells + 1,)."""
     items: NDArray[np.int32]
     """Numbers of surfels."""
 
 
-def cloud_of(rays: Sequence[Rays], most: int) -> Cloud:
-    """The hits of all scans; where there are more than `most`, each k-th one of all, which stands for k."""
+def make_cloud(rays: Sequence[Rays], max_points: int) -> Cloud:
+    """The hits of all scans. With more than `max_points` hits, every k-th one is kept and gets weight k."""
     hits = [np.flatnonzero(ray.hit) for ray in rays]
     begins = np.concatenate([[0], np.cumsum([len(hit) for hit in hits])])
-    each = max(-(-int(begins[-1]) // most), 1)
+    each = max(-(-int(begins[-1]) // max_points), 1)
     kept = [hit[-begin % each :: each] for hit, begin in zip(hits, begins, strict=False)]
     ends = np.concatenate([ray.ends[hit] for ray, hit in zip(rays, kept, strict=True)])
     origins = np.concatenate([ray.origins[hit] for ray, hit in zip(rays, kept, strict=True)])
@@ -66,32 +111,32 @@ def cloud_of(rays: Sequence[Rays], most: int) -> Cloud:
     return Cloud(ends, origins, np.hypot(*(ends - origins).T), first, float(each))
 
 
-def noise_of(config: RefineConfig) -> Noise:
-    """Spread of end points about a wall."""
+def make_noise(config: RefineConfig) -> Noise:
+    """Noise of end points about a wall, from the settings."""
     return Noise(config.hit_sigma**2, config.range_share**2)
 
 
-def placed(cloud: Cloud, poses: se2.Pose, threads: Threads) -> Placed:
-    """The cloud in the map's frame; poses (scans, 3)."""
-    out = Placed(np.empty_like(cloud.ends), np.empty_like(cloud.ends))
+def transform_cloud(cloud: Cloud, poses: se2.Pose, threads: Threads) -> PlacedCloud:
+    """The cloud in the map's frame, its scans at poses (scans, 3)."""
+    out = PlacedCloud(np.empty_like(cloud.ends), np.empty_like(cloud.ends))
     threads.run(place_cloud, len(poses), poses, cloud, out)
     return out
 
 
-def cells_of(points: NDArray[np.float64], side: float) -> tuple[Cells, NDArray[np.int32]]:
+def make_cells(points: NDArray[np.float64], side: float) -> tuple[Cells, NDArray[np.int32]]:
     """The cells of `side` [m] in which points (n, 2) lie, and the cell of each point (n,)."""
     corner = points.min(axis=0) - side
     columns, rows = (np.ceil((points.max(axis=0) - corner) / (side * SIDE)).astype(np.int64) + 1).tolist()
     tiles = np.empty((rows, columns), np.int32)
-    numbers = np.empty((mark_tiles(points, corner, side, tiles), SIDE * SIDE), np.int32)
+    indices = np.empty((mark_tiles(points, corner, side, tiles), SIDE * SIDE), np.int32)
     cell_of = np.empty(len(points), np.int32)
-    places = np.empty((mark_cells(points, corner, side, tiles, numbers, cell_of), 2), np.int32)
-    list_places(tiles, numbers, places)
-    return Cells(tiles, numbers, places, corner, side), cell_of
+    coordinates = np.empty((mark_cells(points, corner, side, tiles, indices, cell_of), 2), np.int32)
+    list_coordinates(tiles, indices, coordinates)
+    return Cells(tiles, indices, coordinates, corner, side), cell_of
 
 
 def find_surfels(
-    placed: Placed,
+    placed: PlacedCloud,
     cloud: Cloud,
     cells: Cells,
     cell_of: NDArray[np.int32],
@@ -100,10 +145,12 @@ def find_surfels(
     threads: Threads,
 ) -> Surfels:
     """The surfels of a cloud, with a list for each cell of those within `reach` [m]."""
-    count, noise = len(cells.places), noise_of(config)
+    count, noise = len(cells.coordinates), make_noise(config)
     radius = round(config.window / cells.side)
     normals, moments, counts = np.zeros((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2), np.int32)
-    add_moments(placed, cloud.ranges, noise, cells, cell_of, normals, moments, counts)  # all on side 0: no normals yet
+    add_moments(
+        placed, cloud.ranges, noise, cells, cell_of, normals, moments, counts
+    )  # without normals yet, all are on side 0
     threads.run(fit_normals, count, cells, moments, radius, normals)
     moments[:], counts[:] = 0.0, 0
     add_moments(placed, cloud.ranges, noise, cells, cell_of, normals, moments, counts)
@@ -113,5 +160,5 @@ def find_surfels(
     order = np.argsort(-weight, kind="stable")[: np.count_nonzero(weight)]
     chosen = np.empty_like(order)
     chosen = chosen[: choose(order, cells, lines, config.spacing, radius, chosen)]
-    place, normal = lines.place.reshape(-1, 2)[chosen], lines.normal.reshape(-1, 2)[chosen]
-    return Surfels(place, normal, weight[chosen], lines, *list_candidates(place, cells, reach))
+    point, normal = lines.point.reshape(-1, 2)[chosen], lines.normal.reshape(-1, 2)[chosen]
+    return Surfels(point, normal, weight[chosen], lines, *list_candidates(point, cells, reach))

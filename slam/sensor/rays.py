@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From scans to rays: readings sorted into hits, no returns and invalid ones, in the robot's frame."""
+"""Rays from scans in the robot's frame: readings sorted by kind, motion during the scan undone (de-skew)."""
 
 from __future__ import annotations
 
@@ -10,22 +10,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
-from slam.grid._traversal_kernels import Rays
 from slam.scan import Scan
 
 
-class Readings(NamedTuple):
-    """How the readings of one moment were taken, see `Scan`."""
+class Rays(NamedTuple):
+    """The beams of one scan in the robot's frame at the time of the scan."""
+
+    origins: NDArray[np.float64]
+    """Where each beam starts [m], (beams, 2)."""
+    ends: NDArray[np.float64]
+    """Where each beam ends [m], (beams, 2)."""
+    hit: NDArray[np.bool_]
+    """Whether it ended on something, (beams,)."""
+
+
+class BeamCounts(NamedTuple):
+    """How many readings of a scan are of each kind; `Scan` defines the kinds."""
 
     hits: int
     """Within the lidar's range."""
     no_returns: int
     """At or beyond its range, infinity included."""
     invalid: int
-    """NaN, zero, negative or below its range, or without a direction: they say nothing."""
+    """NaN, zero, negative, below its range, or without a direction or time: they carry no information."""
 
 
-def readings_of(scans: Sequence[Scan]) -> Readings:
+def count_beams(scans: Sequence[Scan]) -> BeamCounts:
     """Count the readings of one or several lidars by kind."""
     total = hits = no_returns = 0
     for scan in scans:
@@ -33,16 +43,16 @@ def readings_of(scans: Sequence[Scan]) -> Readings:
         total += len(scan.ranges)
         hits += int(np.count_nonzero(scan.hit & aimed))
         no_returns += int(np.count_nonzero(scan.no_return & aimed))
-    return Readings(hits, no_returns, total - hits - no_returns)
+    return BeamCounts(hits, no_returns, total - hits - no_returns)
 
 
 def _aimed(scan: Scan) -> NDArray[np.bool_]:
-    """Beams of which direction and time are known, (beams,)."""
+    """Whether the direction and the time of each beam are known, (beams,)."""
     aimed: NDArray[np.bool_] = np.isfinite(scan.angles)
     return aimed if scan.time_offsets is None else aimed & np.isfinite(scan.time_offsets)
 
 
-def displacement(twist: ArrayLike, seconds: ArrayLike) -> se2.Pose:
+def exp_twist(twist: ArrayLike, seconds: ArrayLike) -> se2.Pose:
     """Pose (..., 3) reached from the origin at constant twist `(vx, vy, omega)` after `seconds` (...,).
 
     The exponential map of SE(2), Sola et al. (2018), equation 158.
@@ -56,7 +66,7 @@ def displacement(twist: ArrayLike, seconds: ArrayLike) -> se2.Pose:
     return np.stack([s * x - c * y, c * x + s * y, angle], axis=-1)
 
 
-def rays_of(
+def make_rays(
     scans: Sequence[Scan], *, usable_range: float, free_range: float = 0.0, twist: ArrayLike | None = None
 ) -> Rays:
     """Rays of one or several lidars in the robot's frame at the time of the first beam of the first scan.
@@ -89,7 +99,7 @@ def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: Arra
         return Rays(
             origins=np.tile(mount[:2], (length.size, 1)), ends=se2.transform_points(mount, in_lidar), hit=hit[used]
         )
-    moved = displacement(twist, scan.stamp - reference + scan.time_offsets[used])
+    moved = exp_twist(twist, scan.stamp - reference + scan.time_offsets[used])
     T_robot_lidar = se2.compose(moved, mount)
     ends = se2.transform_points(T_robot_lidar, in_lidar[:, None, :])[:, 0, :]
     return Rays(origins=np.ascontiguousarray(T_robot_lidar[:, :2]), ends=ends, hit=hit[used])

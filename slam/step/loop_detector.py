@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Notices when a robot comes back to a place that it left long ago: the moment at which a loop closes."""
+"""Detects when a robot comes back to an area that it left long ago: the moment at which a loop closes."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from slam.se2 import Pose
 
 
-class Revisits:
-    """Remembers at which travelled distance each square of the map was last visited."""
+class LoopDetector:
+    """Detects loops by the distance travelled since each square of the map was last visited; it closes none."""
 
     SQUARE = 1.5
     """Side of a square [m]."""
@@ -23,7 +23,7 @@ class Revisits:
         self._travelled = 0.0
         self._last_return = -self.LOOP
 
-    def arrive(self, pose: Pose, distance: float) -> bool:
+    def update(self, pose: Pose, distance: float) -> bool:
         """Whether the robot at `pose` (3,), after driving `distance` [m], has just closed a loop.
 
         True once per loop: not again until the robot has spent `LOOP` metres without a return.

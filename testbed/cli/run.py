@@ -9,8 +9,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from eval.map.grids import true_grid
-from slam.gmapping import GMapping, StepReport
+from eval.map.grids import grid_from_true_map
+from slam.gmapping import GMapping
+from slam.step.step_report import StepReport
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
@@ -51,13 +52,13 @@ def run(
     config = simulator.simulation(seeds)
     output.check_directory()
     filter_config = estimator.filter_config  # raises before anything takes time
-    loaded = simulator.load_world(world)
-    truth = true_grid(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
+    loaded = simulator.load_world(world, seeds)
+    truth = grid_from_true_map(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=filter_config.most_particles,
+        particles=filter_config.max_particles,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,

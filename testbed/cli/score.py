@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.limits import Limit, check
 from eval.map.lidar_view import LidarView
 from eval.scoring import score_files
@@ -57,7 +57,7 @@ def score(
         sys.stdout.write(text)
     else:
         out.mkdir(parents=True, exist_ok=True)
-        with write_aside(out / "metrics.json") as aside:
+        with atomic_write(out / "metrics.json") as aside:
             aside.write_text(text, encoding="utf-8")
     console.print(headline_table(metrics))
     for note in metrics["notes"]:

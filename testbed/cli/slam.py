@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 
 from eval.files.tum import read_tum
 from eval.trajectory.relations import read_relations
-from slam.config.filter import LocalizationConfig
+from slam.config import LocalizationConfig
 from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
@@ -126,7 +126,7 @@ def slam(
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
-        particles=filter_config.most_particles,
+        particles=filter_config.max_particles,
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)

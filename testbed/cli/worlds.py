@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import App, Parameter
 from rich.table import Table
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from testbed.cli.shared.console import results
 from worlds import World, catalogue, dumps, generate, import_map, load, true_map
 from worlds.generate.generators import Kind
@@ -117,7 +117,7 @@ def import_world(map_: Annotated[Path, Parameter(name="map")], *, out: Path) -> 
 def _write(world: World, out: Path) -> None:
     if out.exists():
         raise ValueError(f"{out}: exists; choose another --out")
-    with write_aside(out) as aside:
+    with atomic_write(out) as aside:
         aside.write_text(dumps(world), encoding="utf-8")
     results.print(f"{out}: {world.name}, {_size(world)}, tour {_tour(world)}")
 
@@ -147,5 +147,5 @@ def _draw(world: World, out: Path) -> None:
     axes.quiver(start.x, start.y, np.cos(start.theta), np.sin(start.theta), color="tab:blue", pivot="middle")
     axes.set(title=world.name, xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.autoscale()
-    with write_aside(out) as aside:
+    with atomic_write(out) as aside:
         figure.savefig(aside, format=out.suffix.lstrip(".") or "png", dpi=150)

@@ -3,17 +3,16 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from eval.files.atomic_write import atomic_directory
 from eval.files.map_server import write_map
 from eval.files.tum import write_tum
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.trajectory.trajectory import Trajectory
 from testbed.formats import Log
 from testbed.formats.checksums import CONFIG, seal_directory
@@ -52,45 +51,18 @@ def write_dataset(
 
     It holds the recording (`testbed.formats.write`), world.toml, truth.tum (a pose at every scan), truth_map.pgm and
     .yaml, and config.toml with `settings`, how the drive went, versions and the SHA-256 of all other files. The same
-    world and settings give the same bytes. Written aside and renamed.
+    world and settings give the same bytes. The directory appears when it is whole.
 
     commands: what the robot is told, instead of the tour
     """
-    discard_unfinished(path)
-    aside = _aside(path)
-    aside.parent.mkdir(parents=True)
     try:
-        drive = _write(aside, world, config, form, commands)
-        seal_directory(aside, {"settings": dict(settings), "drive": drive})
+        with atomic_directory(path) as temporary:
+            drive = _write(temporary, world, config, form, commands)
+            seal_directory(temporary, {"settings": dict(settings), "drive": drive})
+    except FileExistsError:
         if not is_complete(path):  # a worker that outlived its parent may have made it meanwhile: the same bytes
-            aside.replace(path)
-    finally:
-        discard_unfinished(path)
+            raise
     return drive
-
-
-def discard_unfinished(path: Path) -> None:
-    """Remove what writers of this dataset have left: this process, and those that were killed."""
-    for folder in path.parent.glob(f".{path.name}.simulating-*"):
-        writer = folder.name.rpartition("-")[2]
-        if writer.isdecimal() and (int(writer) == os.getpid() or not _is_running(int(writer))):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _aside(path: Path) -> Path:
-    """Where this process writes the dataset: a folder of its own, since files are named after its last part, and since
-    a worker may outlive its killed parent while the job has been started again."""
-    return path.parent / f".{path.name}.simulating-{os.getpid()}" / path.name
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # somebody else's
-        return True
-    return True
 
 
 def _write(
@@ -99,7 +71,7 @@ def _write(
     driver = None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
     with simulate(world, config, driver) as simulation:
         frames = list(simulation)
-    truth_map = true_grid(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
+    truth_map = grid_from_true_map(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
     log = Log(
         path=path,
         format="simulation",

@@ -12,11 +12,12 @@ from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from numpy.typing import NDArray
 
-from slam.config.filter import FilterConfig
-from slam.gmapping import GMapping, StepReport
+from slam.config import FilterConfig
+from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, between, compose
+from slam.step.step_report import StepReport
 from testbed.envs.drive import Observation
 from testbed.envs.observation.egocentric import Crop
 from testbed.envs.observation.map_score import Mapped, MapScore

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from slam.gmapping import GMapping, StepReport
+from slam.gmapping import GMapping
 from slam.scan import Scan
 from slam.se2 import compose
-from slam.sensor.rays import displacement
+from slam.sensor.rays import exp_twist
+from slam.step.step_report import StepReport
 from testbed.exploration.belief import Belief
 from testbed.exploration.explorer import Explorer
 from testbed.frame import Frame
@@ -54,7 +55,7 @@ class ExploreDriver:
         frame, report, mapper = self._latest
         pose = report.pose
         if frame.twist is not None:
-            pose = compose(pose, displacement(frame.twist, stamp - frame.stamp))
+            pose = compose(pose, exp_twist(frame.twist, stamp - frame.stamp))
         return self._explorer.command(Belief(stamp=stamp, pose=pose, scans=tuple(self._scans.values()), map=mapper.map))
 
     def wait(self, stamp: float) -> tuple[float, float]:

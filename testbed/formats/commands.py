@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from testbed.formats import LogError, open_log
 from testbed.frame import Frame
 from testbed.simulation.drivers.driver import Command
@@ -47,7 +47,7 @@ def commands_of(frames: Iterable[Frame]) -> list[Command]:
 def write_commands(path: str | Path, commands: Iterable[Command]) -> None:
     """Write a table that `read_commands` reads back to the last digit; aside and renamed."""
     rows = "".join(f"{stamp!r},{speed!r},{turn_rate!r}\n" for stamp, speed, turn_rate in commands)
-    with write_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_text(f"{','.join(COLUMNS)}\n{rows}", encoding="utf-8")
 
 

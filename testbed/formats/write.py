@@ -6,8 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, get_args
 
+from eval.files.atomic_write import atomic_directory
 from eval.files.map_server import write_map
-from testbed.formats.atomic_directory import renamed_when_whole
 from testbed.formats.carmen.reader import LIDARS
 from testbed.formats.carmen.writer import write_carmen
 from testbed.formats.checksums import seal_directory
@@ -80,7 +80,7 @@ def write_log(path: str | Path, log: Log, form: Form) -> None:
             raise LogError(f"{log.path}: holds no true map to write")
         write_map(path, log.truth_map)
     else:
-        with renamed_when_whole(path) as aside:
+        with atomic_directory(path) as aside:
             if form == "parquet":
                 write_parquet(aside, log)
             elif form == "tum":

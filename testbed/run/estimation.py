@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from eval.trajectory.trajectory import Trajectory
 from slam import se2
-from slam.config.filter import FilterConfig
-from slam.gmapping import GMapping, StepReport
-from slam.localization.localizer import Localization
+from slam.config import FilterConfig
+from slam.gmapping import GMapping
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
-from slam.refinement.refine import refine
+from slam.refinement import refine
 from slam.scan import Scan
 from slam.se2 import Pose
+from slam.step.step_report import StepReport
 from testbed.frame import Frame
 from testbed.run.dense_path import interpolate_with_odometry
 from testbed.run.known_map import KnownMap
@@ -56,6 +57,8 @@ class Estimation:
     mapper: GMapping | Localization = field(init=False)
     steps: StepTable = field(init=False)
     frames: list[Frame] = field(init=False, default_factory=list)
+    _online: list[Pose] = field(init=False, default_factory=list)
+    """The pose that was reported at each scan, (3,) each."""
     _waiting: dict[str, tuple[Pose, Scan]] = field(init=False, default_factory=dict)
     """Newest scan of each lidar since the last update of the filter, with the odometry (3,) of its time."""
 
@@ -90,6 +93,7 @@ class Estimation:
         else:
             self._waiting[frame.lidar] = frame.odometry, frame.scan
         self.steps.add(frame, report, time.perf_counter() - start)
+        self._online.append(report.pose)
         return report
 
     @property
@@ -118,6 +122,10 @@ class Estimation:
             return None
         stamps, poses = zip(*known, strict=True)
         return Trajectory(np.array(stamps), np.array(poses))
+
+    def online(self) -> Trajectory:
+        """Return the pose that was reported at each scan, when nothing later was known; needs at least one scan."""
+        return Trajectory(self.stamps[self.scan_frames], np.array(self._online))
 
     def filtered(self) -> Estimate:
         """Return the path and map of the best particle; at least one scan is needed."""

@@ -10,14 +10,15 @@ from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any, Protocol
 
-from eval.files.failure_json import write_finding
-from eval.first_failure import find
+from eval.estimates import PathAndMap, named, score_estimate
+from eval.files.failure_json import write_failure
+from eval.first_failure import find_failure
 from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
 from slam.gmapping import GMapping
-from slam.localization.localizer import Localization
+from slam.localization import Localization
 from slam.scan import Scan
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import make_rays
 from testbed.formats.commands import commands_of, write_commands
 from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation
@@ -79,7 +80,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
     watcher.stage("scoring")
     _write(job, directory, estimation, filtered, estimate)
     ended = "interrupted" if interrupted else job.source.ended
-    metrics = metrics_of(job, estimation, estimate, wall_seconds, ended)
+    metrics = metrics_of(job, estimation, filtered, estimate, wall_seconds=wall_seconds, ended=ended)
     directory.write_metrics(metrics)
     return metrics
 
@@ -103,6 +104,7 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     """Write all files except metrics and report."""
     directory.write_trajectory("estimate.tum", estimate.at_scans)
     directory.write_trajectory("estimate_dense.tum", estimate.dense)
+    directory.write_trajectory("online.tum", estimation.online())
     if estimate is not filtered:
         directory.write_trajectory("filter.tum", filtered.at_scans)
     for name in ("odometry", "truth"):
@@ -115,55 +117,65 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     if job.truth_map is not None:
         directory.write_map("truth_map", job.truth_map)
     estimation.steps.write(directory / "steps.parquet")
-    _write_finding(job, directory, estimation, estimate)
+    _write_failure(job, directory, estimation, estimate)
 
 
-def _write_finding(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
-    """Write the first failure and the scan that shows it, if there is a reference and a failure."""
-    finding = find(
+def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
+    """Where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
+    failure = find_failure(
         estimate.at_scans,
         truth=estimation.trajectory_at_scans("truth"),
         relations=job.relations,
         dense=estimate.dense,
         steps=estimation.steps.columns(),
     )
-    if finding is None:
+    if failure is None:
         return
-    frame = estimation.frames[estimate.scan_frames[finding.scan]]
+    frame = estimation.frames[estimate.scan_frames[failure.scan]]
     assert frame.scan is not None
-    rays = rays_of([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
-    write_finding(directory / "finding.json", finding, rays.ends)
+    rays = make_rays([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
+    write_failure(directory / "finding.json", failure, rays.ends)
 
 
 def metrics_of(
-    job: Job, estimation: Estimation, estimate: Estimate, wall_seconds: float, ended: str | None
+    job: Job, estimation: Estimation, filtered: Estimate, estimate: Estimate, *, wall_seconds: float, ended: str | None
 ) -> dict[str, Any]:
-    """Return all measures of an estimate, the content of `metrics.json`.
+    """Return the content of `metrics.json`: all measures of the three estimates (`eval.estimates`), ready for JSON.
 
-    wall_seconds: time that the estimate took; ended: why the run ended early, see `eval.outcome.judge`
+    filtered: the filter's path and map. estimate: the final one, the same object where there was no final pass.
+    wall_seconds: time that the estimate took. ended: why the run did not end by itself, see `eval.outcome.judge`.
     """
+    reference = Reference(
+        trajectory=estimation.trajectory_at_scans("truth"),
+        relations=job.relations,
+        grid=job.truth_map,
+        lidars=lidar_views(estimation.frames),
+    )
+    # Ctrl-C must end soon, and scoring a map takes long; a map that was given is not a result of the run
+    scores_map = ended != "interrupted" and job.known_map is None
     metrics = score(
         estimate.at_scans,
-        reference=Reference(
-            trajectory=estimation.trajectory_at_scans("truth"),
-            relations=job.relations,
-            grid=job.truth_map,
-            lidars=lidar_views(estimation.frames),
-        ),
+        reference=reference,
         odometry=estimation.trajectory_at_scans("odometry"),
         dense=estimate.dense,
-        # Ctrl-C must end soon, and these measures are dear; a map that was given is nobody's result
-        grid=None if ended == "interrupted" or job.known_map is not None else estimate.map,
+        grid=estimate.map if scores_map else None,
         steps=estimation.steps.columns(),
         ended=ended,
         facts={
             "seed": job.seeds.seed,
             "particles": job.filter.particles,
+            "refined": estimate is not filtered,
             "wall_s": wall_seconds,
             "peak_rss_mb": peak_memory_mb(),
             "result_hash": result_hash(estimate.at_scans, estimate.map),
         },
     )
+    metrics |= score_estimate("online", PathAndMap(at_scans=estimation.online()), reference, ended)
+    if estimate is filtered:
+        metrics |= named("filter", metrics)
+    else:
+        path = PathAndMap(at_scans=filtered.at_scans, dense=filtered.dense, map=filtered.map if scores_map else None)
+        metrics |= score_estimate("filter", path, reference, ended)
     return metrics if job.known_map is None else metrics | _localized(job.known_map, estimation, estimate, ended)
 
 
@@ -171,7 +183,7 @@ def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ende
     """Return the group `localization`, and the outcome if the localisation failed."""
     assert isinstance(estimation.mapper, Localization)
     truth = estimation.trajectory_at_scans("truth")
-    found = localization_metrics(known, estimation.mapper.whereabouts, estimation.frames, estimate.at_scans, truth)
+    found = localization_metrics(known, estimation.mapper.status, estimation.frames, estimate.at_scans, truth)
     astray = failure_reason(found)
     if ended is not None or astray is None:
         return {"localization": found}

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from eval.trajectory.relations import Relations
-from slam.config.filter import FilterConfig
-from slam.gmapping import GMapping, StepReport
+from slam.config import FilterConfig
+from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
+from slam.step.step_report import StepReport
 from testbed.frame import Frame
 from testbed.run.known_map import KnownMap
 from testbed.seeds import RunSeeds

@@ -16,9 +16,9 @@ from eval.outcome import LOCAL_M
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
-from slam.config.filter import LocalizationConfig
+from slam.config import LocalizationConfig
+from slam.localization import LocalizationStatus
 from slam.localization.fixed_map import check_map, checked_start
-from slam.localization.localizer import Whereabouts
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.frame import Frame
@@ -72,7 +72,7 @@ def _equal(a: OccupancyGrid, b: OccupancyGrid) -> bool:
 
 
 def localization_metrics(
-    known: KnownMap, found: Whereabouts, frames: Sequence[Frame], estimate: Trajectory, truth: Trajectory | None
+    known: KnownMap, found: LocalizationStatus, frames: Sequence[Frame], estimate: Trajectory, truth: Trajectory | None
 ) -> dict[str, Any]:
     """Return the group `localization` of `metrics.json`.
 
@@ -85,8 +85,8 @@ def localization_metrics(
     metrics: dict[str, Any] = {
         "start": "given" if known.start is not None else "unknown",
         "state": found.state,
-        "places": found.places,
-        "fit": found.fit,
+        "places": found.clusters,
+        "fit": found.explained_share,
         "found_after_m": None if first is None else float(way[first]),
         "found_after_s": None if first is None else scans[first].stamp - scans[0].stamp,
         "losses": len(found.lost_at),
@@ -98,9 +98,9 @@ def localization_metrics(
             "error_rmse_m": error.translation.rmse,
             "error_median_m": error.translation.median,
             "error_p95_m": error.translation.p95,
-            "error_max_m": error.translation.maximum,
+            "error_max_m": error.translation.max,
             "heading_error_mean_deg": error.rotation.mean,
-            "heading_error_max_deg": error.rotation.maximum,
+            "heading_error_max_deg": error.rotation.max,
         }
     return metrics
 

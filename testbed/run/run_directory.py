@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from eval.files.map_server import write_map
 from eval.files.tum import write_tum
 from eval.trajectory.trajectory import Trajectory
@@ -28,6 +28,7 @@ RUN_FILES = (
     "truth.tum",
     "estimate_dense.tum",
     "filter.tum",
+    "online.tum",
     "commands.csv",
     "map.pgm",
     "map.yaml",
@@ -83,7 +84,7 @@ class RunDirectory:
 
     def write_config(self, document: Mapping[str, Any]) -> None:
         """Write `config.toml`."""
-        with write_aside(self / "config.toml") as aside:
+        with atomic_write(self / "config.toml") as aside:
             aside.write_text(dump_toml(document), encoding="utf-8")
 
     def write_trajectory(self, name: str, trajectory: Trajectory) -> None:
@@ -96,7 +97,7 @@ class RunDirectory:
 
     def write_metrics(self, metrics: Mapping[str, Any]) -> None:
         """Write `metrics.json`, which completes the run; `metrics` are JSON-ready, as `eval.scoring` returns them."""
-        with write_aside(self / "metrics.json") as aside:
+        with atomic_write(self / "metrics.json") as aside:
             aside.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
     @contextmanager

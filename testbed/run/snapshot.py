@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slam.gmapping import GMapping, StepReport
-from slam.localization.localizer import Localization
+from slam.gmapping import GMapping
+from slam.localization import Localization
+from slam.step.step_report import StepReport
 from testbed.frame import Frame
 from testbed.views.view import Snapshot
 

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from slam import se2
-from slam.gmapping import StepReport
 from slam.se2 import Pose
-from slam.sensor.rays import Readings
+from slam.sensor.rays import BeamCounts
+from slam.step.step_report import StepReport
 from testbed.frame import Frame
 
 FLAGS = ("updated", "resampled", "loop_closed")
-COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *Readings._fields)
+COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *BeamCounts._fields)
 TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
 
 
@@ -102,5 +102,5 @@ class StepTable:
             name: pa.array(values, type=kinds.get(name, pa.float64()), from_pandas=True)  # from_pandas: NaN is null
             for name, values in self.columns().items()
         }
-        with write_aside(path) as aside:
+        with atomic_write(path) as aside:
             pq.write_table(pa.table(columns), aside)

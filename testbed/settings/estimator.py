@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 
 FILTER_GROUP = Group("Filter", sort_key=10)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Group, Parameter
 
 from testbed.formats.commands import read_commands
@@ -17,7 +18,7 @@ from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simula
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
 from testbed.simulation.simulator import TOUR_CLEARANCE
-from worlds import World, add_clutter, is_map, load, map_image, plan_tour
+from worlds import World, add_clutter, is_map, load, map_image, plan_tour, random_route
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
@@ -38,6 +39,9 @@ class SimulatorOptions:
     """Beams in a scan; default: those of the lidar."""
     noise: float = 1.0
     """Factor on the random error of ranges."""
+    route: Literal["fixed", "random"] = "fixed"
+    """fixed: the tour of the world, the same for every seed; random: the whole tour in another order and direction from
+    another start, drawn from the seed. Only for --driver tour."""
     clutter: float = 0.0
     """Objects added off the tour, per 10 m² of floor."""
     backend: Literal["pybullet", "fast"] = "pybullet"
@@ -93,17 +97,19 @@ class SimulatorOptions:
             }
         )
 
-    def load_world(self, name: str) -> World:
-        """Load the world of that name or file, with --clutter added.
+    def load_world(self, name: str, seeds: RunSeeds) -> World:
+        """Load the world of that name or file, with --clutter added and, for --route random, a route of the seed.
 
         Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
         """
         world, clearance = load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
         if world.tour is None and self.driver.kind == "tour":
             world = plan_tour(world, footprint_radius=clearance)
-        if not self.clutter:
-            return world
-        return add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
+        if self.clutter:
+            world = add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
+        if self.route == "random" and self.driver.kind == "tour":
+            world = random_route(world, np.random.default_rng(seeds.route))
+        return world
 
     def recorded_commands(self) -> list[Command] | None:
         """Return the commands of `commands`; None if no file is given."""

@@ -6,6 +6,5 @@ from testbed.simulation.drivers.driver import DriverConfig
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
 from testbed.simulation.simulator import Simulation, simulate
-from testbed.simulation.warm_up import warm_up
 
-__all__ = ["DriverConfig", "LidarLayers", "OdometryConfig", "Simulation", "SimulationConfig", "simulate", "warm_up"]
+__all__ = ["DriverConfig", "LidarLayers", "OdometryConfig", "Simulation", "SimulationConfig", "simulate"]

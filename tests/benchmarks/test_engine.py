@@ -19,13 +19,13 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam.config.filter import GateConfig, ResampleConfig
-from slam.matching._likelihood_kernels import Evidence
+from slam.config import GateConfig, ResampleConfig
 from slam.matching._proposal_kernels import IMPROVED, match
-from slam.matching.proposal import beam_model, search_of
+from slam.matching.likelihood import make_beam_model
+from slam.matching.proposal import ScanAndPrior, make_match_settings
 from slam.motion.odometry_model import motion_prior
 from slam.particles.resampling import systematic
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import make_rays
 from tests.slam.rooms import drive, scan_at
 
 pytestmark = pytest.mark.benchmark
@@ -49,7 +49,7 @@ class Stage:
             self.mapper.process(pose, scan_at(pose, beams=beams, noise=0.01, rng=rng))
         self.odometry = path
         self.scan = scan_at(path[-1], beams=beams, noise=0.01, rng=rng)
-        self.rays = rays_of([self.scan], usable_range=80.0)
+        self.rays = make_rays([self.scan], usable_range=80.0)
         self.guesses = se2.compose(self.mapper.poses, STEP)
 
 
@@ -63,8 +63,8 @@ def test_match(benchmark, particles, beams):
     stage = Stage(particles, beams)
     config, grids = stage.mapper.config, stage.mapper.maps.grids
     hits = np.ascontiguousarray(stage.rays.ends[stage.rays.hit])
-    evidence = Evidence(hits, beam_model(config.match, config.map), motion_prior(STEP, config.motion))
-    search, distances = search_of(np.array(STEP), hits, config), np.empty((4, len(hits)))
+    evidence = ScanAndPrior(hits, make_beam_model(config.match, config.map), motion_prior(STEP, config.motion))
+    search, distances = make_match_settings(np.array(STEP), hits, config), np.empty((4, len(hits)))
     pose, L = np.empty(3), np.empty((3, 3))
 
     def match_all():
@@ -102,9 +102,9 @@ def test_map_update_after_resampling(benchmark, particles):
         stage.mapper.maps = copy.copy(stage.mapper.maps)
         for pool in ("_counts", "_surface", "_field"):
             setattr(stage.mapper.maps, pool, copy.deepcopy(getattr(stage.mapper.maps, pool)))
-        stage.mapper.maps.descend(np.zeros(particles, np.int64))
+        stage.mapper.maps.inherit(np.zeros(particles, np.int64))
 
-    benchmark.pedantic(lambda: stage.mapper.maps.register(stage.guesses, stage.rays), setup=share, rounds=20)
+    benchmark.pedantic(lambda: stage.mapper.maps.integrate_scan(stage.guesses, stage.rays), setup=share, rounds=20)
     per_particle(benchmark, particles)
 
 
@@ -117,8 +117,8 @@ def test_resample(benchmark, particles):
 
     def resample():
         ancestors = systematic(weights, rng)
-        stage.mapper.maps.descend(ancestors)
-        stage.mapper.ancestry.descend(ancestors)
+        stage.mapper.maps.inherit(ancestors)
+        stage.mapper.ancestry.inherit(ancestors)
 
     benchmark(resample)
     per_particle(benchmark, particles)

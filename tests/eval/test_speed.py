@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
 from eval.trajectory.trajectory import Trajectory
@@ -31,7 +31,9 @@ def ten_minutes() -> tuple[Trajectory, OccupancyGrid]:
     at = np.linspace(0.0, lengths[-1], 6000)
     x, y = (np.interp(at, lengths, points[:, axis]) for axis in (0, 1))
     heading = np.arctan2(np.gradient(y), np.gradient(x))
-    return Trajectory(0.1 * np.arange(6000), np.column_stack([x, y, heading])), true_grid(true_map(world, 0.0425))
+    return Trajectory(0.1 * np.arange(6000), np.column_stack([x, y, heading])), grid_from_true_map(
+        true_map(world, 0.0425)
+    )
 
 
 def as_mapped(truth: OccupancyGrid) -> OccupancyGrid:

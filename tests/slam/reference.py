@@ -63,7 +63,7 @@ class Map:
     cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
     _found: dict[tuple[int, int], tuple[int, int] | None] = field(default_factory=dict)
 
-    def register(self, pose, rays):
+    def integrate_scan(self, pose, rays):
         """Count the rays of one scan taken at `pose` (3,)."""
         self._found.clear()
         starts = se2.transform_points(pose, rays.origins) / self.cell

@@ -48,7 +48,7 @@ class ReferenceFilter:
     def begin(self, rays):
         """The first scan: everybody draws it from the origin."""
         for particle in self.particles:
-            particle.map.register(particle.pose, rays)
+            particle.map.integrate_scan(particle.pose, rays)
             particle.path.append(particle.pose)
 
     def update(self, motion, rays):
@@ -64,7 +64,7 @@ class ReferenceFilter:
             sample = se2.compose(density.guess, sigma * z[i])
             particle.pose, log_gains[i] = self.proposed(density, sample, near, z[i])
             particle.log_weight += self.config.match.weight_share * log_gains[i]
-            particle.map.register(particle.pose, rays)
+            particle.map.integrate_scan(particle.pose, rays)
             particle.path.append(particle.pose)
         weights = self.weights
         for particle, weight in zip(self.particles, weights, strict=True):

@@ -7,10 +7,10 @@ import numpy as np
 
 from slam import Scan, se2
 from slam._threads import Threads
-from slam.config.filter import MapConfig
+from slam.config import MapConfig
 from slam.grid._cell_kernels import VISITS, hits_of
-from slam.grid._traversal_kernels import Rays
 from slam.grid.particle_maps import ParticleMaps
+from slam.sensor.rays import Rays
 
 CORNERS = se2.transform_points(
     (0.0, 0.0, 0.3), np.array([(-2.0, -1.5), (4.0, -1.5), (4.0, 1.5), (1.5, 1.5), (1.5, 3.5), (-2.0, 3.5)])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, Scan
-from slam.config.filter import (
+from slam.config import (
     GateConfig,
     MapConfig,
     MatchConfig,

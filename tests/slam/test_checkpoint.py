@@ -8,7 +8,7 @@ import pytest
 
 from slam import FilterConfig, GMapping, Scan, load_checkpoint, save_checkpoint
 from slam.checkpoint import CheckpointError
-from slam.config.filter import AdaptConfig
+from slam.config import AdaptConfig
 
 ANGLES = np.linspace(-np.pi, np.pi, 90, endpoint=False)
 
@@ -29,7 +29,9 @@ def drive(mapper: GMapping, start: int, stop: int) -> None:
 
 
 FIXED = FilterConfig(particles=6)
-ADAPTIVE = FilterConfig(adapt=AdaptConfig(count="kld", least=3, position=0.02, heading=0.02, error=1.0, change=1.1))
+ADAPTIVE = FilterConfig(
+    adapt=AdaptConfig(count="kld", min_particles=3, position=0.02, heading=0.02, error=1.0, resize_factor=1.1)
+)
 """With bins so small that the count changes before and after the filter is saved."""
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam.config.filter import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
-from slam.sensor.rays import rays_of
+from slam.config import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
+from slam.sensor.rays import make_rays
 from tests.slam.reference_filter import ReferenceFilter
 from tests.slam.rooms import counts_of, drive, scan_at
 
@@ -77,11 +77,11 @@ def in_step(config, seed, passers_by=0.0):
     odometry, scans = recording(seed, passers_by)
     fast, slow = GMapping(config, seed=seed, threads=1), ReferenceFilter(config, seed)
     fast.process(odometry[0], scans[0])
-    slow.begin(rays_of([scans[0]], usable_range=80.0))
+    slow.begin(make_rays([scans[0]], usable_range=80.0))
     for k in range(1, len(scans)):
         report = fast.process(odometry[k], scans[k])
         motion = se2.between(odometry[k - 1], odometry[k])
-        log_gains, ess, resampled = slow.update(motion, rays_of([scans[k]], usable_range=80.0))
+        log_gains, ess, resampled = slow.update(motion, make_rays([scans[k]], usable_range=80.0))
         assert_close(report.proposed.log_gain, log_gains, typical=0.01, most=0.5)
         assert report.ess == pytest.approx(ess, abs=0.1)
         assert report.resampled == resampled

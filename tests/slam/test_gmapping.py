@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, OccupancyGrid, se2
-from slam.config.filter import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
+from slam.config import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
 from tests.slam.rooms import MOUNT, WALLS, drive, scan_at
 
 EVERY_SCAN = GateConfig(distance=0.0, angle=0.0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam.config.filter import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
+from slam.config import GateConfig, MapConfig, MatchConfig, MotionConfig, ProposalConfig, ResampleConfig
 from tests.slam.rooms import drive, scan_at
 
 SEEDS = 8

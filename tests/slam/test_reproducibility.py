@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, GMapping, se2
-from slam.config.filter import AdaptConfig, GateConfig, MapConfig, MatchConfig, ProposalConfig, ResampleConfig
+from slam.config import AdaptConfig, GateConfig, MapConfig, MatchConfig, ProposalConfig, ResampleConfig
 from tests.slam.rooms import drive, scan_at
 
 ROOT = Path(__file__).parents[2]
@@ -22,7 +22,7 @@ def config(kind="improved", count="fixed"):
         map=MapConfig(cell=0.05, field_radius=0.4),
         match=MatchConfig(weight_share=0.5),
         proposal=ProposalConfig(kind=kind),
-        adapt=AdaptConfig(count=count, least=3, most=20, position=0.05, heading=0.05, error=1.0),
+        adapt=AdaptConfig(count=count, min_particles=3, max_particles=20, position=0.05, heading=0.05, error=1.0),
         resample=ResampleConfig(when="ess", threshold=0.6),
         gate=GateConfig(distance=0.1, angle=0.1),
     )

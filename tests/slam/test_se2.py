@@ -27,9 +27,9 @@ def assert_same(a, b):
 @example(-1e-300)
 @settings(deadline=None)
 def test_wrapped_angle_lies_in_a_half_open_turn_and_means_the_same(angle):
-    wrapped = float(se2.wrap_angle(angle))
-    assert -np.pi <= wrapped <= np.pi  # the sum of an angle and pi is rounded: the upper end may come out
-    turns = (angle - wrapped) / (2.0 * np.pi)
+    wrap_angle = float(se2.wrap_angle(angle))
+    assert -np.pi <= wrap_angle <= np.pi  # the sum of an angle and pi is rounded: the upper end may come out
+    turns = (angle - wrap_angle) / (2.0 * np.pi)
     assert turns == pytest.approx(round(turns), abs=1e-11)
 
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import worlds
-from eval.filter.health import LEVEL, chi_square, nees
-from slam.config.filter import FilterConfig
+from eval.filter.nees import LEVEL, chi_square, nees
+from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate

@@ -10,7 +10,8 @@ import time
 
 import pytest
 
-from testbed import kernels as warmup
+from slam._jit import top_package
+from testbed import kernels
 from tests.shell import AT_A_TERMINAL
 
 
@@ -19,48 +20,48 @@ def package(tmp_path, monkeypatch):
     """A package with one kernel file, and a cache of its own."""
     monkeypatch.setenv("TESTBED_CACHE", str(tmp_path / "cache"))
     monkeypatch.delenv("SLAM_KERNEL_CACHE", raising=False)
-    warmup.cache_folder.cache_clear()
+    kernels.cache_folder.cache_clear()
     folder = tmp_path / "package"
     folder.mkdir()
     (folder / "_a_kernels.py").write_text("A = 1\n")
-    monkeypatch.setattr(warmup, "PACKAGES", (folder,))
+    monkeypatch.setattr(kernels, "PACKAGES", (folder,))
     yield folder
-    warmup.cache_folder.cache_clear()
+    kernels.cache_folder.cache_clear()
 
 
 def test_some_machine_code_on_disk_is_not_all_of_it(package):
-    (warmup.cache_folder(package) / "kernel.nbc").write_bytes(b"of a compilation that was cut off")
-    assert not warmup.is_compiled()
+    (kernels.cache_folder(package) / "kernel.nbc").write_bytes(b"of a compilation that was cut off")
+    assert not kernels.is_compiled()
 
 
 def test_changed_kernels_do_not_count_as_compiled(package):
-    warmup._mark(package).touch()
-    assert warmup.is_compiled()
+    kernels._mark(package).touch()
+    assert kernels.is_compiled()
     os.utime(package / "_a_kernels.py", (1.0, 1.0))  # numba compiles again for another time of change
-    assert not warmup.is_compiled()
+    assert not kernels.is_compiled()
 
 
 def test_a_second_installation_is_compiled_too(package, tmp_path, monkeypatch):
-    warmup._mark(package).touch()
+    kernels._mark(package).touch()
     other = tmp_path / "elsewhere" / "package"
     other.mkdir(parents=True)
     source = package / "_a_kernels.py"
     (other / source.name).write_bytes(source.read_bytes())
     os.utime(other / source.name, ns=(source.stat().st_atime_ns, source.stat().st_mtime_ns))
-    monkeypatch.setattr(warmup, "PACKAGES", (other,))
-    assert warmup.cache_folder(other) == warmup.cache_folder(package)
-    assert not warmup.is_compiled()
+    monkeypatch.setattr(kernels, "PACKAGES", (other,))
+    assert kernels.cache_folder(other) == kernels.cache_folder(package)
+    assert not kernels.is_compiled()
 
 
 def test_without_a_cache_on_disk_there_is_nothing_to_announce(package, monkeypatch):
     monkeypatch.setenv("SLAM_KERNEL_CACHE", "0")
-    assert warmup.is_compiled()
+    assert kernels.is_compiled()
 
 
 def test_a_failure_is_one_line(monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(OSError, match="could not be compiled: exit status 1"):
-        warmup.compile_kernels()
+        kernels.compile_kernels()
 
 
 def test_ctrl_c_while_compiling_ends_soon_and_marks_the_run(tmp_path):
@@ -83,3 +84,49 @@ def test_ctrl_c_while_compiling_ends_soon_and_marks_the_run(tmp_path):
     assert run.wait(30) == 130
     assert (tmp_path / "errors").read_text().splitlines()[1:] == ["testbed: interrupted"]
     assert json.loads((tmp_path / "run" / "metrics.json").read_text())["outcome"] == "interrupted"
+
+
+UNCOMPILED = """
+import importlib, numba
+from slam._jit import kernel_files
+from slam._jit import top_package
+from testbed import kernels
+kernels.exercise_kernels()
+for package in kernels.PACKAGES:
+    for file in kernel_files(package):
+        module = importlib.import_module(".".join(file.relative_to(package.parent).with_suffix("").parts))
+        for name, value in vars(module).items():
+            if not isinstance(value, numba.core.dispatcher.Dispatcher) or value.targetoptions.get("forceinline"):
+                continue
+            if value.py_func.__module__ == module.__name__ and not value.signatures:
+                print(module.__name__, name)
+"""
+"""Prints every kernel that the warm-up leaves uncompiled; a cold cache, since a cached caller compiles no callee."""
+
+
+@pytest.mark.slow
+def test_warming_up_compiles_every_kernel(tmp_path):
+    environment = os.environ | {"TESTBED_CACHE": str(tmp_path), "SLAM_KERNEL_CACHE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", UNCOMPILED], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == ""
+
+
+def test_a_change_of_any_kernel_file_at_any_depth_changes_the_folder(package):
+    before = kernels.cache_folder(package)
+    (package / "below" / "deeper").mkdir(parents=True)
+    (package / "below" / "deeper" / "_b_kernels.py").write_text("B = 1\n")
+    kernels.cache_folder.cache_clear()
+    between = kernels.cache_folder(package)
+    (package / "below" / "deeper" / "_b_kernels.py").write_text("B = 2\n")
+    kernels.cache_folder.cache_clear()
+    assert len({before, between, kernels.cache_folder(package)}) == 3
+
+
+def test_the_package_of_a_kernel_is_the_outermost(tmp_path):
+    inner = tmp_path / "outer" / "inner"
+    inner.mkdir(parents=True)
+    for folder in (inner, inner.parent):
+        (folder / "__init__.py").touch()
+    assert top_package(inner / "_a_kernels.py") == inner.parent

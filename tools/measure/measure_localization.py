@@ -1,35 +1,38 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Measures the table of docs/localization.md: `python tools/measure/measure_localization.py [SEEDS]` prints it as Markdown.
+"""Measure localisation from an unknown start in the true map of every world.
 
-Each robot starts somewhere along the tour of its world, of which it knows the true map, but not where it is; it drives
-for 40 s.
+    python -m tools.measure.measure_localization [--seeds 5]
+
+Prints: the table of docs/localization.md
+
+Each robot starts at a random point of the tour, knows the true map but not its pose, and drives for 40 s.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 
 import numpy as np
 
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
-from slam.localization.localizer import Localization
+from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from worlds import catalogue, load, true_map
 
 LATEST_BEGIN = 40.0
-"""The robot is set down after up to so much of the tour [s]."""
+"""The start is drawn from the first part of the tour, up to this time [s]."""
 DURATION = 40.0
-"""[s]."""
+"""Length of each drive [s]."""
 
 
 def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, float]:
-    """State at the end, metres driven until the robot was found (NaN: never), median error [m] of the path."""
+    """State at the end, distance driven until the robot was found [m] (NaN = never), median error of the path [m]."""
     begin = float(np.random.default_rng(seed).uniform(0.0, LATEST_BEGIN))
     config = SimulationConfig(backend="fast", seeds=RunSeeds.from_seed(seed), duration=begin + DURATION)
     localization = Localization(grid, seed=seed)
@@ -41,7 +44,7 @@ def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, flo
                 stamps.append(frame.stamp)
                 truth.append(frame.truth)
     true_path = Trajectory(np.array(stamps), np.array(truth))
-    found = localization.whereabouts
+    found = localization.status
     scans = localization.update_scans
     path = Trajectory(true_path.stamps[scans], localization.path())
     error = absolute_error(associate(path, true_path), "none").translation.median
@@ -53,14 +56,16 @@ def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, flo
 
 
 def main() -> None:
-    """Print one line a world."""
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    """Print one line for each world."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=5)
+    seeds = parser.parse_args().seeds
     print(
         "| world | found | ambiguous | searching | lost or wrong | found after: median, worst | error: median, worst |"
     )
     print("|---|---|---|---|---|---|---|")
     for world in catalogue():
-        grid = true_grid(true_map(load(world)))
+        grid = grid_from_true_map(true_map(load(world)))
         runs = [outcome(world, grid, seed) for seed in range(seeds)]
         states = [state for state, _, _ in runs]
         found = [(after, error) for state, after, error in runs if state == "found"]

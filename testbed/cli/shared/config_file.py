@@ -5,9 +5,12 @@ the command line wins."""
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from cyclopts import App, ArgumentCollection
 from cyclopts.config import Toml
+
+from slam.config.renamed import with_present_names
 
 MAX_CONFIG_BYTES = 1_000_000
 """Bytes."""
@@ -34,7 +37,15 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
         )
     if path.stat().st_size > MAX_CONFIG_BYTES:
         raise ValueError(f"{path}: larger than {MAX_CONFIG_BYTES} bytes, expected the settings of a run (config.toml)")
-    Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
+    _Settings(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
+
+
+class _Settings(Toml):
+    """A TOML file in which settings may have their names of the last release."""
+
+    def _load_config(self, path: Path) -> dict[str, Any]:
+        document = super()._load_config(path)
+        return {name: with_present_names(part) if name == "settings" else part for name, part in document.items()}
 
 
 def _settle_values_of_groups(arguments: ArgumentCollection) -> None:

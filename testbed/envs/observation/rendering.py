@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled, UnsupportedMode
 from numpy.typing import NDArray
 
-from eval.map.grids import resample, true_grid
+from eval.map.grids import grid_from_true_map, resample
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, compose, inverse, transform_points
@@ -96,7 +96,7 @@ class Screen:
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix="testbed-episode-")
         scene = Scene(
             title=world.terrain.world.name,
-            true_map=true_grid(world.true_map),
+            true_map=grid_from_true_map(world.true_map),
             robot_urdf=robot_urdf(self._setup.robot),
             robot_radius=self._setup.robot.footprint_radius,
         )
@@ -128,7 +128,7 @@ class Screen:
         """
         if self._mode != "rgb_array" or self._world is None:
             return None
-        shown = true_grid(self._world.true_map)
+        shown = grid_from_true_map(self._world.true_map)
         if grid is not None and T_world_grid is not None:
             shown = resample(grid, shown, T_world_grid)
         canvas = Canvas(shown)

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eval.files.atomic_write import write_aside
+from eval.files.atomic_write import atomic_write
 from slam import se2
 from slam.scan import Scan
 from testbed.formats.beams import even_spacing, same_mount
@@ -41,7 +41,7 @@ def write_carmen(
     lines = (_flaser_lines if message == "FLASER" else _robotlaser_lines)(path, frames, kinds)
     text = "".join(f"{line}\n" for line in (SEALED, *lines)).encode("ascii")
     text += f"{SEAL}{hashlib.sha256(text).hexdigest()}\n".encode("ascii")
-    with write_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_bytes(gzip.compress(text, mtime=0) if path.suffix == ".gz" else text)
 
 

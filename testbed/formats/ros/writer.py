@@ -22,9 +22,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from eval.files.atomic_write import atomic_directory
 from slam import se2
 from slam.occupancy import OccupancyGrid
-from testbed.formats.atomic_directory import renamed_when_whole
 from testbed.formats.beams import same_mount
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum
 from testbed.formats.log import LogError
@@ -76,7 +76,7 @@ def write_bag(
     if path.exists():
         raise LogError(f"{path}: exists")
     mounts = _mounts(path, frames)
-    with renamed_when_whole(path) as aside:
+    with atomic_directory(path) as aside:
         with _rosbag1(aside) if storage == "rosbag1" else _rosbag2(aside, storage) as bag:
             make = Messages(bag.types)
             try:

@@ -35,7 +35,7 @@ class _Walker:
     """One person on their path: position and direction."""
 
     def __init__(self, person: Person, robot: tuple[float, float], radius: float, rng: Generator) -> None:
-        self._person, self._way, self._rng = person, person.way(), rng
+        self._person, self._way, self._rng = person, person.path(), rng
         self._along = float(rng.uniform(0.0, self._way.length))
         self._direction = 1.0 if rng.random() < 0.5 else -1.0
         self._pause, self._walked = 0.0, 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The data that cells are computed from: one drive or log, shared by every variant and particle count."""
+"""The input data of cells: one simulated drive or log, shared by all variants and particle counts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 from eval.files.tum import read_tum
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.trajectory.relations import Relations, read_relations
 from slam.occupancy import OccupancyGrid
 from testbed.datasets.truth import with_truth
@@ -26,16 +26,16 @@ from worlds import World, true_map
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """Frames, and what is known of the truth."""
+    """Frames of a drive or log, with what is known of the truth."""
 
     source: RecordedFrames
     relations: Relations | None = None
     truth_map: Callable[[float], OccupancyGrid | None] = lambda cell: None
-    """The true map in cells of a given size [m]; None where it is unknown."""
+    """Draws the true map with cells of a given size [m]; returns None if it is unknown."""
 
 
 def recording_of(cell: Cell) -> Recording:
-    """The recording of a cell. The last two are kept: cells of one drive are computed one after the other."""
+    """Simulate or read the recording of a cell. The last two are kept for further cells of the same drive."""
     if "world" not in cell.source:
         return _logged(json.dumps(cell.source, sort_keys=True))
     return _driven(str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds)
@@ -43,7 +43,7 @@ def recording_of(cell: Cell) -> Recording:
 
 @lru_cache(maxsize=2)
 def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recording:
-    place, config = simulator.load_world(world), simulator.simulation(seeds)
+    place, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
     with simulate(place, config) as simulation:
         frames = list(simulation)
         source = RecordedFrames(frames, simulation.ended(simulator.duration))
@@ -52,7 +52,7 @@ def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recordi
 
 def _true_map(place: World, config: SimulationConfig) -> Callable[[float], OccupancyGrid]:
     height = config.robot.lidar_mount.height
-    return lru_cache(maxsize=2)(lambda cell: true_grid(true_map(place, cell, height=height)))
+    return lru_cache(maxsize=2)(lambda cell: grid_from_true_map(true_map(place, cell, height=height)))
 
 
 @lru_cache(maxsize=2)

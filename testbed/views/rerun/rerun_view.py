@@ -26,9 +26,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.gmapping import StepReport
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
+from slam.step.step_report import StepReport
 from testbed.views.live.viewers import LiveViewer, start_viewers
 from testbed.views.rerun import drawing, entities, styles
 from testbed.views.rerun.archetypes import grid_map, line, pose_transform, strips

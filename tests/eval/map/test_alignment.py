@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from eval.map.alignment import best_rigid_alignment
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from eval.map.walls import wall_distances
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose, wrap_angle
@@ -17,7 +17,7 @@ DIVIDED = with_wall(room(), slice(20, 60), 70)
 
 
 def of_world(name: str) -> OccupancyGrid:
-    return true_grid(true_map(load(name), 0.05))
+    return grid_from_true_map(true_map(load(name), 0.05))
 
 
 def as_mapped(truth: OccupancyGrid, T, seed: int = 0) -> OccupancyGrid:

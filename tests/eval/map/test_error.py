@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.map.error import map_error
-from eval.map.grids import cell_centres, lookup, resample, true_grid
+from eval.map.grids import cell_centres, grid_from_true_map, lookup, resample
 from eval.map.overlap import coverage, free_overlap, occupied_overlap
 from eval.map.probability import CLIP, probability_score
 from eval.map.structure import map_structure
@@ -39,8 +39,8 @@ def test_the_truth_itself_has_the_best_score_of_every_measure():
     there, back = wall_distances(TRUTH, TRUTH, IDENTITY, EVERYWHERE)
     assert there.mean == back.p95 == 0.0
     profile = wall_profile(TRUTH, TRUTH, IDENTITY, EVERYWHERE)
-    assert profile.double_rate == profile.missing_rate == 0.0
-    assert profile.thickness == profile.true_thickness == pytest.approx(0.05)
+    assert profile.double_wall_rate == profile.missing_wall_rate == 0.0
+    assert profile.wall_thickness_m == profile.true_wall_thickness_m == pytest.approx(0.05)
     score = probability_score(TRUTH, TRUTH, EVERYWHERE)
     assert score.log_loss == pytest.approx(-np.log(1.0 - CLIP))
     assert score.auc == 1.0
@@ -76,11 +76,11 @@ def test_a_wall_that_stands_twice_is_double_and_one_beside_it_is_thick(offset):
     west = np.zeros_like(EVERYWHERE)
     west[30:90, 19] = True
     profile = wall_profile(doubled, TRUTH, IDENTITY, west)
-    assert profile.double_rate == 1.0
-    assert profile.thickness == pytest.approx(0.05)
+    assert profile.double_wall_rate == 1.0
+    assert profile.wall_thickness_m == pytest.approx(0.05)
     thick = wall_profile(with_wall(TRUTH, slice(20, 100), 20), TRUTH, IDENTITY, west)
-    assert thick.double_rate == 0.0
-    assert thick.thickness == pytest.approx(0.10)
+    assert thick.double_wall_rate == 0.0
+    assert thick.wall_thickness_m == pytest.approx(0.10)
 
 
 def test_specks_behind_a_wall_and_holes_in_it_are_not_a_second_wall():
@@ -91,24 +91,24 @@ def test_specks_behind_a_wall_and_holes_in_it_are_not_a_second_wall():
     specked[20:100:3, 18], specked[20:100, 17] = np.nan, 1.0  # a thick wall with holes
     west = np.zeros_like(EVERYWHERE)
     west[30:90, 19] = True
-    assert wall_profile(like_truth(specked), TRUTH, IDENTITY, west).double_rate == 0.0
+    assert wall_profile(like_truth(specked), TRUTH, IDENTITY, west).double_wall_rate == 0.0
 
 
 def test_a_quarter_of_the_walls_doubled_is_a_rate_of_their_share():
     doubled = with_wall(TRUTH, slice(20, 100), 24)
     profile = wall_profile(doubled, TRUTH, IDENTITY, EVERYWHERE)
-    assert profile.double_rate == pytest.approx(80.0 / 400.0, abs=0.05)
+    assert profile.double_wall_rate == pytest.approx(80.0 / 400.0, abs=0.05)
 
 
 def test_a_true_wall_of_two_faces_is_not_double():
     truth = with_wall(room(), slice(20, 100), slice(70, 74), np.nan)
     truth = with_wall(with_wall(truth, slice(20, 100), 69), slice(20, 100), 74)
-    assert wall_profile(truth, truth, IDENTITY, truth.known).double_rate == 0.0
+    assert wall_profile(truth, truth, IDENTITY, truth.known).double_wall_rate == 0.0
     ghost = with_wall(truth, slice(20, 100), 64)
     faces = np.zeros_like(truth.known)
     faces[30:90, [69, 74]] = True
     # From the far face the ghost is 0.5 m away: on the edge of the cut.
-    assert wall_profile(ghost, truth, IDENTITY, faces).double_rate == pytest.approx(1.0)
+    assert wall_profile(ghost, truth, IDENTITY, faces).double_wall_rate == pytest.approx(1.0)
 
 
 def test_a_missing_wall_lowers_recall_and_only_the_way_from_the_truth():
@@ -121,7 +121,7 @@ def test_a_missing_wall_lowers_recall_and_only_the_way_from_the_truth():
     assert there.mean == 0.0
     # Row r of the missing wall is min(r + 1, 80 - r) cells away from the nearest corner that stands.
     assert back.mean == pytest.approx(2 * sum(range(1, 41)) * 0.05 / walls)
-    assert wall_profile(missing, TRUTH, IDENTITY, EVERYWHERE).missing_rate == pytest.approx(0.2, abs=0.06)
+    assert wall_profile(missing, TRUTH, IDENTITY, EVERYWHERE).missing_wall_rate == pytest.approx(0.2, abs=0.06)
 
 
 def test_an_invented_wall_lowers_precision_and_only_the_way_to_the_truth():
@@ -241,11 +241,11 @@ def test_profiles_do_not_depend_on_how_either_map_is_turned(turn):
     # Both turned alike: the same cuts. Only the map's cells turned: the same walls on other cells.
     T = (1.0, -2.0, turn)
     alike = wall_profile(moved(doubled, T), moved(TRUTH, T), IDENTITY, EVERYWHERE)
-    assert alike.double_rate == pytest.approx(straight.double_rate, abs=1e-3)
-    assert alike.thickness == pytest.approx(straight.thickness, abs=1e-3)
+    assert alike.double_wall_rate == pytest.approx(straight.double_wall_rate, abs=1e-3)
+    assert alike.wall_thickness_m == pytest.approx(straight.wall_thickness_m, abs=1e-3)
     perfect = wall_profile(on_turned_cells(TRUTH, turn), TRUTH, IDENTITY, EVERYWHERE)
-    assert perfect.double_rate < 0.01
-    assert perfect.thickness == pytest.approx(0.05, abs=0.015)
+    assert perfect.double_wall_rate < 0.01
+    assert perfect.wall_thickness_m == pytest.approx(0.05, abs=0.015)
 
 
 def on_turned_cells(grid: OccupancyGrid, turn: float) -> OccupancyGrid:
@@ -287,7 +287,7 @@ def test_lookup_finds_each_cell_by_its_centre_in_any_frame():
 
 def test_the_true_map_of_a_world_becomes_1_0_and_unknown():
     occupied, free = np.array([[True, False, False]]), np.array([[False, True, False]])
-    grid = true_grid(TrueMap(occupied=occupied, free=free, resolution=0.1, origin=(0.0, 0.0, 0.0)))
+    grid = grid_from_true_map(TrueMap(occupied=occupied, free=free, resolution=0.1, origin=(0.0, 0.0, 0.0)))
     np.testing.assert_array_equal(grid.probability, [[1.0, 0.0, np.nan]])
 
 
@@ -342,5 +342,5 @@ def test_maps_without_a_known_cell_or_wall_have_no_score_rather_than_a_good_one(
     assert occupied_overlap(unknown, TRUTH, EVERYWHERE).iou == 0.0
     assert coverage(unknown, EVERYWHERE) == 0.0
     profile = wall_profile(unknown, TRUTH, IDENTITY, EVERYWHERE)
-    assert (profile.missing_rate, profile.double_rate, profile.thickness) == (1.0, None, None)
+    assert (profile.missing_wall_rate, profile.double_wall_rate, profile.wall_thickness_m) == (1.0, None, None)
     assert probability_score(TRUTH, unknown, unknown.known) is None

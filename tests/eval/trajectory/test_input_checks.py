@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from eval.trajectory.association import associate
-from eval.trajectory.input_checks import of_pair, of_trajectory
+from eval.trajectory.input_checks import check_pair, check_trajectory
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import compose, wrap_angle
 from tests.eval.helpers import noisy, random_walk
@@ -16,16 +16,16 @@ ELSEWHERE = [4.0, -2.0, 1.3]
 
 def doubts(poses) -> list[str]:
     """On an estimate of the truth's times."""
-    return of_pair(associate(Trajectory(TRUTH.stamps, poses), TRUTH))
+    return check_pair(associate(Trajectory(TRUTH.stamps, poses), TRUTH))
 
 
 def test_degrees_and_nanoseconds_are_suspected_and_turns_counted_on_are_not():
     rng = np.random.default_rng(0)
     stamps = np.arange(100.0)
     degrees = np.column_stack([stamps, stamps, rng.uniform(-180.0, 180.0, 100)])
-    assert "degrees" in of_trajectory(Trajectory(stamps, degrees), "estimate")[0]
-    assert "nanoseconds" in of_trajectory(Trajectory(stamps * 1e8, degrees * 0.0), "estimate")[0]
-    assert of_trajectory(Trajectory(stamps, np.column_stack([stamps, stamps, 0.3 * stamps])), "estimate") == []
+    assert "degrees" in check_trajectory(Trajectory(stamps, degrees), "estimate")[0]
+    assert "nanoseconds" in check_trajectory(Trajectory(stamps * 1e8, degrees * 0.0), "estimate")[0]
+    assert check_trajectory(Trajectory(stamps, np.column_stack([stamps, stamps, 0.3 * stamps])), "estimate") == []
 
 
 @pytest.mark.parametrize("factor", [100.0, 1000.0, 3.2808])
@@ -63,4 +63,4 @@ def test_honest_errors_are_not_suspected(poses):
 
 
 def test_two_poses_show_nothing():
-    assert of_pair(associate(Trajectory(TRUTH.stamps[:2], 100.0 * TRUTH.poses[:2]), TRUTH)) == []
+    assert check_pair(associate(Trajectory(TRUTH.stamps[:2], 100.0 * TRUTH.poses[:2]), TRUTH)) == []

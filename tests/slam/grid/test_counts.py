@@ -19,7 +19,7 @@ from slam.grid._cell_kernels import (
     mean_y,
     with_end_point,
 )
-from slam.matching._likelihood_kernels import LINES
+from slam.matching._likelihood_kernels import NORMALS
 from tests.slam.rooms import counts_of, empty_maps, rays, word_at
 
 QUANTUM = 1.0 / 4096.0
@@ -84,7 +84,9 @@ def test_old_end_points_are_forgotten_slowly():
 
 def test_a_scan_counts_passes_hits_and_clearing_beams():
     maps = empty_maps(cell=0.1)
-    maps.register(np.array([[0.05, 0.05, 0.0]]), rays([(0.5, 0.0), (0.5, 0.0), (0.3, 0.0)], hit=[True, True, False]))
+    maps.integrate_scan(
+        np.array([[0.05, 0.05, 0.0]]), rays([(0.5, 0.0), (0.5, 0.0), (0.3, 0.0)], hit=[True, True, False])
+    )
     hits, visits, walls = counts_of(maps)
     row, column = -maps.grids.corner[1], -maps.grids.corner[0]
     assert visits[row, column : column + 7].tolist() == [3, 3, 3, 3, 2, 2, 0]
@@ -96,7 +98,7 @@ def test_a_scan_counts_passes_hits_and_clearing_beams():
 def test_beams_start_at_their_lidar_wherever_the_robot_is():
     maps = empty_maps(cell=0.1)
     beam = rays([(1.0, 0.5)], origin=(0.0, 0.5))
-    maps.register(np.array([[2.05, -1.05, math.pi / 2.0]]), beam)  # from (1.55, -1.05) to (1.55, -0.05)
+    maps.integrate_scan(np.array([[2.05, -1.05, math.pi / 2.0]]), beam)  # from (1.55, -1.05) to (1.55, -0.05)
     visits = counts_of(maps)[1]
     rows, columns = np.nonzero(visits)
     assert set(columns + maps.grids.corner[0]) == {15}
@@ -110,23 +112,23 @@ def test_direction_of_a_straight_wall(angle):
     points = 2.0 * normal + np.linspace(-1.0, 1.0, 400)[:, None] * along
     maps = empty_maps()
     for _ in range(2):  # directions are fitted to the walls that there are
-        maps.register(np.zeros((1, 3)), rays(points))
+        maps.integrate_scan(np.zeros((1, 3)), rays(points))
     for point in points[50:-50:10]:
         code = int(word_at(maps, "surface", point)) & 0xFF
         assert code > 0
-        assert abs(LINES[code] @ along) < math.sin(0.5 * math.pi / 255.0) + 0.004
+        assert abs(NORMALS[code] @ along) < math.sin(0.5 * math.pi / 255.0) + 0.004
 
 
 def test_a_corner_and_a_lone_cell_form_no_line():
     maps = empty_maps(cell=0.1)
     corner = [(1.05, 1.05), (0.95, 1.05), (0.85, 1.05), (1.05, 0.95), (1.05, 0.85)]
     for _ in range(2):
-        maps.register(np.zeros((1, 3)), rays([*corner, (-1.05, 0.35)]))
+        maps.integrate_scan(np.zeros((1, 3)), rays([*corner, (-1.05, 0.35)]))
     for point in (corner[0], (-1.05, 0.35)):
         assert int(word_at(maps, "surface", point)) & 0xFF == 0
 
 
 def test_normals_are_unit_vectors_of_their_code():
-    np.testing.assert_array_equal(LINES[0], 0.0)
-    np.testing.assert_allclose(np.hypot(*LINES[1:].T), 1.0)
-    assert np.all(np.diff(np.arctan2(LINES[1:, 1], LINES[1:, 0])) > 0.0)
+    np.testing.assert_array_equal(NORMALS[0], 0.0)
+    np.testing.assert_allclose(np.hypot(*NORMALS[1:].T), 1.0)
+    assert np.all(np.diff(np.arctan2(NORMALS[1:, 1], NORMALS[1:, 0])) > 0.0)

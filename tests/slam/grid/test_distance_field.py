@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam import se2
-from slam.grid._traversal_kernels import Rays
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import Rays, make_rays
 from tests.slam.rooms import counts_of, dense, drive, empty_maps, rays, scan_at
 
 
@@ -54,9 +53,9 @@ def test_after_any_scans_and_resampling_the_field_is_that_of_the_walls(seed, rad
     before = None
     for _ in range(12):
         poses = rng.normal(scale=(0.5, 0.5, 2.0), size=(particles, 3))
-        maps.register(poses, random_rays(rng, reach))
+        maps.integrate_scan(poses, random_rays(rng, reach))
         if rng.random() < 0.4:
-            maps.descend(np.sort(rng.integers(0, particles, particles)))
+            maps.inherit(np.sort(rng.integers(0, particles, particles)))
         now = [int(counts_of(maps, k)[2].sum()) for k in range(particles)]
         flips += now != before
         before = now
@@ -69,9 +68,9 @@ def test_fields_of_a_drive_through_a_room(threads):
     maps = empty_maps(5, threads=threads)
     rng = np.random.default_rng(0)
     for truth in drive(8):
-        scan = rays_of([scan_at(truth, beams=180)], usable_range=80.0)
-        maps.register(truth + rng.normal(scale=(0.03, 0.03, 0.02), size=(5, 3)), scan)
-        maps.descend(np.sort(rng.integers(0, 5, 5)))
+        scan = make_rays([scan_at(truth, beams=180)], usable_range=80.0)
+        maps.integrate_scan(truth + rng.normal(scale=(0.03, 0.03, 0.02), size=(5, 3)), scan)
+        maps.inherit(np.sort(rng.integers(0, 5, 5)))
     assert_fields_are_true(maps, 5, 8)
 
 
@@ -81,7 +80,7 @@ def test_a_wall_that_is_seen_through_vanishes_and_comes_back():
     near, far = rays([(1.05, 0.05)]), rays([(2.05, 0.05)])
     seen = []
     for ray in [near] + [far] * 4 + [near]:
-        maps.register(here, ray)
+        maps.integrate_scan(here, ray)
         row, column = -maps.grids.corner[1], 10 - maps.grids.corner[0]
         seen.append(bool(counts_of(maps)[2][row, column]))
         assert_fields_are_true(maps, 1, 4)
@@ -96,12 +95,12 @@ def test_more_changes_than_fit_the_list_are_made_up_for_by_later_scans():
     side_on = Rays(
         np.column_stack([x, np.full(1200, 0.35)]), np.column_stack([x, np.full(1200, 0.05)]), np.ones(1200, bool)
     )
-    maps.register(here, side_on)
+    maps.integrate_scan(here, side_on)
     assert counts_of(maps)[2].sum() == 1200
     edge_on = rays([(121.0, 0.05)] * 6)
     left = []
     for _ in range(3):
-        maps.register(here, edge_on)
+        maps.integrate_scan(here, edge_on)
         left.append(int(counts_of(maps)[2].sum()))
         assert_fields_are_true(maps, 1, 3)
     assert left[0] > 1  # the case that this test is about
@@ -111,10 +110,10 @@ def test_more_changes_than_fit_the_list_are_made_up_for_by_later_scans():
 def test_growth_in_any_direction_keeps_maps_and_fields():
     maps = empty_maps(2, cell=0.1)
     start = np.zeros((2, 3))
-    maps.register(start, rays([(0.55, 0.05), (0.05, -0.55)]))
+    maps.integrate_scan(start, rays([(0.55, 0.05), (0.05, -0.55)]))
     for heading in (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi, 2.2):
         away = se2.compose((0.0, 0.0, heading), (15.0, 0.0, 0.0))
-        maps.register(np.array([away, away]), rays([(0.55, 0.05), (0.05, -0.55)]))
+        maps.integrate_scan(np.array([away, away]), rays([(0.55, 0.05), (0.05, -0.55)]))
         assert_fields_are_true(maps, 2, 4)
     hits, _, walls = counts_of(maps, 1)
     assert hits.sum() == walls.sum() == 12

@@ -8,8 +8,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from slam._threads import Threads
 from slam.grid._tile_kernels import FINE_SIDE, SIDE
-from slam.grid._traversal_kernels import Rays
 from slam.grid.tile_pool import TilePool
+from slam.sensor.rays import Rays
 from tests.slam.rooms import counts_of, empty_maps
 
 
@@ -22,8 +22,8 @@ def assert_accounts_balance(pool):
     assert set(free.tolist()) == set(np.flatnonzero(pool.references == 0).tolist())
     assert pool.tiles_in_use == np.count_nonzero(named[1:])
     assert not any(array[0].any() for array in pool.data)  # the empty tile stays empty
-    assert not pool.demand.seen.any()
-    assert not pool.demand.count.any()
+    assert not pool.request.seen.any()
+    assert not pool.request.count.any()
 
 
 class NaiveCopies(RuleBasedStateMachine):
@@ -47,12 +47,12 @@ class NaiveCopies(RuleBasedStateMachine):
         rows, columns = self.copies.shape[1:3]
         places = st.sets(st.integers(0, rows * columns - 1), max_size=4)
         wanted = [sorted(data.draw(places)) for _ in self.copies]
-        demand = self.pool.demand
+        request = self.pool.request
         for particle, tiles in enumerate(wanted):
-            demand.tiles[particle, : len(tiles)] = tiles
-            demand.count[particle] = len(tiles)
-            demand.seen[particle, tiles] = 1
-        self.pool.make_private(self.threads)
+            request.tiles[particle, : len(tiles)] = tiles
+            request.count[particle] = len(tiles)
+            request.seen[particle, tiles] = 1
+        self.pool.copy_on_write(self.threads)
         writers = [self.pool.table[p].ravel()[place] for p, tiles in enumerate(wanted) for place in tiles]
         assert len(set(writers)) == len(writers)  # no tile has two writers
         for particle, tiles in enumerate(wanted):
@@ -68,7 +68,7 @@ class NaiveCopies(RuleBasedStateMachine):
         """To as many particles as before, to more or to fewer."""
         ancestor = st.integers(0, len(self.copies) - 1)
         ancestors = data.draw(st.lists(ancestor, min_size=1, max_size=self.MOST))
-        self.pool.descend(np.array(ancestors))
+        self.pool.inherit(np.array(ancestors))
         self.copies = self.copies[ancestors]
 
     @rule(below=SIDES, above=SIDES, left=SIDES, right=SIDES)
@@ -103,18 +103,18 @@ def test_maps_of_particles_equal_maps_kept_apart(seed):
         poses = rng.normal(scale=(1.0, 1.0, 1.0), size=(particles, 3))
         n = int(rng.integers(1, 12))
         rays = Rays(np.zeros((n, 2)), rng.uniform(-4.0, 4.0, (n, 2)), rng.random(n) < 0.7)
-        maps.register(poses, rays)
+        maps.integrate_scan(poses, rays)
         histories = [[*history, (pose, rays)] for history, pose in zip(histories, poses, strict=True)]
         if rng.random() < 0.5:
             ancestors = np.sort(rng.integers(0, particles, particles))
-            maps.descend(ancestors)
+            maps.inherit(ancestors)
             histories = [histories[a] for a in ancestors]
         for pool in maps._pools:
             assert_accounts_balance(pool)
     for particle, history in enumerate(histories):
         alone = empty_maps(1, cell=0.1)
         for pose, rays in history:
-            alone.register(pose[None], rays)
+            alone.integrate_scan(pose[None], rays)
         together, apart = maps.occupancy(particle), alone.occupancy(0)
         np.testing.assert_array_equal(together.probability, apart.probability)
         np.testing.assert_allclose(together.origin, apart.origin)
@@ -125,17 +125,17 @@ def test_resampling_copies_no_tile_and_frees_those_of_the_dead():
     maps = empty_maps(4, cell=0.1)
     ends = np.random.default_rng(0).uniform(-5.0, 5.0, (50, 2))
     rays = Rays(np.zeros((50, 2)), ends, np.ones(50, bool))
-    maps.register(np.zeros((4, 3)), rays)
+    maps.integrate_scan(np.zeros((4, 3)), rays)
     one = empty_maps(1, cell=0.1)
-    one.register(np.zeros((1, 3)), rays)
+    one.integrate_scan(np.zeros((1, 3)), rays)
     assert maps._counts.tiles_in_use == 4 * one._counts.tiles_in_use
-    maps.descend(np.array([2, 2, 2, 2]))
+    maps.inherit(np.array([2, 2, 2, 2]))
     assert maps._counts.tiles_in_use == one._counts.tiles_in_use
     assert maps._field.tiles_in_use == one._field.tiles_in_use
     sizes = []
     for _ in range(20):  # freed tiles are used again; the pool has room for one scan of all particles to spare
-        maps.register(np.zeros((4, 3)), rays)
-        maps.descend(np.array([0, 0, 0, 0]))
+        maps.integrate_scan(np.zeros((4, 3)), rays)
+        maps.inherit(np.array([0, 0, 0, 0]))
         sizes.append(len(maps._counts.references))
     assert sizes[-1] == sizes[1]
 
@@ -143,7 +143,7 @@ def test_resampling_copies_no_tile_and_frees_those_of_the_dead():
 def test_memory_is_that_of_the_tiles_in_use_and_the_tables():
     maps = empty_maps(3, cell=0.1)
     assert maps.bytes_in_use == 0
-    maps.register(np.zeros((3, 3)), Rays(np.zeros((1, 2)), np.array([[0.55, 0.05]]), np.ones(1, bool)))
+    maps.integrate_scan(np.zeros((3, 3)), Rays(np.zeros((1, 2)), np.array([[0.55, 0.05]]), np.ones(1, bool)))
     rows, columns = maps.grids.table.shape[1:]
     tables = 3 * (1 + 4 + 1) * rows * columns * 4  # the surface has four fine tiles where the others have one
     counts, surface, field = (pool.tiles_in_use for pool in maps._pools)

@@ -9,9 +9,9 @@ import pytest
 
 from slam import OccupancyGrid, Scan, se2
 from slam._threads import Threads
-from slam.config.filter import FilterConfig, LocalizationConfig, MapConfig
-from slam.localization.fixed_map import FrozenMap, free_cells, wall_faces
-from slam.localization.localizer import Localization
+from slam.config import FilterConfig, LocalizationConfig, MapConfig
+from slam.localization import Localization
+from slam.localization.fixed_map import FixedMap, free_cells, wall_faces
 from tests.slam import rooms
 
 RECTANGLE = np.array([(-2.0, -1.5), (4.0, -1.5), (4.0, 1.5), (-2.0, 1.5)])
@@ -70,18 +70,18 @@ def test_the_frozen_map_has_one_hit_at_the_centre_of_every_face_and_shares_its_t
     probability[5:55, 5:75] = 0.0
     probability[20:30, 40:50] = 1.0  # a solid block
     grid = OccupancyGrid(probability=probability, resolution=0.05, origin=(3.0, 4.0, 0.5))
-    frozen = FrozenMap(grid, MapConfig(), Threads(1))
-    hits, visits, walls = rooms.counts_of(frozen.maps, particle=17)
+    fixed = FixedMap(grid, MapConfig(), Threads(1))
+    hits, visits, walls = rooms.counts_of(fixed.maps, particle=17)
     assert len(wall_faces(grid)) == 4 * 10 - 4
     assert walls.sum() == hits.sum() == visits.sum() == 36
-    corner = frozen.maps.grids.corner
+    corner = fixed.maps.grids.corner
     rows, columns = np.nonzero(walls)
     assert {(r + corner[1], c + corner[0]) for r, c in zip(rows, columns, strict=True)} == {
         (r, c) for r in range(20, 30) for c in range(40, 50) if r in (20, 29) or c in (40, 49)
     }
-    word = rooms.word_at(frozen.maps, "surface", (40.5 * 0.05, 25.5 * 0.05), particle=3)
+    word = rooms.word_at(fixed.maps, "surface", (40.5 * 0.05, 25.5 * 0.05), particle=3)
     np.testing.assert_allclose((float(word >> 20), float((word >> 8) & 0xFFF)), 2048.0, atol=1.0)  # of 4096: the middle
-    assert (np.unique(frozen.maps.grids.table, axis=0).shape[0]) == 1
+    assert (np.unique(fixed.maps.grids.table, axis=0).shape[0]) == 1
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -94,8 +94,8 @@ def test_a_start_that_is_roughly_known_is_tracked_to_centimetres(seed):
     assert np.median(distance) < 0.02
     assert distance.max() < 0.05
     assert turn.max() < np.radians(1.5)
-    assert localization.whereabouts.state == "found"
-    assert localization.whereabouts.fit > 0.95
+    assert localization.status.state == "found"
+    assert localization.status.explained_share > 0.95
     np.testing.assert_array_equal(reports[-1].pose, localization.path()[-1])
     assert all(report.particles == 30 for report in reports)
 
@@ -105,8 +105,8 @@ def test_an_unknown_start_is_found_with_many_particles_which_become_few(seed):
     truth, odometry = drive()
     localization = Localization(L_ROOM, seed=seed, threads=1)
     reports = run(localization, truth, odometry, seed=seed)
-    found = localization.whereabouts
-    assert (found.state, found.places, found.lost_at) == ("found", 1, ())
+    found = localization.status
+    assert (found.state, found.clusters, found.lost_at) == ("found", 1, ())
     assert found.found_at[0] < 15  # 4.5 m
     distance, _ = errors(localization, truth)
     assert np.median(distance) < 0.02
@@ -122,8 +122,8 @@ def test_a_room_that_looks_the_same_turned_round_is_ambiguous(monkeypatch):
     truth, odometry = drive()
     localization = Localization(map_of(rooms.WALLS), seed=1, threads=1)
     run(localization, truth, odometry)
-    found = localization.whereabouts
-    assert (found.state, found.places, found.found_at) == ("ambiguous", 2, ())
+    found = localization.status
+    assert (found.state, found.clusters, found.found_at) == ("ambiguous", 2, ())
     other = se2.compose(HALF_TURN, truth[-1])
     for place in (truth[-1], other):
         miss = se2.between(place, localization.poses)
@@ -137,7 +137,7 @@ def test_a_robot_that_is_carried_away_is_noticed_and_found_again():
     carried = np.concatenate([truth[:25], se2.compose(elsewhere, se2.between(truth[25], truth[25:]))])
     localization = Localization(L_ROOM, start=truth[0], seed=0, threads=1)
     run(localization, carried, odometry)
-    found = localization.whereabouts
+    found = localization.status
     assert len(found.lost_at) >= 1
     assert 25 < found.lost_at[0] < 45
     assert found.state == "found"
@@ -154,7 +154,7 @@ def test_the_map_of_another_room_is_never_a_silent_success(start):
     truth, odometry = drive(15)
     localization = Localization(big, start=start, seed=0, threads=1)
     run(localization, truth, odometry)
-    found = localization.whereabouts
+    found = localization.status
     assert found.state != "found"
     assert found.found_at == ()
     assert len(found.lost_at) > 0
@@ -204,14 +204,14 @@ def test_before_the_first_hit_the_pose_is_the_start_or_anywhere():
     report = tracked.process((0.0, 0.0, 0.0), blind)
     assert not report.updated
     np.testing.assert_allclose(report.pose, (0.5, 0.2, 0.1), atol=1e-12)
-    assert tracked.whereabouts.fit is None
+    assert tracked.status.explained_share is None
     np.testing.assert_allclose(np.diag(report.covariance) ** 0.5, (0.3, 0.3, 0.15), atol=1e-12)
     lost = Localization(L_ROOM, threads=1)
     report = lost.process((0.0, 0.0, 0.0), blind)
     free = free_cells(L_ROOM) + L_ROOM.origin[:2]
     np.testing.assert_allclose(report.pose[:2], free.mean(axis=0), atol=1e-9)
     np.testing.assert_allclose(report.covariance[:2, :2], np.cov(free.T, ddof=0), atol=1e-9)
-    assert lost.whereabouts.state == "searching"
+    assert lost.status.state == "searching"
     assert len(lost.path()) == len(lost.update_scans) == 1
 
 
@@ -226,8 +226,8 @@ def test_bad_maps_and_starts_are_refused_in_one_line():
         Localization(L_ROOM, start=(50.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="three finite numbers"):
         Localization(L_ROOM, start=(0.0, np.nan, 0.0))
-    with pytest.raises(ValueError, match="least_fit must be in"):
-        LocalizationConfig(least_fit=1.5)
+    with pytest.raises(ValueError, match="min_explained_share must be in"):
+        LocalizationConfig(min_explained_share=1.5)
     localization = Localization(L_ROOM, FilterConfig(particles=4))
     with pytest.raises(ValueError, match="odometry must be three finite numbers"):
         localization.process((0.0, np.inf, 0.0), rooms.scan_at((0.0, 0.0, 0.0)))

@@ -8,21 +8,15 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from slam import se2
-from slam.config.filter import MotionConfig
-from slam.matching._likelihood_kernels import (
-    BeamModel,
-    Evidence,
-    cholesky,
-    descend,
-    linearise,
-    linearise_motion,
-    motion_cost,
-    scan_cost,
-    solve,
-    wall_distances,
-)
+from slam._planar_kernels import cholesky, solve
+from slam.config import MotionConfig
+from slam.matching._gauss_newton_kernels import gauss_newton
+from slam.matching._likelihood_kernels import linearise_scan, scan_cost, wall_distances
+from slam.matching.likelihood import BeamModel
+from slam.matching.proposal import ScanAndPrior
+from slam.motion._odometry_model_kernels import linearise_motion, motion_cost
 from slam.motion.odometry_model import motion_prior
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import make_rays
 from tests.slam import reference
 from tests.slam.rooms import drive, empty_maps, scan_at
 from tests.slam.strategies import poses
@@ -41,11 +35,11 @@ def room():
     maps = empty_maps(cell=0.05, occupied_share=0.25, field_radius=0.4)
     naive = reference.Map(cell=0.05, occupied_share=0.25, radius=8)
     for truth in drive(3):
-        rays = rays_of([scan_at(truth, beams=90)], usable_range=80.0)
-        maps.register(truth[None], rays)
-        naive.register(truth, rays)
+        rays = make_rays([scan_at(truth, beams=90)], usable_range=80.0)
+        maps.integrate_scan(truth[None], rays)
+        naive.integrate_scan(truth, rays)
     last = drive(3)[-1]
-    hits = rays_of([scan_at(last, beams=61)], usable_range=80.0).ends
+    hits = make_rays([scan_at(last, beams=61)], usable_range=80.0).ends
     return maps.grids, naive, last, np.ascontiguousarray(hits)
 
 
@@ -55,7 +49,7 @@ def cost_at(grids, pose, hits):
 
 def linearised(grids, pose, hits):
     H, g = np.zeros((3, 3)), np.zeros(3)
-    cost, near = linearise(grids, 0, *pose, hits, MODEL, np.empty((4, len(hits))), H, g)
+    cost, near = linearise_scan(grids, 0, *pose, hits, MODEL, np.empty((4, len(hits))), H, g)
     return cost, near, H, g
 
 
@@ -88,8 +82,8 @@ def test_matched_beams_are_those_of_the_reference(room):
 
 def test_a_beam_at_a_known_distance_from_a_lone_point():
     maps = empty_maps(cell=0.1, field_radius=0.4)
-    maps.register(np.zeros((1, 3)), rays_of([scan_at((0.0, 0.0, 0.0), beams=1)], usable_range=80.0))
-    point = rays_of([scan_at((0.0, 0.0, 0.0), beams=1)], usable_range=80.0).ends
+    maps.integrate_scan(np.zeros((1, 3)), make_rays([scan_at((0.0, 0.0, 0.0), beams=1)], usable_range=80.0))
+    point = make_rays([scan_at((0.0, 0.0, 0.0), beams=1)], usable_range=80.0).ends
     for away in (0.0, 0.1, 0.25):
         e = away**2
         expected = 0.5 * 0.2 / 0.05**2 * e / (1.0 + e / 0.3**2)
@@ -138,7 +132,7 @@ def test_linearisations_are_added_to_what_is_there(room):
     grids, _, last, hits = room
     _, _, H, g = linearised(grids, last, hits)
     more_H, more_g = np.eye(3), np.ones(3)
-    linearise(grids, 0, *last, hits, MODEL, np.empty((4, len(hits))), more_H, more_g)
+    linearise_scan(grids, 0, *last, hits, MODEL, np.empty((4, len(hits))), more_H, more_g)
     np.testing.assert_allclose(more_H, H + np.eye(3))
     np.testing.assert_allclose(more_g, g + 1.0)
 
@@ -229,13 +223,13 @@ def test_descent_finds_the_way_back_to_the_truth(room):
     prior = motion_prior((1.0, 0.0, 1.0), SURE)
     for start in last + np.random.default_rng(4).uniform(-1.0, 1.0, (10, 3)) * (0.1, 0.1, 0.05):
         pose, L = np.empty(3), np.empty((3, 3))
-        cost, near = descend(grids, 0, last, start, Evidence(hits, MODEL, prior), 30, pose, L)
+        cost, near = gauss_newton(grids, 0, last, start, ScanAndPrior(hits, MODEL, prior), 30, pose, L)
         np.testing.assert_allclose(pose, last, atol=0.012)  # a quarter of a cell
         assert near == len(hits)
         assert cost == pytest.approx(cost_at(grids, pose, hits) + motion_cost(prior, last, *pose), abs=0.005)
         H = np.zeros((3, 3))
         linearise_motion(prior, last, *pose, H, np.zeros(3))
-        linearise(grids, 0, *pose, hits, MODEL, np.empty((4, len(hits))), H, np.zeros(3))
+        linearise_scan(grids, 0, *pose, hits, MODEL, np.empty((4, len(hits))), H, np.zeros(3))
         scale = np.sqrt(np.outer(np.diag(H), np.diag(H)))
         np.testing.assert_allclose(L @ L.T / scale, H / scale, atol=0.05)  # a millimetre away
         lowest = minimize(  # no derivatives, so that it does not mind where beams change their piece of wall
@@ -250,5 +244,5 @@ def test_descent_never_ends_above_where_it_began(room):
     prior = motion_prior((0.3, 0.0, 0.1), MOTION)
     for start in near_poses(last + ASTRAY, 20, seed=5):
         pose, L = np.empty(3), np.empty((3, 3))
-        cost, _ = descend(grids, 0, last, start, Evidence(hits, MODEL, prior), 20, pose, L)
+        cost, _ = gauss_newton(grids, 0, last, start, ScanAndPrior(hits, MODEL, prior), 20, pose, L)
         assert cost <= cost_at(grids, start, hits) + motion_cost(prior, last, *start) + 1e-9

@@ -7,23 +7,16 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.config.filter import MotionConfig
-from slam.matching._likelihood_kernels import BeamModel, Evidence, MotionPrior, descend, motion_cost, scan_cost
-from slam.matching._proposal_kernels import (
-    IMPROVED,
-    MOTION,
-    SCAN_MATCH,
-    Draws,
-    Laplace,
-    Proposed,
-    Search,
-    fit_gaussian,
-    from_guess,
-    offset_of,
-    propose,
-)
-from slam.motion.odometry_model import motion_prior
-from slam.sensor.rays import rays_of
+from slam._planar_kernels import from_guess
+from slam.config import MotionConfig
+from slam.matching._gauss_newton_kernels import gauss_newton
+from slam.matching._likelihood_kernels import scan_cost
+from slam.matching._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Laplace, draw_offset, fit_gaussian, propose
+from slam.matching.likelihood import BeamModel
+from slam.matching.proposal import Draws, MatchSettings, ProposalResult, ScanAndPrior
+from slam.motion._odometry_model_kernels import motion_cost
+from slam.motion.odometry_model import MotionPrior, motion_prior
+from slam.sensor.rays import make_rays
 from tests.slam import reference
 from tests.slam.rooms import drive, empty_maps, rays, scan_at
 
@@ -35,18 +28,18 @@ SPREAD = 1.2
 
 @pytest.fixture(scope="module")
 def room():
-    """Grids of a few scans and the hits of one more."""
+    """GridArrays of a few scans and the hits of one more."""
     maps = empty_maps(cell=0.05, field_radius=0.4)
     path = drive(4)
     for truth in path[:4]:
-        maps.register(truth[None], rays_of([scan_at(truth, beams=180)], usable_range=80.0))
-    hits = rays_of([scan_at(path[4], beams=61)], usable_range=80.0).ends
+        maps.integrate_scan(truth[None], make_rays([scan_at(truth, beams=180)], usable_range=80.0))
+    hits = make_rays([scan_at(path[4], beams=61)], usable_range=80.0).ends
     return maps.grids, path[4], np.ascontiguousarray(hits)
 
 
 def optimum_of(grids, guess, hits, model, prior):
     pose, L = np.empty(3), np.empty((3, 3))
-    descend(grids, 0, guess, guess, Evidence(hits, model, prior), 30, pose, L)
+    gauss_newton(grids, 0, guess, guess, ScanAndPrior(hits, model, prior), 30, pose, L)
     return pose, L
 
 
@@ -80,7 +73,7 @@ def case(request, room):
     guess = se2.compose(truth, off)
     prior = motion_prior((0.3, 0.0, 0.12), config)
     optimum, L = optimum_of(grids, guess, hits, model, prior)
-    arguments = (grids, 0, guess, Evidence(hits, model, prior), Laplace(optimum, L, SPREAD))
+    arguments = (grids, 0, guess, ScanAndPrior(hits, model, prior), Laplace(optimum, L, SPREAD))
     return arguments, integral(grids, guess, hits, model, prior, optimum, L)
 
 
@@ -115,7 +108,7 @@ def test_offsets_have_the_covariance_of_the_laplace_approximation():
     z = np.random.default_rng(2).standard_normal((20_000, 3))
     offsets = np.empty_like(z)
     for k in range(len(z)):
-        offset_of(L, z[k], 1.2, offsets[k])
+        draw_offset(L, z[k], 1.2, offsets[k])
     np.testing.assert_allclose(np.cov(offsets.T), 1.44 * np.linalg.inv(L @ L.T), atol=0.01)
     np.testing.assert_allclose(offsets @ L, 1.2 * z, atol=1e-12)
 
@@ -124,17 +117,17 @@ def proposed(grids, hits, guesses, kind, *, prior, seed=0, failure_share=0.0, mo
     n = len(guesses)
     rng = np.random.default_rng(seed)
     draws = Draws(rng.standard_normal((20, 3)), rng.standard_normal((n, 3)), rng.uniform(size=n))
-    out = Proposed(
+    out = ProposalResult(
         np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan),
         np.full(n, np.nan), np.zeros(n, bool), np.zeros((n, 20, 3)),
     )  # fmt: skip
-    search = Search(kind, 20, np.zeros((0, 3)), model, hits, fail_share, failure_share, SPREAD)
-    propose(0, n, grids, guesses, Evidence(hits, model, prior), search, draws, out)
+    search = MatchSettings(kind, 20, np.zeros((0, 3)), model, hits, fail_share, failure_share, SPREAD)
+    propose(0, n, grids, guesses, ScanAndPrior(hits, model, prior), search, draws, out)
     return out, draws
 
 
 def repeated(maps_room, n):
-    """Grids in which all n particles share one map."""
+    """GridArrays in which all n particles share one map."""
     grids, truth, hits = maps_room
     tables = ("table", "surface_table", "field_table")
     return grids._replace(**{name: np.repeat(getattr(grids, name)[:1], n, axis=0) for name in tables}), truth, hits
@@ -173,7 +166,7 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
     for i in range(n):
         optimum, L = optimum_of(grids, guesses[i], hits, MODEL, prior)
         log_eta, mean, covariance = fitted(
-            (grids, i, guesses[i], Evidence(hits, MODEL, prior), Laplace(optimum, L, SPREAD)), draws.near
+            (grids, i, guesses[i], ScanAndPrior(hits, MODEL, prior), Laplace(optimum, L, SPREAD)), draws.near
         )
         assert out.log_gain[i] == pytest.approx(log_eta, abs=1e-3)
         expected = mean + np.linalg.cholesky(covariance) @ draws.pose[i]
@@ -230,7 +223,7 @@ def test_scan_match_keeps_the_scatter_of_the_motion_along_a_corridor():
     along = np.arange(-4.0, 4.0, 0.02)
     sides = np.concatenate([np.stack([along, np.full(len(along), y)], axis=-1) for y in (-1.03, 1.02)])
     for x in (-2.0, 0.0, 2.0):
-        maps.register(np.array([(x, 0.0, 0.0)]), rays(sides))
+        maps.integrate_scan(np.array([(x, 0.0, 0.0)]), rays(sides))
     grids, truth, hits = repeated((maps.grids, np.zeros(3), np.ascontiguousarray(sides[::13])), 200)
     ratio = scattered(grids, hits, truth, SCAN_MATCH) / scattered(grids, hits, truth, MOTION)
     assert ratio[0] == pytest.approx(1.0, abs=0.05)

@@ -27,7 +27,7 @@ def grown(particles, generations, resample_share, seed, most=0):
             ancestors = np.sort(rng.integers(0, len(histories), heirs))
             if len(set(founders)) == 1:
                 founders = list(range(len(founders)))
-            tree.descend(ancestors)
+            tree.inherit(ancestors)
             histories = [histories[a] for a in ancestors]
             founders = [founders[a] for a in ancestors]
     return tree, histories, founders
@@ -58,18 +58,18 @@ def test_paths_share_their_beginning_after_all_descend_from_one():
     for value in range(4):
         tree.add(np.full((3, 3), float(value)) + np.arange(3)[:, None] / 10.0)
     assert tree.unique_ancestors == 3
-    tree.descend(np.array([1, 1, 1]))
+    tree.inherit(np.array([1, 1, 1]))
     assert tree.unique_ancestors == 1
     assert tree.coalesced
     np.testing.assert_allclose(tree.path(2)[:, 0], [0.1, 1.1, 2.1, 3.1])
-    tree.descend(np.array([0, 0, 2]))  # counting starts anew
+    tree.inherit(np.array([0, 0, 2]))  # counting starts anew
     assert tree.unique_ancestors == 2
 
 
 def test_a_single_particle_never_coalesces():
     tree = Ancestry(1)
     tree.add(np.zeros((1, 3)))
-    tree.descend(np.array([0]))
+    tree.inherit(np.array([0]))
     assert tree.unique_ancestors == 1
     assert not tree.coalesced
 

@@ -9,15 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam import FilterConfig, GMapping, se2
-from slam.config.filter import AdaptConfig, GateConfig, ResampleConfig
+from slam.config import AdaptConfig, GateConfig, ResampleConfig
 from slam.particles.kld import particles_needed
 from slam.particles.particle_count import bins_covered, next_count
-from slam.sensor.rays import rays_of
+from slam.sensor.rays import make_rays
 from tests.slam.grid.test_tile_pool import assert_accounts_balance
 from tests.slam.rooms import drive, empty_maps, scan_at
 
 KLD = AdaptConfig(count="kld")
-FINE = AdaptConfig(count="kld", least=3, most=20, position=0.05, heading=0.05, error=1.0, change=1.1)
+FINE = AdaptConfig(
+    count="kld", min_particles=3, max_particles=20, position=0.05, heading=0.05, error=1.0, resize_factor=1.1
+)
 """Bins so small that the belief within one room covers more or fewer of them from scan to scan."""
 DEVIATIONS = st.tuples(*[st.floats(0.0, 10.0)] * 3)
 
@@ -57,12 +59,12 @@ def test_the_default_bound_leaves_a_bin_empty_in_one_of_twenty_cases_at_most(bin
 
 @given(st.integers(1, 500), DEVIATIONS)
 def test_a_fixed_count_stays(present, deviations):
-    assert next_count(present, covariance_of(deviations), AdaptConfig(least=3, most=5)) == present
+    assert next_count(present, covariance_of(deviations), AdaptConfig(min_particles=3, max_particles=5)) == present
 
 
 @given(st.integers(1, 500), DEVIATIONS, st.integers(1, 40), st.integers(0, 100), st.floats(1.0, 3.0))
 def test_the_count_stays_or_changes_by_the_factor_to_one_within_bounds(present, deviations, least, more, change):
-    config = replace(KLD, least=least, most=least + more, change=change)
+    config = replace(KLD, min_particles=least, max_particles=least + more, resize_factor=change)
     count = next_count(present, covariance_of(deviations), config)
     if count != present:
         assert least <= count <= least + more
@@ -71,15 +73,15 @@ def test_the_count_stays_or_changes_by_the_factor_to_one_within_bounds(present, 
 
 
 def test_a_wide_belief_asks_for_the_most_and_a_narrow_one_for_the_fewest():
-    assert next_count(30, covariance_of((5.0, 5.0, 0.5)), KLD) == KLD.most
-    assert next_count(30, covariance_of((0.01, 0.01, 0.01)), KLD) == KLD.least
+    assert next_count(30, covariance_of((5.0, 5.0, 0.5)), KLD) == KLD.max_particles
+    assert next_count(30, covariance_of((0.01, 0.01, 0.01)), KLD) == KLD.min_particles
 
 
 def test_a_count_that_adapts_needs_resampling_and_bounds_in_order():
     with pytest.raises(ValueError, match="only adapt where particles are resampled"):
         FilterConfig(adapt=KLD, resample=ResampleConfig(when="never"))
-    with pytest.raises(ValueError, match=r"AdaptConfig\.most must be at least 10"):
-        AdaptConfig(most=9)
+    with pytest.raises(ValueError, match=r"AdaptConfig\.max_particles must be at least 10"):
+        AdaptConfig(max_particles=9)
 
 
 def config(adapt, **changes):
@@ -94,7 +96,7 @@ def mapped(settings, steps=14):
     mapper = GMapping(settings, seed=3, threads=1)
     for pose, measured in zip(truth, odometry, strict=True):
         scan = scan_at(pose, beams=90, noise=0.01, rng=rng)
-        rays = rays_of([scan], usable_range=settings.map.usable_range, free_range=0.0, twist=None)
+        rays = make_rays([scan], usable_range=settings.map.usable_range, free_range=0.0, twist=None)
         yield mapper, mapper.process(measured, scan), rays
 
 
@@ -105,7 +107,7 @@ def test_poses_weights_paths_and_maps_follow_the_count(scheme):
         n = len(mapper.poses)
         counts.append(n)
         drawn.append(rays)
-        assert FINE.least <= n <= FINE.most
+        assert FINE.min_particles <= n <= FINE.max_particles
         assert report.resampled or n == report.particles
         assert len(report.proposed.pose if report.proposed else mapper.poses) == report.particles
         assert mapper.weights.shape == (n,)
@@ -119,7 +121,7 @@ def test_poses_weights_paths_and_maps_follow_the_count(scheme):
     for particle in range(counts[-1]):  # each map is the one that the particle's own path draws
         alone = empty_maps(1)
         for pose, rays in zip(mapper.path(particle), drawn, strict=True):
-            alone.register(pose[None], rays)
+            alone.integrate_scan(pose[None], rays)
         np.testing.assert_array_equal(mapper.map(particle).probability, alone.occupancy(0).probability)
 
 
@@ -131,6 +133,6 @@ def test_a_fixed_count_knows_nothing_of_the_other_settings():
 
 def test_the_first_scan_finds_the_fewest_particles():
     reports = [report for _, report, _ in mapped(config(FINE))]
-    assert reports[0].particles == FINE.least
-    assert config(FINE).most_particles == FINE.most
-    assert config(AdaptConfig()).most_particles == 7
+    assert reports[0].particles == FINE.min_particles
+    assert config(FINE).max_particles == FINE.max_particles
+    assert config(AdaptConfig()).max_particles == 7

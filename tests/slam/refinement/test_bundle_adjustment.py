@@ -9,18 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam._threads import Threads
-from slam.config.filter import RefineConfig
+from slam.config import RefineConfig
 from slam.refinement._chain_kernels import add_odometry_steps
 from slam.refinement._normal_equations_kernels import (
     Matches,
-    Sights,
+    SurfelObservations,
     collect,
     match_points,
-    subtract_surfels,
+    subtract_schur_complement,
     weigh_points,
 )
 from slam.refinement.bundle_adjustment import GAUGE, Adjustment, conjugate_gradients
-from slam.refinement.surfels import cells_of, cloud_of, find_surfels, noise_of, placed
+from slam.refinement.surfels import find_surfels, make_cells, make_cloud, make_noise, transform_cloud
 from tests.slam.refinement.test_chain import dense_matrix
 from tests.slam.rooms import rays
 
@@ -63,17 +63,19 @@ def test_equations_are_those_of_the_least_cost_over_all_offsets(seed):
     poses, points, first, matches, normal = problem
     scans, n = len(poses), len(points)
     diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-    rows = Sights(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+    rows = SurfelObservations(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
     collect(0, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
     used = np.concatenate([np.arange(begin, begin + c) for begin, c in zip(first, count, strict=False)])
-    sights = Sights(np.concatenate([[0], np.cumsum(count)]), rows.surfel[used], rows.weight[used], rows.lever[used])
-    for begin, end in pairwise(sights.first):  # one row for each surfel that a scan sees
-        assert len(set(sights.surfel[begin:end])) == end - begin
+    observations = SurfelObservations(
+        np.concatenate([[0], np.cumsum(count)]), rows.surfel[used], rows.weight[used], rows.heading_jacobian[used]
+    )
+    for begin, end in pairwise(observations.first):  # one row for each surfel that a scan sees
+        assert len(set(observations.surfel[begin:end])) == end - begin
     total = np.bincount(matches.surfel[matches.surfel >= 0], matches.weight[matches.surfel >= 0])
 
     def product(x):
         out = np.einsum("nij,nj->ni", diagonal, x)
-        subtract_surfels(sights, normal, total, x, out)
+        subtract_schur_complement(observations, normal, total, x, out)
         return out
 
     zero = np.zeros((scans, 3))
@@ -116,13 +118,13 @@ def test_weights_fall_with_the_distance_and_leave_the_mean_where_most_points_are
 def matched(parts, poses, gate):
     """Surfels and matches of scans given as `Rays`, taken at poses (scans, 3)."""
     config, threads = RefineConfig(), Threads(1)
-    cloud = cloud_of(parts, config.most_points)
-    there = placed(cloud, np.asarray(poses, dtype=np.float64), threads)
-    cells, cell_of = cells_of(there.points, config.cell)
+    cloud = make_cloud(parts, config.max_points)
+    there = transform_cloud(cloud, np.asarray(poses, dtype=np.float64), threads)
+    cells, cell_of = make_cells(there.points, config.cell)
     surfels = find_surfels(there, cloud, cells, cell_of, config, 0.6, threads)
     n = len(cloud.ends)
     matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
-    noise = noise_of(config)
+    noise = make_noise(config)
     match_points(0, n, there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches)
     return surfels, matches
 
@@ -163,11 +165,11 @@ def dense_solutions(adjustment, poses, gate):
     held = dense_matrix(diagonal + scans.diagonal, coupling)
     held[:3, :3] += GAUGE * np.eye(3)
     B = np.zeros((3 * n, len(scans.normal)))
-    for scan, (begin, end) in enumerate(pairwise(scans.sights.first)):
+    for scan, (begin, end) in enumerate(pairwise(scans.observations.first)):
         for k in range(begin, end):
-            e = scans.sights.surfel[k]
-            B[3 * scan : 3 * scan + 2, e] = scans.sights.weight[k] * scans.normal[e]
-            B[3 * scan + 2, e] = scans.sights.lever[k]
+            e = scans.observations.surfel[k]
+            B[3 * scan : 3 * scan + 2, e] = scans.observations.weight[k] * scans.normal[e]
+            B[3 * scan + 2, e] = scans.observations.heading_jacobian[k]
     seen = scans.total > 0.0
     right = -(gradient + scans.gradient).ravel()
     whole = np.linalg.solve(held - (B[:, seen] / scans.total[seen]) @ B[:, seen].T, right)
@@ -180,7 +182,7 @@ def test_a_step_solves_the_whole_system_in_which_walls_follow():
     n = 8
     second = np.where(np.arange(n) >= n // 2, 1.0, 0.0)
     odometry = np.stack([10.04 * second, np.zeros(n), np.zeros(n)], axis=-1)
-    adjustment = Adjustment(odometry, cloud_of([square_room()] * n, 10**6), np.arange(n), RefineConfig(), Threads(1))
+    adjustment = Adjustment(odometry, make_cloud([square_room()] * n, 10**6), np.arange(n), RefineConfig(), Threads(1))
     poses = np.random.default_rng(0).normal(scale=(0.01, 0.01, 0.002), size=(n, 3))
     poses[:, 0] += 10.0 * second
     whole, held = dense_solutions(adjustment, poses, 0.1)
@@ -195,7 +197,7 @@ def test_a_step_solves_the_whole_system_in_which_walls_follow():
 
 def test_one_scan_among_many_comes_into_step():
     poses = np.zeros((8, 3))
-    adjustment = Adjustment(poses, cloud_of([square_room()] * 8, 10**6), np.arange(8), RefineConfig(), Threads(1))
+    adjustment = Adjustment(poses, make_cloud([square_room()] * 8, 10**6), np.arange(8), RefineConfig(), Threads(1))
     off = poses.copy()
     off[3] = 0.03, -0.02, 0.01
     for gate in (0.1, 0.05, 0.03):

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam import se2
-from slam.config.filter import MotionConfig
-from slam.matching._likelihood_kernels import MotionPrior, motion_cost
-from slam.motion.odometry_model import motion_prior
+from slam.config import MotionConfig
+from slam.motion._odometry_model_kernels import motion_cost
+from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.refinement._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
 
 

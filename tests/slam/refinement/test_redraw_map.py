@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from slam import FilterConfig
 from slam._threads import Threads
 from slam.grid.particle_maps import ParticleMaps
-from slam.refinement._surfel_kernels import Lines
-from slam.refinement.redraw_map import DEPTH, draw_map, on_walls, reach_of
-from slam.refinement.surfels import Surfels, cells_of, cloud_of, find_surfels, noise_of, placed
-from slam.sensor.rays import rays_of
+from slam.refinement.redraw_map import DEPTH, max_snap_distance, redraw_map, snap_to_walls
+from slam.refinement.surfels import Lines, Surfels, find_surfels, make_cells, make_cloud, make_noise, transform_cloud
+from slam.sensor.rays import make_rays
 from tests.slam.rooms import WALLS, drive, rays, scan_at
 
 CONFIG = FilterConfig()
@@ -23,34 +22,34 @@ THREADS = Threads(1)
 
 def walls_of(parts, poses, config):
     """Cells and surfels of scans given as `Rays`, taken at poses (scans, 3)."""
-    cloud = cloud_of(parts, config.most_points)
-    there = placed(cloud, np.asarray(poses, dtype=np.float64), THREADS)
-    cells, cell_of = cells_of(there.points, config.cell)
-    return cells, find_surfels(there, cloud, cells, cell_of, config, reach_of(config), THREADS)
+    cloud = make_cloud(parts, config.max_points)
+    there = transform_cloud(cloud, np.asarray(poses, dtype=np.float64), THREADS)
+    cells, cell_of = make_cells(there.points, config.cell)
+    return cells, find_surfels(there, cloud, cells, cell_of, config, max_snap_distance(config), THREADS)
 
 
-def one_wall(place, normal, points):
-    """A surfel at `place`, listed for all cells of points (n, 2)."""
-    cells, _ = cells_of(points, CONFIG.refine.cell)
-    count = len(cells.places)
+def one_wall(point, normal, points):
+    """A surfel at `point`, listed for all cells of points (n, 2)."""
+    cells, _ = make_cells(points, CONFIG.refine.cell)
+    count = len(cells.coordinates)
     lines = Lines(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros((count, 2, 2)))
     listed = np.arange(count + 1), np.zeros(count, np.int32)
-    return cells, Surfels(np.array([place]), np.array([normal]), np.ones(1), lines, *listed)
+    return cells, Surfels(np.array([point]), np.array([normal]), np.ones(1), lines, *listed)
 
 
 @given(st.floats(1.0, 9.0), st.floats(-1.2, 1.2), st.floats(-1.0, 1.0), st.floats(-0.1, 0.1))
 @settings(deadline=None)
 def test_an_end_point_moves_to_its_mean_given_the_wall(distance, slant, off, beside):
     """Against conditioning a Gaussian of two dimensions by the textbook."""
-    noise, normal = noise_of(CONFIG.refine), np.array([-np.cos(slant), -np.sin(slant)])
+    noise, normal = make_noise(CONFIG.refine), np.array([-np.cos(slant), -np.sin(slant)])
     sigma = np.sqrt(noise.floor2 + noise.share2 * (distance * np.cos(slant)) ** 2)
     end = np.array([[distance, 0.0]])
-    place = end[0] + off * 2.0 * sigma * normal + beside * np.array([-normal[1], normal[0]])
-    walls = one_wall(place, normal, end)
-    (moved,) = on_walls([rays(end)], np.zeros((1, 3)), walls, CONFIG, THREADS)
+    point = end[0] + off * 2.0 * sigma * normal + beside * np.array([-normal[1], normal[0]])
+    walls = one_wall(point, normal, end)
+    (moved,) = snap_to_walls([rays(end)], np.zeros((1, 3)), walls, CONFIG, THREADS)
     covariance = np.diag([noise.floor2 + noise.share2 * distance**2, noise.floor2])
     gain = covariance @ normal / (normal @ covariance @ normal)
-    expected = end[0] - gain * (normal @ (end[0] - place)) - DEPTH * CONFIG.map.cell * normal
+    expected = end[0] - gain * (normal @ (end[0] - point)) - DEPTH * CONFIG.map.cell * normal
     np.testing.assert_allclose(moved.ends[0], expected, atol=1e-9)
 
 
@@ -58,7 +57,7 @@ def test_end_points_without_a_wall_and_beams_without_a_hit_stay():
     ends = np.array([[2.0, 0.0], [2.0, 0.1], [2.0, 3.0], [0.5, -1.0]])
     walls = one_wall((2.02, 0.0), (-1.0, 0.0), ends)
     scan = rays(ends)._replace(hit=np.array([True, False, True, True]))
-    (moved,) = on_walls([scan], np.zeros((1, 3)), walls, CONFIG, THREADS)
+    (moved,) = snap_to_walls([scan], np.zeros((1, 3)), walls, CONFIG, THREADS)
     np.testing.assert_array_equal(moved.ends[1], ends[1])
     np.testing.assert_allclose(moved.ends[2:], ends[2:], atol=1e-12)  # 3 m along the wall, 1.5 m before it
     assert moved.ends[0, 0] == pytest.approx(2.02 + DEPTH * CONFIG.map.cell)
@@ -71,7 +70,7 @@ def noisy_room(seed, share):
     poses = drive(29, distance=0.08, turn=0.2)
     parts = []
     for pose in poses:
-        exact = rays_of([scan_at(pose, beams=360)], usable_range=20.0)
+        exact = make_rays([scan_at(pose, beams=360)], usable_range=20.0)
         towards = exact.ends - exact.origins
         ranges = np.linalg.norm(towards, axis=1, keepdims=True)
         error = rng.normal(scale=share * ranges)
@@ -84,10 +83,10 @@ def test_walls_are_as_thin_as_cells(seed):
     """Area of the occupied cells against what the visible faces of the walls fill."""
     config = replace(CONFIG, refine=replace(CONFIG.refine, range_share=0.02))  # at 3 m what is usual at 6 m
     parts, poses = noisy_room(seed, 0.02)
-    drawn = draw_map(poses, dict(enumerate(parts)), walls_of(parts, poses, config.refine), config, THREADS)
+    drawn = redraw_map(poses, dict(enumerate(parts)), walls_of(parts, poses, config.refine), config, THREADS)
     counted = ParticleMaps(1, CONFIG.map, THREADS)
     for pose, scan in zip(poses, parts, strict=True):
-        counted.register(pose[None], scan)
+        counted.integrate_scan(pose[None], scan)
     length = np.linalg.norm(WALLS[:, 2:] - WALLS[:, :2], axis=1).sum()
     thin, thick = (grid.occupied.sum() * CONFIG.map.cell**2 / length for grid in (drawn, counted.occupancy(0)))
     assert thin < 1.3 * CONFIG.map.cell

@@ -3,6 +3,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,10 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eval.files.atomic_write import discard_unfinished
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
 from testbed.datasets import simulated as dataset
-from testbed.datasets.simulated import discard_unfinished, is_complete, write_dataset
+from testbed.datasets.simulated import is_complete, write_dataset
 from testbed.formats import LogError, open_log
 from testbed.formats.maps import read_map_inside
 from testbed.presets import load_lidar, load_robot
@@ -113,7 +115,7 @@ def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
     written = first.stat().st_mtime_ns
     killed = subprocess.Popen([sys.executable, "-c", ""])
     killed.wait()
-    (tmp_path / f".loop-0002.simulating-{killed.pid}").mkdir()  # as a kill leaves it
+    (tmp_path / f".loop-0002.{socket.gethostname()}.{killed.pid}.tmp").mkdir()  # as a kill leaves it
     assert simulate(tmp_path, "--count", "3", "--workers", "2") == 0
     assert "1 datasets written, 2 were there already" in capsys.readouterr().out
     assert first.stat().st_mtime_ns == written
@@ -124,7 +126,7 @@ def test_ctrl_c_ends_soon_and_leaves_whole_datasets_only(tmp_path):
     command = [*AT_A_TERMINAL, "simulate", "office", "--count", "3"]
     job = subprocess.Popen([*command, "--out", tmp_path], stderr=subprocess.PIPE, text=True, start_new_session=True)
     deadline = time.monotonic() + 60
-    while not list(tmp_path.glob(".office-0000.simulating-*")):  # a worker is at work
+    while not list(tmp_path.glob(".office-0000.*.tmp")):  # a worker is at work
         assert time.monotonic() < deadline
         assert job.poll() is None
         time.sleep(0.05)
@@ -147,7 +149,7 @@ def test_a_worker_that_outlived_its_parent_is_let_be(tmp_path):
     """It writes beside the one that was started again, and whoever is first wins."""
     path, content = tmp_path / "loop", {}
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as outlived:
-        others = tmp_path / f".loop.simulating-{outlived.pid}" / "loop"
+        others = tmp_path / f".loop.{socket.gethostname()}.{outlived.pid}.tmp" / "loop"
         others.mkdir(parents=True)
         write_dataset(path, load("loop"), CONFIG, {})
         assert others.exists()

@@ -10,7 +10,7 @@ from gymnasium.error import ClosedEnvironmentError, Error, InvalidAction, ResetN
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import testbed  # noqa: F401  # registers the environments
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose, inverse
 from testbed.envs import Crop, ExploreReward, GeneratedWorlds
@@ -91,7 +91,7 @@ def test_thin_walls_do_not_fall_between_the_cells_of_the_crop():
 
 def test_a_perfect_map_covers_all_and_a_shifted_one_less():
     truth = true_map(PLACE)
-    grid = true_grid(truth)
+    grid = grid_from_true_map(truth)
     score = MapScore(truth)
     whole = score.mapped(grid, np.zeros(3))
     assert whole.coverage == pytest.approx(1.0)

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from testbed.exploration import STRATEGIES, ExploreDriver, make_explorer
 from testbed.presets import load_lidar, load_robot

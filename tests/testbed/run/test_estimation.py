@@ -10,7 +10,7 @@ import pytest
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from slam import se2
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from slam.scan import Scan
 from testbed.frame import Frame
 from testbed.presets import Mount, load_lidar, load_robot

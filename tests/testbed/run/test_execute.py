@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.config.filter import FilterConfig, ProposalConfig
+from slam.config import FilterConfig, ProposalConfig
 from testbed.cli.shared.console import progress_line
 from testbed.frame import Frame
 from testbed.run.execute import execute_job

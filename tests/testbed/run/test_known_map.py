@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from eval.files.map_server import write_map
-from eval.map.grids import true_grid
+from eval.map.grids import grid_from_true_map
 from slam import se2
-from slam.config.filter import FilterConfig, LocalizationConfig
-from slam.localization.localizer import Localization
+from slam.config import FilterConfig, LocalizationConfig
+from slam.localization import Localization
 from testbed.formats import open_log
 from testbed.run.estimation import Estimation
 from testbed.run.known_map import KnownMap, failure_reason, localization_metrics, parse_start
@@ -26,7 +26,7 @@ SETTINGS = LocalizationConfig()
 
 
 def grid_of(world):
-    return true_grid(true_map(load(world)))
+    return grid_from_true_map(true_map(load(world)))
 
 
 def frames_of(world, seed, *, begin=0.0, end=20.0):
@@ -44,7 +44,7 @@ def localized(frames, known, seed=0):
         estimation.process(frame)
     estimate = estimation.filtered()
     truth = estimation.trajectory_at_scans("truth")
-    return localization_metrics(known, estimation.mapper.whereabouts, frames, estimate.at_scans, truth), estimation
+    return localization_metrics(known, estimation.mapper.status, frames, estimate.at_scans, truth), estimation
 
 
 def known_map(world, start=None):
@@ -152,7 +152,7 @@ def test_maps_of_other_systems_serve(tmp_path):
     scans = [frame for frame in frames if frame.scan is not None]
     for frame in scans:
         report = localization.process(frame.odometry, frame.scan, twist=frame.twist)
-    assert localization.whereabouts.state == "found"
+    assert localization.status.state == "found"
     np.testing.assert_allclose(report.pose[:2], scans[-1].truth[:2] + shift[:2], atol=0.05)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slam import se2
-from slam.config.filter import FilterConfig, MatchConfig, ResampleConfig
+from slam.config import FilterConfig, MatchConfig, ResampleConfig
 from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import worlds
-from eval.map.grids import true_grid
-from slam.config.filter import FilterConfig
+from eval.map.grids import grid_from_true_map
+from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.run.snapshot import take_snapshot
 from testbed.simulation import SimulationConfig, simulate
@@ -26,7 +26,7 @@ def test_a_view_costs_little_of_the_run(tmp_path: Path) -> None:
     scene = Scene(
         title="office",
         particles=30,
-        true_map=true_grid(worlds.true_map(world)),
+        true_map=grid_from_true_map(worlds.true_map(world)),
         robot_urdf=robot_urdf(config.robot),
     )
     estimation = Estimation(FilterConfig(particles=30), seed=0)

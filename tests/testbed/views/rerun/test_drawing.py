@@ -74,7 +74,7 @@ def test_branches_draw_each_limb_of_the_tree_exactly_once(particles: int, genera
     for _ in range(generations):
         tree.add(rng.normal(size=(particles, 3)))
         if rng.uniform() < 0.5:
-            tree.descend(np.sort(rng.integers(particles, size=particles)))
+            tree.inherit(np.sort(rng.integers(particles, size=particles)))
     paths = [tree.path(i) for i in range(particles)]
 
     def limbs(strips: list[np.ndarray]) -> list[tuple[float, ...]]:

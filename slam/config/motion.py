@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: MIT
+"""Settings of the motion model; classic GMapping names in brackets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slam.config._checks import require_at_least, require_positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionConfig:
+    """Standard deviations of the odometry's error per unit of motion (the filter's belief, not the robot's truth)."""
+
+    translation_from_translation: float = 0.1
+    """Error along the path per metre driven [m/m] (srr)."""
+    translation_from_rotation: float = 0.05
+    """Error of position per radian turned [m/rad] (srt)."""
+    rotation_from_translation: float = 0.1
+    """Error of heading per metre driven [rad/m] (str)."""
+    rotation_from_rotation: float = 0.1
+    """Error of heading per radian turned [rad/rad] (stt)."""
+    floor_translation: float = 0.005
+    """Error that is there even at rest [m]."""
+    floor_rotation: float = 0.003
+    """Error of heading that is there even at rest [rad]."""
+    failure_share: float = 0.05
+    """Share of the steps in which the odometry fails (slip, wrong sign): the tail of the motion model."""
+    failure_along: float = 1.0
+    """Error along the heading per metre driven in such a step [m/m]."""
+    failure_limit: float = 0.4
+    """The largest standard deviation of that error: wheels slip and directions change on short stretches [m]."""
+    failure_rotation: float = 0.3
+    """Further error of heading per radian turned in such a step [rad/rad]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "floor_translation", "floor_rotation")
+        require_at_least(self, 0.0, "translation_from_translation", "translation_from_rotation")
+        require_at_least(self, 0.0, "rotation_from_translation", "rotation_from_rotation")
+        require_at_least(self, 0.0, "failure_along", "failure_limit", "failure_rotation")
+        if not 0.0 <= self.failure_share < 1.0:
+            raise ValueError(f"MotionConfig.failure_share must be in [0, 1), got {self.failure_share}")

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: MIT
+"""What one scan did to a filter: the report of a step, and the clock of its stages."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam.matching.proposal import ProposalResult
+from slam.particles.particle_set import ParticleSet
+from slam.sensor.rays import BeamCounts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepReport:
+    """What one scan did to the filter."""
+
+    updated: bool
+    """Whether the filter used the scan; below the update gates only the pose moves on by odometry."""
+    pose: se2.Pose
+    """Pose of the best particle at this scan in the map's frame, (3,)."""
+    covariance: NDArray[np.float64]
+    """Covariance of the pose over the particles in the map's frame, (3, 3)."""
+    particles: int
+    """Number of particles that used the scan: before resampling, which may change it."""
+    ess: float
+    """Effective sample size before resampling."""
+    readings: BeamCounts
+    """The scan's readings by kind."""
+    resampled: bool = False
+    """Whether particles were resampled after this scan."""
+    matched_share: float = 0.0
+    """Share of the hits within the outlier distance of a wall, weighted mean over the particles."""
+    match_failures: int = 0
+    """Particles whose scan matching failed."""
+    log_evidence: float = 0.0
+    """Log-likelihood of this scan given all earlier ones [nats]."""
+    unique_ancestors: int = 0
+    """Number of ancestors from which the particles descend; counting starts anew once there is a single one."""
+    best: int = 0
+    """Number of the particle of the largest weight."""
+    map_bytes: int = 0
+    """Memory of all maps [bytes]."""
+    loop_closed: bool = False
+    """Whether the best particle has just come back to an area that it left long ago."""
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Wall time of the stages: match (proposal), map, resample (with weights)."""
+    proposed: ProposalResult | None = None
+    """Samples, Gaussians and new poses of all particles before resampling; None for the first scan and for those
+    that the filter does not use."""
+
+
+def report_state(particles: ParticleSet, readings: BeamCounts, *, pose: se2.Pose, map_bytes: int) -> StepReport:
+    """Report of a scan that the filter does not match: the state as it is, at a pose (3,) in the map's frame."""
+    return StepReport(
+        updated=False,
+        pose=pose,
+        covariance=particles.covariance,
+        particles=len(particles),
+        ess=particles.weights.ess,
+        readings=readings,
+        unique_ancestors=particles.ancestry.unique_ancestors,
+        best=particles.weights.best,
+        map_bytes=map_bytes,
+    )
+
+
+def report_update(
+    particles: ParticleSet, result: ProposalResult, readings: BeamCounts, *, pose: se2.Pose, evidence: float
+) -> StepReport:
+    """Report of a matched scan before resampling, at a pose (3,) in the map's frame."""
+    weights = particles.weights
+    return StepReport(
+        updated=True,
+        pose=pose,
+        covariance=particles.covariance,
+        particles=len(particles),
+        ess=weights.ess,
+        readings=readings,
+        matched_share=min(float(weights.values @ result.matched), 1.0),  # the weights' sum may round above 1
+        match_failures=int(result.failed.sum()),
+        log_evidence=evidence,
+        best=weights.best,
+        proposed=result,
+    )
+
+
+class StageClock:
+    """Wall time of the stages of a step, one after the other."""
+
+    def __init__(self) -> None:
+        """Start the first stage."""
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def end_stage(self, name: str) -> None:
+        """End the stage that has this name; the next one begins."""
+        now = time.perf_counter()
+        self.seconds[name] = now - self._last
+        self._last = now
