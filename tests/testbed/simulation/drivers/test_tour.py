@@ -65,8 +65,8 @@ def test_a_robot_that_cannot_move_on_backs_off_and_is_given_up():
     assert poses[:, 0].max() < 2.0
 
 
-def test_a_tour_needs_a_way_point():
-    with pytest.raises(ValueError, match="at least one way point"):
+def test_a_tour_needs_two_corners():
+    with pytest.raises(ValueError, match="at least two different corners"):
         TourDriver(np.array([(1.0, 1.0), (1.0, 1.0)]), ROBOT, DriverConfig())
 
 
