@@ -16,6 +16,7 @@ from shapely.geometry import Polygon
 
 from worlds.elements import Position, Wall
 from worlds.errors import WorldError
+from worlds.file_names import to_name
 from worlds.raster import MAX_CELLS
 from worlds.world import Start, World
 
@@ -138,7 +139,7 @@ def import_map(path: str | Path, *, start: tuple[float, float, float] | None = N
     share = grey if description.negate else 1.0 - grey
     occupied = np.flipud(share > description.occupied_thresh)  # images begin at the top
     return world_from_grid(
-        occupied, description.resolution, origin=description.origin, start=start, name=path.stem or "floor plan"
+        occupied, description.resolution, origin=description.origin, start=start, name=to_name(path.stem)
     )
 
 

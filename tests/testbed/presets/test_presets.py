@@ -106,6 +106,7 @@ def test_a_users_own_file_works_the_same_way(tmp_path):
         ("track = 0.3", "track = inf", "track = inf"),
         ("[sources]", '[sources]\ncolour = "red"', "sources names colour"),
         ('name = "mine"', "name = ", "expected TOML"),
+        ('name = "mine"', 'name = "../mine"', "name = '../mine': expected a name of 1 to 100 letters"),
     ],
 )
 def test_bad_files_are_explained_in_one_line(tmp_path, old, new, message):
