@@ -17,6 +17,7 @@ from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from worlds.elements import Angle, Block, Box, Coordinate, Disc, Element, Model, Position, Wall
+from worlds.file_names import Name
 from worlds.movers import Door, Person
 
 MAX_ELEMENTS = 50_000
@@ -76,8 +77,8 @@ class Difficulty(Model):
 class World(Model):
     """Everything that a world consists of. Frozen; made by `worlds.load` or in code."""
 
-    name: Annotated[str, Field(min_length=1, max_length=200)]
-    """Short name."""
+    name: Name
+    """Short name, which output directories are named after."""
     description: str = ""
     """One line that describes it."""
     start: Start = Start()

@@ -28,6 +28,7 @@ from testbed.simulation import SimulationConfig
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.simulator import check_fits
 from worlds import World
+from worlds.file_names import RULE, is_name
 
 FAST = replace(SIMULATOR, backend="fast")
 
@@ -60,8 +61,8 @@ class DatasetOptions:
     def __post_init__(self) -> None:
         if self.count < 1 or self.workers < 1:
             raise ValueError(f"count and workers must be at least 1, got {self.count} and {self.workers}")
-        if self.variant != Path(self.variant).name:
-            raise ValueError(f"variant must be a part of a name, got {self.variant!r}")
+        if self.variant and not is_name(self.variant):
+            raise ValueError(f"variant {self.variant!r}: expected {RULE}")
         if self.out.exists() and not self.out.is_dir():
             raise ValueError(f"{self.out}: is a file, expected a directory")
 

@@ -125,7 +125,7 @@ def _expectation(problem: Any, loc: tuple[int | str, ...]) -> str:
         if abs(problem["input"]) > MAX_COORDINATE:
             return f"metres, at most {MAX_COORDINATE:g}"
     message: str = problem["msg"]
-    return message.removeprefix("Input should be ").removeprefix("Value error, ")
+    return message.removeprefix("Input should be ").removeprefix("Value error, ").removeprefix("expected ")
 
 
 def _key(loc: tuple[int | str, ...]) -> str:

@@ -14,6 +14,7 @@ from shapely.geometry import Polygon
 
 from worlds.elements import MAX_COORDINATE, Position, Wall
 from worlds.errors import WorldError
+from worlds.file_names import to_name
 from worlds.format.known_floor import find_floor
 from worlds.format.map_file import read_map_file
 from worlds.raster import MAX_CELLS
@@ -56,7 +57,7 @@ def import_map_with_notes(path: str | Path, *, start: Pose | None = None) -> tup
             origin=(x - offset[0], y - offset[1], yaw),
             start=None if start is None else (start[0] - offset[0], start[1] - offset[1], start[2]),
             start_cell=floor.start,
-            name=path.stem or "floor plan",
+            name=to_name(path.stem),
         )
     except WorldError as error:
         raise WorldError(f"{path}: {error}") from None

@@ -48,7 +48,7 @@ def test_variants_that_are_there_are_kept(made, capsys):
     assert times == [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]
 
 
-def test_a_variant_is_made_again_from_its_config_and_from_its_own_commands(made, tmp_path):
+def test_config_and_commands_reproduce_a_variant(made, tmp_path):
     dataset = made / NAMES[1]
     again = ["--config", str(dataset / "config.toml"), "--out"]
     assert simulate(*again, str(tmp_path / "same")) == 0
