@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Statistics, tables, figures and the report of many runs."""
+"""Statistics, tables, figures and the report of a sweep."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tables of a sweep to paste into a paper, as Markdown and LaTeX: medians with intervals, and failures."""
+"""Tables of a sweep for a paper, in Markdown and LaTeX: medians with intervals, and failures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eval.sweep.summary import SweepSummary
 
 
 def markdown_table(summary: SweepSummary) -> str:
-    """One row a place and line, one column a particle count."""
+    """Markdown table: one row per world and line, one column per particle count."""
     table = summary.table
     head = ["place", "filter", *map(str, table.counts)]
     rows = [
@@ -23,8 +23,10 @@ def markdown_table(summary: SweepSummary) -> str:
 
 
 def latex_table(summary: SweepSummary) -> str:
-    """The same for LaTeX with the package booktabs; one row a place and particle count, one column a line, since
-    seven counts side by side are wider than a page."""
+    """LaTeX table (package booktabs): one row per world and particle count, one column per line.
+
+    Seven particle counts side by side would be wider than a page.
+    """
     table = summary.table
     head = ["place", "particles", *table.lines]
     blocks = [
@@ -62,7 +64,7 @@ def _caption(summary: SweepSummary) -> str:
 
 
 def _cell(summary: SweepSummary, place: str, line: str, count: int) -> str:
-    """Median, interval and failures of one group."""
+    """Text of one group: median, interval, failures."""
     group, factor = summary.group(place, line, count), Unit.of(summary.table.measure).factor
     m = group.median
     if m.count == 0:
@@ -75,7 +77,7 @@ def _cell(summary: SweepSummary, place: str, line: str, count: int) -> str:
 
 
 def _digits(value: float) -> int:
-    """Decimals that leave two or three figures that mean something."""
+    """Number of decimals that leaves two or three significant digits."""
     return 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The plots of a sweep, each a figure with one panel a place; a line of the sweep has one colour on all of them."""
+"""Figures of a sweep, one panel per world; a line of the sweep has the same colour in all of them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from eval.sweep.summary import Group, SweepSummary
 PANEL = (3.7, 2.6)
 """Size of a panel [inch]."""
 COLUMNS = 3
-SPREAD = 0.05
-"""Lines are drawn beside each other by this share of a particle count, so that their bars do not hide each other."""
+LINE_SHIFT = 0.05
+"""Relative shift of the lines along the axis of counts, so that their bars do not hide each other."""
 
 
 def accuracy(summary: SweepSummary) -> Figure:
@@ -34,7 +34,7 @@ def accuracy(summary: SweepSummary) -> Figure:
 
     def draw(ax: Axes, p: int) -> None:
         for k, line in enumerate(table.lines):
-            x = _beside(table, k)
+            x = _shifted(table, k)
             groups = _groups(summary, p, k)
             runs = unit.factor * table.error[p, k]
             _dots(ax, x, runs, k)
@@ -54,7 +54,7 @@ def failures(summary: SweepSummary) -> Figure:
     def draw(ax: Axes, p: int) -> None:
         for k, line in enumerate(table.lines):
             groups = [g for g in _groups(summary, p, k) if g.runs]
-            x = _beside(table, k)[[table.counts.index(g.count) for g in groups]]
+            x = _shifted(table, k)[[table.counts.index(g.count) for g in groups]]
             rate = np.array([100.0 * g.failures / g.runs for g in groups])
             ends = 100.0 * np.array([g.failure_interval for g in groups]).reshape(-1, 2).T
             bars = np.maximum(np.abs(ends - rate), 0.0)
@@ -66,7 +66,7 @@ def failures(summary: SweepSummary) -> Figure:
 
 
 def cost_against_accuracy(summary: SweepSummary) -> Figure:
-    """Median error against time per update; groups that no other beats in both are joined by a black line."""
+    """Median error against time per update; a black line joins the Pareto-optimal groups."""
     table, unit = summary.table, Unit.of(summary.table.measure)
 
     def draw(ax: Axes, p: int) -> None:
@@ -89,7 +89,7 @@ def cost_against_accuracy(summary: SweepSummary) -> Figure:
 
 
 def pareto_front(points: NDArray[np.float64]) -> list[int]:
-    """Rows of points (n, 2) that no other point beats in one figure without being worse in the other, by the first."""
+    """Rows of the Pareto-optimal points among (n, 2), both columns to be minimised, sorted by the first column."""
     front: list[int] = []
     for row in np.lexsort((points[:, 1], points[:, 0])):
         if not front or points[row, 1] < points[front[-1], 1]:
@@ -97,15 +97,15 @@ def pareto_front(points: NDArray[np.float64]) -> list[int]:
     return front
 
 
-def honesty(summary: SweepSummary) -> Figure:
-    """How often the truth lies within what the filter believes, against particle count."""
+def coverage_of_95_percent(summary: SweepSummary) -> Figure:
+    """Share of updates with the truth inside the filter's 95 % ellipsoid, against particle count."""
     table = summary.table
 
     def draw(ax: Axes, p: int) -> None:
-        ax.axhline(95.0, color=QUIET, lw=1.0, ls=(0, (4, 2)), label="honest (95 %)")
+        ax.axhline(95.0, color=QUIET, lw=1.0, ls=(0, (4, 2)), label="expected: 95 %")
         inside = 100.0 * table.cube("filter.consistency.inside_share")
         for k, line in enumerate(table.lines):
-            x = _beside(table, k)
+            x = _shifted(table, k)
             runs = inside[p, k]
             _dots(ax, x, runs, k)
             _line(ax, x, [100.0 * g.inside_share for g in _groups(summary, p, k)], line, k)
@@ -116,14 +116,14 @@ def honesty(summary: SweepSummary) -> Figure:
 
 
 def health(summary: SweepSummary, curve: str, label: str) -> Figure:
-    """`ess` or `founders` of the baseline line along the run, median over seeds, one shade a particle count."""
+    """`ess` or `unique_ancestors` of the baseline along the run, median over seeds, one shade per particle count."""
     table = summary.table
     base = table.lines.index(table.baseline)
-    counts = [c for c, count in enumerate(table.counts) if count > 1]  # of one particle there is nothing to tell
+    counts = [c for c, count in enumerate(table.counts) if count > 1]  # one particle is always 100 %
 
     def draw(ax: Axes, p: int) -> None:
         for step, c in enumerate(counts):
-            values = 100.0 * _middle(table.curves[curve][p, base, c])
+            values = 100.0 * _median_curve(table.curves[curve][p, base, c])
             shade = colormaps["viridis"](0.85 * step / max(len(counts) - 1, 1))
             ax.plot(100.0 * CURVE_GRID, values, color=shade, lw=1.3, label=f"{table.counts[c]} particles")
         ax.set_ylim(-2.0, 104.0)
@@ -132,14 +132,14 @@ def health(summary: SweepSummary, curve: str, label: str) -> Figure:
 
 
 class Unit:
-    """How a measure is shown: metres as centimetres, all else as it is."""
+    """How a measure is shown: metres as centimetres, everything else unchanged."""
 
     def __init__(self, words: str, factor: float, name: str) -> None:
         self.words, self.factor, self.name = words, factor, name
 
     @classmethod
     def of(cls, measure: str) -> Unit:
-        """By the key of the measure, whose end names its unit."""
+        """The unit by the key of the measure, whose suffix names it."""
         names = {"trajectory.ate_rmse_m": "trajectory error", "relations.trans_mean_m": "relation error"}
         if measure.endswith("_m"):
             return cls(f"{names.get(measure, measure.removesuffix('_m'))} [cm]", 100.0, "cm")
@@ -150,13 +150,13 @@ class Unit:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The look of all plots of a report, also while a figure is written to a file."""
+    """Style of all figures; needed while drawing and while writing to a file."""
     with rc_context(STYLE):
         yield
 
 
 def _panels(table: SweepTable, draw: Callable[[Axes, int], None], x: str, y: str) -> Figure:
-    """One panel a place, with shared words at the edges and one legend."""
+    """One panel per world, with shared axis labels and one legend."""
     columns = min(COLUMNS, len(table.places))
     rows = math.ceil(len(table.places) / columns)
     with style():
@@ -189,7 +189,7 @@ def _line(ax: Axes, x: Any, values: Any, name: str, k: int) -> None:
 
 
 def _dots(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int) -> None:
-    """Every run (counts, seeds), faint."""
+    """Draw every run (counts, seeds) as a faint dot."""
     ax.plot(np.repeat(x, runs.shape[1]), runs.ravel(), "o", ms=2.6, mew=0, alpha=0.35, color=_colour(k))
 
 
@@ -197,14 +197,14 @@ def _colour(k: int) -> str:
     return COLOURS[k % len(COLOURS)]
 
 
-def _beside(table: SweepTable, k: int) -> NDArray[np.float64]:
-    """Particle counts, moved a little for each line, (counts,)."""
-    moved = np.asarray(table.counts) * (1.0 + SPREAD) ** (k - 0.5 * (len(table.lines) - 1))
+def _shifted(table: SweepTable, k: int) -> NDArray[np.float64]:
+    """Particle counts, shifted a little per line so that intervals stay visible, (counts,)."""
+    moved = np.asarray(table.counts) * (1.0 + LINE_SHIFT) ** (k - 0.5 * (len(table.lines) - 1))
     return np.asarray(moved, dtype=np.float64)
 
 
 def _count_axis(ax: Axes, table: SweepTable) -> None:
-    """Logarithmic, with a mark at each count that was tried."""
+    """Logarithmic axis with a tick at each tested count."""
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(FixedLocator(table.counts))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -212,7 +212,7 @@ def _count_axis(ax: Axes, table: SweepTable) -> None:
 
 
 def _log_values(ax: Axes) -> None:
-    """Logarithmic errors."""
+    """Logarithmic axis of errors."""
     ax.set_yscale("log")
     _plain_numbers(ax.yaxis)
 
@@ -223,8 +223,8 @@ def _plain_numbers(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _middle(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Median over the first axis of what is known; NaN where nothing is."""
+def _median_curve(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Median of the finite values over the first axis; NaN where there are none."""
     known = np.isfinite(values).any(axis=0)
     middle = np.full(values.shape[1], np.nan)
     middle[known] = np.nanmedian(values[:, known], axis=0)

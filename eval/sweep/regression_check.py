@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Whether accuracy has got worse since a baseline was written, by more than other seeds would make it.
+"""Compares the accuracy of a sweep with a stored baseline, given the noise of the seeds.
 
-Errors of simulated runs spread by factors, so all is done with their logarithms. The spread of the seeds is taken from
-the baseline, pooled over the groups of a line: a few seeds alone would not tell it.
+Errors of simulated runs vary by factors, so their logarithms are compared. The standard deviation over seeds is that of
+the baseline, pooled over the groups of a line, since one group has too few seeds.
 """
 
 from __future__ import annotations
@@ -23,45 +23,47 @@ from eval.files.atomic_write import atomic_write
 from eval.sweep.results import SweepTable
 
 FALSE_ALARMS = 0.01
-"""Chance that nothing has changed and the gate fails all the same, over all comparisons together."""
-LEAST_SPREAD = 0.02
-"""Standard deviation of the logarithm of the errors that is assumed at least: a line without chance has none."""
+"""Probability that the check fails although nothing changed, over all comparisons together."""
+MIN_DEVIATION = 0.02
+"""Smallest assumed standard deviation of the logarithm of the errors; a line without randomness has none."""
 
 Errors = dict[tuple[str, str, int], NDArray[np.float64]]
 """Error of each seed by place, line and particle count."""
 
 
 class BaselineError(ValueError):
-    """A baseline cannot be used; the message names the file and what was expected."""
+    """The baseline cannot be used. The message names the file and what was expected."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Accuracy of one group, or of all groups of a line, beside that of the baseline."""
+    """Accuracy of one group, or of all groups of a line, relative to the baseline."""
 
     name: str
     factor: float
     """Geometric mean of the errors, as a multiple of the baseline's."""
     allowed: float
-    """The largest factor that the seeds' noise explains."""
+    """The largest factor that the noise of the seeds explains."""
 
     @property
     def worse(self) -> bool:
-        """Whether accuracy has left the band; so does a group in which a run has no result."""
+        """Whether accuracy is worse by more than the noise. A group with a run without a result counts as worse."""
         return not self.factor <= self.allowed
 
     @property
     def better(self) -> bool:
-        """Whether it has left the band on the other side: time for a new baseline."""
+        """Whether accuracy is better by more than the noise: the baseline should be renewed."""
         return self.factor < 1.0 / self.allowed
 
 
 def write_baseline(table: SweepTable, path: str | os.PathLike[str]) -> None:
-    """Keep the errors of a sweep as the baseline of later ones; BaselineError where a run has no result."""
+    """Write the errors of a sweep as a baseline; raises BaselineError if a run has no result."""
     groups = _errors(table)
     for (place, line, count), errors in groups.items():
         if not np.isfinite(errors).all():
-            raise BaselineError(f"{place}, {line}, {count} particles: a run has no result, so this is no baseline")
+            raise BaselineError(
+                f"{place}, {line}, {count} particles: a run has no result, expected results of all runs for a baseline"
+            )
     document = {
         "measure": table.measure,
         "code": table.code,
@@ -70,23 +72,25 @@ def write_baseline(table: SweepTable, path: str | os.PathLike[str]) -> None:
             for (place, line, count), errors in groups.items()
         ],
     }
-    with atomic_write(path) as aside:
-        aside.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 def compare_with_baseline(table: SweepTable, path: str | os.PathLike[str]) -> list[Comparison]:
-    """Each group of a sweep, and each line as a whole, beside the baseline in a file.
+    """Compare each group of a sweep, and each line as a whole, with the baseline in a file.
 
-    Raises BaselineError where the file cannot be read or is of another sweep.
+    Raises BaselineError if the file cannot be read or belongs to another sweep.
     """
     base, now = _read(Path(path), table.measure), _errors(table)
     if base.keys() != now.keys() or any(len(base[group]) != len(now[group]) for group in now):
-        raise BaselineError(f"{path}: is of other places, lines, particle counts or seeds; renew it")
+        raise BaselineError(
+            f"{path}: has other worlds, lines, particle counts or seeds than the sweep; renew it with --update-baseline"
+        )
     comparisons = []
     bands = len(now) + len(table.lines)
     for line in table.lines:
         groups = [group for group in now if group[1] == line]
-        spread, freedom = _pooled_spread([np.log(base[group]) for group in groups])
+        spread, freedom = _pooled_deviation([np.log(base[group]) for group in groups])
         t = float(stdtrit(freedom, 1.0 - FALSE_ALARMS / bands))  # Bonferroni: over all bands together
         moved = {group: float(np.mean(np.log(now[group]) - np.log(base[group]))) for group in groups}
         error_of_one = {group: spread * math.sqrt(2.0 / len(now[group])) for group in groups}
@@ -109,11 +113,11 @@ def _errors(table: SweepTable) -> Errors:
     }
 
 
-def _pooled_spread(groups: Sequence[NDArray[np.float64]]) -> tuple[float, int]:
-    """Standard deviation within groups of equal variance, and its degrees of freedom; NaN for one seed each."""
+def _pooled_deviation(groups: Sequence[NDArray[np.float64]]) -> tuple[float, int]:
+    """Pooled standard deviation within groups, and its degrees of freedom; NaN for one seed per group."""
     freedom = sum(len(values) - 1 for values in groups)
     squares = sum(float(np.sum((values - values.mean()) ** 2)) for values in groups)
-    return (max(math.sqrt(squares / freedom), LEAST_SPREAD) if freedom else math.nan), freedom
+    return (max(math.sqrt(squares / freedom), MIN_DEVIATION) if freedom else math.nan), freedom
 
 
 def _read(path: Path, measure: str) -> Errors:
@@ -129,7 +133,7 @@ def _read(path: Path, measure: str) -> Errors:
     except (ValueError, KeyError, TypeError) as error:
         raise BaselineError(f"{path}: {error}: expected a baseline that --update-baseline wrote") from None
     if measured_by != measure:
-        raise BaselineError(f"{path}: is of {measured_by}, this sweep of {measure}")
+        raise BaselineError(f"{path}: measures {measured_by}, this sweep measures {measure}")
     if any(len(errors) < 2 or not (errors > 0.0).all() for errors in groups.values()):
         raise BaselineError(f"{path}: expected positive errors of at least two seeds in each group")
     return groups

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The report of a sweep: sweep.html, which opens anywhere, its figures as SVG and PDF, its tables for a paper."""
+"""Report of a sweep: sweep.html (needs no network), figures as SVG and PDF, tables for a paper."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eval.files.atomic_write import atomic_write
-from eval.report.run_report import Plot, render
+from eval.report.page import Plot, render
 from eval.sweep import plots as sweep_plots
 from eval.sweep.paper_tables import enough_words, latex_table, markdown_table
 from eval.sweep.plots import Unit
 from eval.sweep.results import read_sweep
-from eval.sweep.statistics import LEAST_SEEDS, LEVEL, POWER, TOLERANCE, Interval
+from eval.sweep.statistics import LEVEL, MIN_SEEDS, POWER, TOLERANCE, Interval
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
 
 Draw = Callable[[SweepSummary], Figure]
@@ -31,7 +31,7 @@ class Drawing:
     """A figure of the report."""
 
     name: str
-    """Of its files."""
+    """Stem of its files."""
     title: str
     draw: Draw
     caption: str
@@ -59,31 +59,31 @@ DRAWINGS = (
     ),
     Drawing(
         "honesty",
-        "Does the filter know how wrong it is?",
-        sweep_plots.honesty,
+        "Does the filter know how large its error is?",
+        sweep_plots.coverage_of_95_percent,
         "Share of the updates with the true pose inside the 95 % ellipsoid of the particles. Below the dashed line the "
-        "filter is surer of itself than it may be (Bailey, Nieto, Nebot 2006).",
+        "filter is overconfident (Bailey, Nieto, Nebot 2006).",
     ),
     Drawing(
         "ess",
         "Effective sample size along the run",
         partial(sweep_plots.health, curve="ess", label="effective particles [%]"),
-        "Share of the particles that carry weight, of the baseline, median over the seeds.",
+        "Effective sample size as a share of the particles, for the baseline, median over the seeds.",
     ),
     Drawing(
         "ancestors",
         "Ancestors along the run",
-        partial(sweep_plots.health, curve="founders", label="founders alive [%]"),
-        "Founders whose descendants are alive, as a share of the particles, of the baseline, median over the seeds. "
-        "When one is left, counting starts anew.",
+        partial(sweep_plots.health, curve="unique_ancestors", label="unique ancestors [%]"),
+        "Unique ancestors of the current particles as a share of their number, for the baseline, median over seeds. "
+        "When one ancestor is left, counting starts again.",
     ),
 )
 
 
 def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
-    """Write `sweep.html`, `figures/*.svg`, `figures/*.pdf`, `table.md` and `table.tex` beside the tables of a sweep.
+    """Write `sweep.html`, `figures/*.svg`, `figures/*.pdf`, `table.md` and `table.tex` into a sweep's directory.
 
-    Runs below `worst/KEY` are linked. Returns the path of the report; raises SweepTableError for damaged tables.
+    The page links the runs in `worst/KEY`. Returns the path of the page; raises SweepTableError for damaged tables.
     """
     folder = Path(directory)
     summary = summarise(read_sweep(folder))
@@ -92,13 +92,13 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
     tables = {"table.md": markdown_table(summary), "table.tex": latex_table(summary)}
     page = render("sweep.html.j2", **_context(folder, summary), plots=plots, tables=tables)
     for name, text in (tables | {"sweep.html": page}).items():
-        with atomic_write(folder / name) as aside:
-            aside.write_text(text, encoding="utf-8")
+        with atomic_write(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     return folder / "sweep.html"
 
 
 def _plot(drawing: Drawing, summary: SweepSummary, folder: Path) -> Plot:
-    """Draw a figure into its files; the page shows the SVG."""
+    """Write a figure to its files; the page shows the SVG."""
     svg = folder / f"{drawing.name}.svg"
     with sweep_plots.style():
         figure = drawing.draw(summary)
@@ -108,8 +108,8 @@ def _plot(drawing: Drawing, summary: SweepSummary, folder: Path) -> Plot:
             (svg, {"Date": None, "Creator": None}),
             (svg.with_suffix(".pdf"), {"CreationDate": None}),
         ):
-            with atomic_write(path) as aside:
-                figure.savefig(aside, format=path.suffix[1:], metadata=metadata)
+            with atomic_write(path) as temporary:
+                figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
     return Plot(drawing.title, source, f"{drawing.caption} Files: figures/{drawing.name}.svg, .pdf.")
 
@@ -133,17 +133,17 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "worst": [(run, unit.factor * run.error, _links(folder, run)) for run in worst_runs(table)],
         "level": LEVEL,
         "power": POWER,
-        "least_seeds": LEAST_SEEDS,
+        "min_seeds": MIN_SEEDS,
         "tolerance": TOLERANCE,
     }
 
 
 def _lead(summary: SweepSummary) -> str:
-    """The answer for the baseline, in one sentence."""
+    """The answer for the baseline in one sentence."""
     table = summary.table
     counts = [summary.enough(place, table.baseline) for place in table.places]
     known = sorted(count for count in counts if count is not None)
-    if not known and len(table.seeds) < LEAST_SEEDS:
+    if not known and len(table.seeds) < MIN_SEEDS:
         return f"{len(table.seeds)} seeds are too few to tell how many particles are enough."
     if not known:
         return f"Up to {table.counts[-1]} particles, no count is shown to be enough."
@@ -153,7 +153,7 @@ def _lead(summary: SweepSummary) -> str:
 
 
 def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | None:
-    """A group beside the baseline and the largest count; None where there is nothing to compare."""
+    """Row of the differences to the baseline and to the largest count; None if there are none."""
     if group.to_baseline is None and group.to_largest is None:
         return None
     detectable = f"{unit.factor * group.detectable:.2f}" if np.isfinite(group.detectable) else "–"
@@ -161,18 +161,18 @@ def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | N
 
 
 def _difference(interval: Interval | None, unit: Unit) -> str:
-    """A difference with its interval; a star where the interval does not hold 0."""
+    """A difference with its interval, and a star if the interval excludes 0."""
     if interval is None or interval.count == 0:
         return "–"
     text = f"{unit.factor * interval.value:+.2f}"
     if interval.count < 2:
         return text
-    star = "" if interval.contains(0.0) or interval.count < LEAST_SEEDS else " *"
+    star = "" if interval.contains(0.0) or interval.count < MIN_SEEDS else " *"
     return f"{text} [{unit.factor * interval.low:+.2f}, {unit.factor * interval.high:+.2f}]{star}"
 
 
 def _links(folder: Path, run: WorstRun) -> list[tuple[str, str]]:
-    """Files of a run that was carried out again, relative to the report."""
+    """Links to the files of a repeated run, relative to the page."""
     files = {"report": "report.html", "recording": "recording.rrd"}
     return [
         (word, f"worst/{run.key}/{file}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The tables of a sweep as arrays with one axis each for places, lines, particle counts and seeds."""
+"""Reads the tables of a sweep into arrays with axes (places, lines, counts, seeds); a place is a world or log."""
 
 from __future__ import annotations
 
@@ -17,44 +17,46 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from eval.report.verdict import LEADS
+from eval.report.verdict import OUTCOME_SENTENCES
 
 CURVE_GRID = np.linspace(0.02, 1.0, 50)
-"""Shares of a run at which its curves are read."""
-CURVES = ("ess", "founders", "nees")
+"""Shares of a run at which its curves are interpolated."""
+CURVES = ("ess", "unique_ancestors", "nees")
+_OLD_NAMES = {"founders": "unique_ancestors"}
+"""Columns as versions up to 0.1 name them; they are still read."""
 _TIMINGS = ("filter_s", "cell_s")
 
 
 class SweepTableError(ValueError):
-    """Tables that cannot be read; the message names the file and what was expected."""
+    """The tables cannot be read. The message names the file and what was expected."""
 
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """All runs of a sweep. Cubes have the shape (places, lines, counts, seeds), NaN where a run has no such figure."""
+    """All runs of a sweep. Arrays have the shape (places, lines, counts, seeds), NaN if a run lacks the figure."""
 
     title: str
     measure: str
-    """Key of the measure that accuracy is read from, less is better."""
+    """Key of the measure of accuracy; smaller is better."""
     baseline: str
-    """Name of the line that the others are compared with."""
+    """Name of the line with which the others are compared."""
     code: str
     places: tuple[str, ...]
     lines: tuple[str, ...]
     counts: tuple[int, ...]
     seeds: tuple[int, ...]
     columns: dict[str, NDArray[Any]]
-    """Cubes by the name of the column; words are objects, None where there is none."""
+    """Arrays by column; texts are objects, None if there is none."""
     curves: dict[str, NDArray[np.float64]]
-    """Cubes with a fifth axis of `CURVE_GRID`, by the names of `CURVES`."""
+    """Arrays with `CURVE_GRID` as fifth axis, by the names in `CURVES`."""
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
-        """Of the cubes."""
+        """Shape of the arrays."""
         return len(self.places), len(self.lines), len(self.counts), len(self.seeds)
 
     def cube(self, name: str) -> NDArray[np.float64]:
-        """A column of numbers; all NaN where the table does not have it."""
+        """A column of numbers; all NaN if the table has no such column."""
         if name not in self.columns:
             return np.full(self.shape, np.nan)
         return np.asarray(self.columns[name], dtype=np.float64)
@@ -66,14 +68,14 @@ class SweepTable:
 
     @cached_property
     def ran(self) -> NDArray[np.bool_]:
-        """Cells that were computed, whatever came of it."""
+        """Whether each cell was computed, with or without a result."""
         computed: NDArray[np.bool_] = np.isin(self.columns["status"].astype(str), ("done", "failed"))
         return computed
 
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
-        """Runs that went wrong: an outcome that `eval.report.verdict` calls bad, or no result at all."""
-        bad = [outcome for outcome, (_, mood) in LEADS.items() if mood == "bad"]
+        """Whether each run failed: its outcome is bad by `eval.report.verdict`, or it has no result."""
+        bad = [outcome for outcome, (_, severity) in OUTCOME_SENTENCES.items() if severity == "bad"]
         outcome = self.columns.get("outcome", np.full(self.shape, None, dtype=object)).astype(str)
         wrong: NDArray[np.bool_] = np.isin(outcome, bad) | (self.columns["status"].astype(str) == "failed")
         return wrong
@@ -92,6 +94,9 @@ def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
     row_of = {key: row for row, key in enumerate(runs["key"].tolist())}
     timings, _ = _read(folder / "timings.parquet")
     curves, _ = _read(folder / "curves.parquet")
+    curves = {
+        _OLD_NAMES.get(name, name): values for name, values in curves.items() if _OLD_NAMES.get(name) not in curves
+    }
     columns = {name: _cube(values, where, shape) for name, values in runs.items()}
     if len(timings):
         rows = np.array([row_of[key] for key in timings["key"].tolist()], dtype=np.intp)
@@ -112,7 +117,7 @@ def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Columns of a table and what its metadata says of the sweep."""
+    """Columns of a table, and its metadata about the sweep."""
     try:
         table = pq.read_table(path)
         about = json.loads((table.schema.metadata or {})[b"sweep"])
@@ -124,7 +129,7 @@ def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
 
 def _array(column: Any) -> NDArray[Any]:
-    """Numbers and switches as floats, unknown = NaN; words as objects."""
+    """Numbers and booleans as floats (unknown = NaN), texts as objects."""
     if pa.types.is_string(column.type) or pa.types.is_null(column.type):
         return np.array(column.to_pylist(), dtype=object)
     if pa.types.is_integer(column.type) and column.null_count == 0:
@@ -134,7 +139,7 @@ def _array(column: Any) -> NDArray[Any]:
 
 
 def _levels(values: NDArray[Any]) -> list[Any]:
-    """Different values in the order in which they first occur."""
+    """Distinct values in the order of their first occurrence."""
     return list(dict.fromkeys(values.tolist()))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a few runs with different seeds say, and how surely: intervals, paired differences, effects that can be seen."""
+"""Statistics of a few runs with different seeds: intervals, paired differences, detectable effects."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, ndtri, stdtrit
+from scipy.special import ndtr, stdtrit
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
 POWER = 0.8
-"""Chance with which a minimum detectable effect would be seen."""
+"""Probability with which the minimum detectable effect is found."""
 RESAMPLES = 4000
-LEAST_SEEDS = 6
-"""Of fewer values even the whole range holds the median in less than 95 % of cases: 1 - 2^(1 - n). No claim is made."""
+"""Bootstrap resamples."""
+MIN_SEEDS = 6
+"""Fewer values support no claim: their whole range holds the median in 1 - 2^(1 - n) of cases, below 95 %."""
 Statistic = Callable[..., Any]
 """`np.median` or `np.mean`: takes an array and an axis."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure of several runs with its confidence interval, in the unit of the values."""
+    """A statistic of several runs with its confidence interval, in the unit of the values."""
 
     value: float
     low: float
@@ -34,10 +35,10 @@ class Interval:
     high: float
     standard_error: float
     count: int
-    """Values that it is made of."""
+    """Number of values used."""
 
     def contains(self, value: float) -> bool:
-        """Whether a value lies in the interval, its ends included."""
+        """Whether a value lies in the interval (ends included)."""
         return self.low <= value <= self.high
 
 
@@ -67,22 +68,21 @@ def bootstrap_interval(values: ArrayLike, statistic: Statistic, *, level: float 
 
 @lru_cache(maxsize=32)
 def _resamples(n: int) -> NDArray[np.intp]:
-    """Rows of n indices drawn with replacement, (RESAMPLES, n)."""
+    """Indices drawn with replacement, (RESAMPLES, n)."""
     return np.random.default_rng(n).integers(0, n, (RESAMPLES, n))
 
 
 def paired_difference(values: ArrayLike, baseline: ArrayLike, *, level: float = LEVEL) -> Interval:
     """Median of the differences values - baseline (n,) between runs of equal seed, with its interval.
 
-    Pairing takes out what the seeds have in common (the drive and its noise), so that small effects are seen with few
-    seeds. Runs that only one side has, NaN, are left out. The median is not moved by single runs that got lost: the
-    failure rate tells of those.
+    Pairing removes what runs of one seed share (the drive and its noise), so few seeds show small effects. Pairs with
+    a NaN are left out. Single lost runs do not move the median: the failure rate reports those.
     """
     return bootstrap_interval(np.asarray(values, np.float64) - np.asarray(baseline, np.float64), np.median, level=level)
 
 
 def minimum_detectable_effect(difference: Interval, *, level: float = LEVEL, power: float = POWER) -> float:
-    """Smallest true difference that so many seeds would show with the chance `power`, in the unit of the difference.
+    """Smallest true difference that this many seeds show with probability `power`, in the unit of the difference.
 
     (t_{n-1, 1-(1-level)/2} + t_{n-1, power}) times the standard error; NaN for fewer than two values.
     Source: Bloom, "Minimum Detectable Effects", Evaluation Review 19(5), 1995.
@@ -94,32 +94,30 @@ def minimum_detectable_effect(difference: Interval, *, level: float = LEVEL, pow
 
 
 def wilson_interval(failures: int, runs: int, *, level: float = LEVEL) -> tuple[float, float]:
-    """Interval of a failure rate, as shares: 0 of 10 failures are compatible with a rate of up to 0.28.
+    """Interval of a failure rate: 0 failures in 10 runs are compatible with rates up to 0.28.
 
     NaN for no runs. Source: Wilson, "Probable inference, the law of succession, and statistical inference",
     JASA 22(158), 1927; recommended for few runs by Brown, Cai, DasGupta, Statistical Science 16(2), 2001.
     """
     if runs == 0:
         return math.nan, math.nan
-    z = float(ndtri(0.5 + 0.5 * level))
-    rate = failures / runs
-    centre = (rate + z * z / (2 * runs)) / (1 + z * z / runs)
-    half = z / (1 + z * z / runs) * math.sqrt(rate * (1 - rate) / runs + z * z / (4 * runs * runs))
-    # the ends are exactly 0 and 1 for no and for all failures, but for rounding
-    return (0.0 if failures == 0 else centre - half), (1.0 if failures == runs else centre + half)
+    from scipy.stats import binomtest  # takes a second to load
+
+    interval = binomtest(failures, runs).proportion_ci(level, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What difference between two counts of particles is worth nobody's time."""
+    """The difference between two particle counts below which it does not matter."""
 
     share: float = 0.1
-    """Of the median error with the largest count."""
+    """Relative to the median error of the largest count."""
     floor: float = 0.005
-    """At least this much [m]: a tenth of a map cell."""
+    """Smallest tolerance [m]: a tenth of a map cell."""
 
     def of(self, error: float) -> float:
-        """Tolerance beside an error of this size [m]."""
+        """Tolerance for an error of this size [m]."""
         return max(self.share * error, self.floor)
 
 
@@ -129,23 +127,23 @@ TOLERANCE = Tolerance()
 def enough_particles(
     counts: ArrayLike, errors: ArrayLike, failures: ArrayLike, *, tolerance: Tolerance = TOLERANCE
 ) -> int | None:
-    """The particle count beyond which more does not help; None where the counts tried do not show one.
+    """The particle count beyond which more particles do not help; None if the tested counts do not show one.
 
-    counts (c,) ascending; errors (c, seeds) [m], less is better; failures (c,) runs that failed.
-    Rule: the smallest count such that for it and for every larger one the median paired difference to the largest
-    count has an interval that ends below the tolerance, and no more runs failed than with the largest count. It is a
-    test of non-inferiority: few seeds give wide intervals and no answer, fewer than `LEAST_SEEDS` none at all. The
-    largest count itself is no answer, since nothing above it was tried.
+    counts (c,) ascending; errors (c, seeds) [m], smaller is better; failures (c,) numbers of failed runs.
+    A count is enough if it, and every tested count above it, is worse than the largest tested count by less than the
+    tolerance with 95 % confidence (median paired difference), and fails no more often. This is a test of
+    non-inferiority: few seeds give wide intervals and no answer, fewer than `MIN_SEEDS` none at all. The largest
+    count itself is no answer, since no larger one was tested.
     """
     n, e, failed = np.asarray(counts), np.asarray(errors, dtype=np.float64), np.asarray(failures)
     finite = e[-1][np.isfinite(e[-1])]
-    if len(finite) < LEAST_SEEDS:
+    if len(finite) < MIN_SEEDS:
         return None
     limit = tolerance.of(float(np.median(finite)))
     found = None
     for k in range(len(n) - 2, -1, -1):
         difference = paired_difference(e[k], e[-1])
-        if difference.count < LEAST_SEEDS or not difference.high < limit or failed[k] > failed[-1]:
+        if difference.count < MIN_SEEDS or not difference.high < limit or failed[k] > failed[-1]:
             break
         found = int(n[k])
     return found

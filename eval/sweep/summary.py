@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the runs of a sweep say, group by group: a group is all seeds of one place, line and particle count."""
+"""Figures of each group of a sweep: a group is all seeds of one place, line and particle count."""
 
 from __future__ import annotations
 
@@ -17,24 +17,26 @@ from eval.sweep.statistics import (
     wilson_interval,
 )
 
-WORST_PER_LINE = 2
-WORST = 8
+MAX_WORST_PER_LINE = 2
+"""Worst runs that are listed per line."""
+MAX_WORST = 8
+"""Worst runs that are listed in all."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Figures over the seeds; errors in the unit of the sweep's measure."""
+    """Figures over the seeds; errors have the unit of the sweep's measure."""
 
     place: str
     line: str
     count: int
     """Particles."""
     runs: int
-    """Cells that were computed."""
+    """Number of computed cells."""
     failures: int
-    """Runs that went wrong."""
+    """Number of failed runs."""
     failure_interval: tuple[float, float]
-    """Wilson interval of the failure rate, shares."""
+    """Wilson interval of the failure rate, in [0, 1]."""
     median: Interval
     mean: Interval
     to_baseline: Interval | None
@@ -42,14 +44,14 @@ class Group:
     to_largest: Interval | None
     """Median paired difference to the largest count of the same line; None for the largest itself."""
     detectable: float
-    """Smallest difference to the baseline (for itself: to the largest count) that the seeds would show; NaN where there
-    is nothing to compare with."""
+    """Smallest difference to the baseline (for the baseline: to the largest count) that the seeds show; NaN without
+    such a comparison."""
     cost: float
-    """Median time in the filter per update, all particles [ms]; NaN where times are unknown."""
+    """Median time of the filter per update, all particles [ms]; NaN if unknown."""
     inside_share: float
-    """Median share of the updates with the truth inside the filter's own 95 % ellipsoid; NaN if unknown."""
+    """Median share of updates with the truth inside the filter's 95 % ellipsoid; NaN if unknown."""
     median_nees: float
-    """Median over the runs of their mean NEES; 3 for an honest covariance."""
+    """Median over the runs of their mean NEES; 3 if the covariance is right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +62,13 @@ class SweepSummary:
     groups: tuple[Group, ...]
 
     def group(self, place: str, line: str, count: int) -> Group:
-        """One group by name."""
+        """The group of a place, line and particle count."""
         t = self.table
         flat = (t.places.index(place) * len(t.lines) + t.lines.index(line)) * len(t.counts) + t.counts.index(count)
         return self.groups[flat]
 
     def enough(self, place: str, line: str) -> int | None:
-        """Particle count beyond which more does not help there, see `eval.sweep.statistics.enough_particles`."""
+        """Particle count beyond which more does not help, see `eval.sweep.statistics.enough_particles`."""
         t = self.table
         p, k = t.places.index(place), t.lines.index(line)
         return enough_particles(t.counts, t.error[p, k], t.failed[p, k].sum(axis=1))
@@ -74,35 +76,35 @@ class SweepSummary:
 
 @dataclass(frozen=True)
 class WorstRun:
-    """A run that went worse than the others of its line."""
+    """One of the runs with the largest errors of its line."""
 
     place: str
     line: str
     count: int
     seed: int
     error: float
-    """In the unit of the measure."""
+    """Error in the unit of the measure."""
     outcome: str
     key: str
-    """Of the cell."""
+    """Key of the cell."""
 
 
 def worst_runs(table: SweepTable) -> list[WorstRun]:
-    """Of each line the runs with the largest errors, one a place, `WORST_PER_LINE` of them; `WORST` in all at most."""
+    """Runs with the largest errors: per line `MAX_WORST_PER_LINE`, one per place; at most `MAX_WORST` in all."""
     found: list[WorstRun] = []
     for k, line in enumerate(table.lines):
         error = np.where(np.isfinite(table.error[:, k]), table.error[:, k], -np.inf)
         worst = [(p, *divmod(int(np.argmax(error[p])), len(table.seeds))) for p in range(len(table.places))]
         ranked = sorted((w for w in worst if np.isfinite(error[w])), key=lambda w: -float(error[w]))
-        for p, c, s in ranked[:WORST_PER_LINE]:
+        for p, c, s in ranked[:MAX_WORST_PER_LINE]:
             outcome, key = (table.columns[name][p, k, c, s] for name in ("outcome", "key"))
             where = table.places[p], line, table.counts[c], table.seeds[s]
             found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key)))
-    return found[:WORST]
+    return found[:MAX_WORST]
 
 
 def summarise(table: SweepTable) -> SweepSummary:
-    """Figures of all groups."""
+    """Compute the figures of all groups."""
     return SweepSummary(table, tuple(_group(table, *index) for index in np.ndindex(*table.shape[:3])))
 
 

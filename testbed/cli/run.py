@@ -3,16 +3,29 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+
+import numpy as np
 
 from eval.map.grids import grid_from_true_map
-from testbed.cli.shared.finish import carry_out
-from testbed.exploration import ExploreDriver
-from testbed.run.execute import Job, drive_ended
-from testbed.run.provenance import config_document, settings_as_markdown
-from testbed.settings.estimator import ESTIMATOR, OUTPUT, EstimatorOptions, OutputOptions
+from slam.gmapping import GMapping
+from slam.step.step_report import StepReport
+from testbed.cli.shared.console import console
+from testbed.cli.shared.finish import run_and_report
+from testbed.cli.shared.output import OUTPUT, OutputOptions
+from testbed.exploration import ExploreDriver, make_explorer
+from testbed.frame import Frame
+from testbed.provenance import config_document, settings_as_markdown
+from testbed.run.job import Job
+from testbed.seeds import RunSeeds
+from testbed.settings.estimator import ESTIMATOR, EstimatorOptions
 from testbed.settings.simulator import SIMULATOR, SimulatorOptions
-from testbed.simulation import Simulation, simulate
+from testbed.simulation import Simulation, SimulationConfig, simulate
+from testbed.simulation.config import CONTROL_PERIOD
+from testbed.simulation.drivers.driver import Driver
+from testbed.simulation.drivers.recorded import RecordedDriver
 from testbed.simulation.physics.urdf import robot_urdf
 from testbed.views import Scene
 from worlds import true_map
@@ -27,7 +40,7 @@ def run(
 ) -> int:
     """Simulate a robot in a world, map it with the particle filter, score map and trajectory against the truth.
 
-    The results go into a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
+    The results are written to a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
 
     Parameters
     ----------
@@ -35,39 +48,80 @@ def run(
         Name from the catalogue (`testbed worlds list`), a TOML file, or a ROS map (`.yaml`).
         A world without a tour gets a tour of all the floor that the robot can reach.
     """
-    config = simulator.simulation(estimator.seed)
+    seeds = RunSeeds.from_seed(estimator.seed)
+    config = simulator.simulation(seeds)
     output.check_directory()
-    filter_config = estimator.filter_config
-    place = simulator.place(world)
-    truth = grid_from_true_map(true_map(place, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
+    filter_config = estimator.filter_config  # raises before anything takes time
+    loaded = simulator.load_world(world, seeds)
+    truth = grid_from_true_map(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
-        title=f"{place.name}, seed {estimator.seed}",
+        title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
         particles=filter_config.max_particles,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
     )
-    with simulator.steering(config) as driver, simulate(place, config, driver) as simulation:
+    with _driver(simulator, config) as driver, simulate(loaded, config, driver) as simulation:
         job = Job(
-            frames=simulation,
+            source=SimulatedFrames(simulation, simulator.duration),
             document=document,
-            seed=estimator.seed,
+            seeds=seeds,
             filter=filter_config,
-            filter_seed=estimator.filter_seed,
             threads=estimator.threads,
             refine=estimator.refine,
             truth_map=truth,
-            share_done=lambda: _share_done(simulation, simulator.duration),
-            observe=driver.observe if isinstance(driver, ExploreDriver) else Job.observe,
-            collided=lambda: simulation.collided,
-            ended=lambda: drive_ended(simulation, simulator.duration),
         )
-        return carry_out(job, output.directory(place.name), scene, output)
+        return run_and_report(job, output.directory(loaded.name), scene, output)
 
 
-def _share_done(simulation: Simulation, duration: float | None) -> float:
-    """Share of the drive that is behind the robot: of the tour, or of the time where that ends first."""
-    of_time = 0.0 if duration is None else simulation.time / duration
-    return min(max(simulation.driver.share or 0.0, of_time), 1.0)
+@dataclass(frozen=True)
+class SimulatedFrames:
+    """Frames of a robot that drives while they are processed."""
+
+    simulation: Simulation
+    duration: float | None
+    """The time after which the drive is meant to end [s]; None = at the end of the tour."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give the frames while the robot drives."""
+        return self.simulation
+
+    @property
+    def share_done(self) -> float:
+        """Share of the drive that is done: of the tour, or of the time where that ends first."""
+        of_time = 0.0 if self.duration is None else self.simulation.time / self.duration
+        return min(max(self.simulation.driver.share or 0.0, of_time), 1.0)
+
+    @property
+    def collided(self) -> bool:
+        """Whether the robot has touched something so far."""
+        return self.simulation.collided
+
+    @property
+    def ended(self) -> str | None:
+        """Why the drive did not end as planned; None = it did."""
+        return self.simulation.ended(self.duration)
+
+    def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
+        """Give the estimate to a driver that steers by it."""
+        if isinstance(self.simulation.driver, ExploreDriver):
+            self.simulation.driver.observe(frame, report, mapper)
+
+
+@contextmanager
+def _driver(simulator: SimulatorOptions, config: SimulationConfig) -> Iterator[Driver | None]:
+    """Make the driver that the options name, for the duration of the block; None = the one that follows the tour."""
+    if simulator.driver.kind == "explore":
+        rng = np.random.default_rng(config.seeds.driver)
+        yield ExploreDriver(make_explorer(config.robot, config.lidar, config.driver, rng))
+    elif simulator.driver.kind == "teleop":
+        from testbed.simulation.drivers.teleop import HELP, TeleopDriver
+
+        with TeleopDriver(config.robot, config.driver) as driver:
+            console.print(HELP)
+            yield driver
+    else:
+        commands = simulator.recorded_commands()
+        yield None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)

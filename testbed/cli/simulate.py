@@ -22,9 +22,10 @@ from eval.files.atomic_write import discard_unfinished
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.variants import Variant, variants
 from testbed.datasets.simulated import Format, is_complete, write_dataset
-from testbed.formats.commands import Command
+from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SIMULATOR, SimulatorOptions
 from testbed.simulation import SimulationConfig
+from testbed.simulation.drivers.driver import Command
 from testbed.simulation.simulator import check_fits
 from worlds import World
 
@@ -104,12 +105,16 @@ class _Job:
 def _jobs(world: str, datasets: DatasetOptions, variant: Variant) -> Iterator[_Job]:
     """The datasets of one variant; complains about settings here, not in a worker."""
     simulator, name = variant.simulator, variant.name or datasets.variant
-    place, commands = simulator.place(world), simulator.recorded_commands()
+    first = RunSeeds.from_seed(datasets.seed)
+    place, commands = simulator.load_world(world, first), simulator.recorded_commands()
     settings = {"world": world, "format": datasets.format, "variant": name, **asdict(simulator)}
-    check_fits(place, simulator.simulation(datasets.seed).robot)
+    check_fits(place, simulator.simulation(first).robot)
     for seed in range(datasets.seed, datasets.seed + datasets.count):
         path = datasets.out / "-".join(part for part in (place.name, f"{seed:04d}", name) if part)
-        yield _Job(path, place, simulator.simulation(seed), settings | {"seed": seed}, commands)
+        seeds = RunSeeds.from_seed(seed)
+        if simulator.route == "random":
+            place = simulator.load_world(world, seeds)
+        yield _Job(path, place, simulator.simulation(seeds), settings | {"seed": seed}, commands)
 
 
 def _carry_out(jobs: list[_Job], datasets: DatasetOptions) -> dict[_Job, dict[str, Any]]:

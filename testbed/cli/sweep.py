@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -16,11 +16,11 @@ from eval.sweep.regression_check import compare_with_baseline, write_baseline
 from eval.sweep.results import read_sweep
 from testbed.cli.gather import gather_and_report
 from testbed.cli.shared.console import announce_compilation, console, results
+from testbed.cli.shared.output import FLAG
 from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.shared.sweep_progress import sweep_progress
 from testbed.run.interruption import sigterm_interrupts
 from testbed.run.run_directory import default_directory
-from testbed.settings.estimator import FLAG
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import Executor, execute, pending, prepare
 from testbed.sweep.execution.dask_cluster import run_on_cluster
@@ -29,31 +29,35 @@ from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.spec.plan import Shard
 from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
 from testbed.sweep.store import SweepDirectory
+from worlds import expand_names
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Asked:
-    """What is to be computed: a preset or flags; flags win over a file and over a preset."""
+class SweepOptions:
+    """What is to be computed: a preset or flags. Flags override a file and a preset."""
 
     preset: str | None = None
-    """Specification that comes with the package: particles, gate."""
+    """Specification in the package: particles, gate."""
     worlds: str | None = None
-    """Worlds, separated by commas."""
+    """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds."""
     particles: str | None = None
     """Particle counts, separated by commas."""
-    seeds: int | None = None
-    """Number of seeds, from 0 on."""
+    seeds: str | None = None
+    """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10."""
+    route: Literal["fixed", "random"] | None = None
+    """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
+    direction from another start. Default: fixed."""
     axis: tuple[str, ...] = ()
-    """NAME=VALUE,VALUE: a setting with several values, one line of the plots each; may be repeated."""
+    """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
     set: tuple[str, ...] = ()
-    """NAME=VALUE: a setting of all cells; may be repeated."""
+    """NAME=VALUE: a setting of all runs. May be repeated."""
 
     def document(self) -> dict[str, Any]:
-        """The flags that were given, as a specification's document."""
+        """The given flags as the document of a specification."""
         flags: dict[str, Any] = {}
         if self.worlds is not None:
-            flags["worlds"] = _words(self.worlds)
+            flags["worlds"] = expand_names(self.worlds)
         if self.particles is not None:
             flags["particles"] = _counts(self.particles)
         if self.seeds is not None:
@@ -63,40 +67,42 @@ class Asked:
         return flags
 
     def specification(self, file: Path | None, out: Path | None) -> SweepSpec:
-        """The specification of a file, a preset or flags alone, else of the sweep that `out` holds."""
+        """The specification of a file, a preset or flags; without any of them that of the sweep in `out`."""
         if file is not None and self.preset is not None:
             raise SweepError(f"{file} and --preset {self.preset}: expected one of the two")
         if file is not None:
             return self._with_flags(read_document(file), str(file), file.parent)
         if self.preset is not None:
             return self._with_flags(read_preset(self.preset), f"preset {self.preset}", Path())
-        if self == Asked() and out is not None:
+        if self == SweepOptions() and out is not None:
             return SweepDirectory.open(out).manifest.spec
         return self._with_flags({}, "command line", Path())
 
     def _with_flags(self, document: dict[str, Any], source: str, folder: Path) -> SweepSpec:
         spec = parse_spec(document | self.document(), source, folder)
-        if not self.set:
-            return spec
         settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
+        if self.route is not None:
+            settings["route"] = self.route
+        if not settings:
+            return spec
         return parse_spec(spec.document() | {"settings": spec.settings | settings}, source, folder)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Execution:
-    """Who computes the cells; the results do not depend on it."""
+    """How the jobs are executed; the results do not depend on it."""
 
     workers: int | None = None
-    """Worker processes; default: one for each core."""
+    """Worker processes. Default: one per core."""
     shard: str | None = None
-    """i/n: compute only part i of n, counted from 0; `testbed gather` puts the parts together."""
+    """i/n: compute only shard i of n (from 0); `testbed gather` combines the shards."""
     scheduler: str | None = None
-    """Address of a dask.distributed scheduler, such as tcp://host:8786, to compute the cells on its workers."""
+    """Address of a dask.distributed scheduler, such as tcp://host:8786, whose workers compute the jobs."""
     time_limit: float = 3600.0
-    """Longest time that a cell may take [s]; then it counts as failed."""
+    """Time limit of one job [s]; a job that takes longer counts as failed."""
     memory_limit: float | None = None
-    """Most memory that a worker may take [MB]; default: a share of nine tenths of the machine's; on a cluster none."""
+    """Memory limit of one worker [MB]. Default: nine tenths of the memory, divided by the workers."""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:
@@ -105,17 +111,17 @@ class Execution:
 
     @property
     def limits(self) -> Limits:
-        """Limits of a cell."""
+        """Limits of one job."""
         return Limits(seconds=self.time_limit, megabytes=self.memory_limit)
 
     @property
     def part(self) -> Shard | None:
-        """The shard that was asked for."""
+        """The requested shard; None for all jobs."""
         return None if self.shard is None else Shard.parse(self.shard)
 
     @property
     def executor(self) -> Executor:
-        """Who was asked to compute the cells."""
+        """Computes the jobs as requested."""
         if self.scheduler is not None:
             return partial(run_on_cluster, address=self.scheduler, limits=self.limits)
         return partial(run_locally, workers=self.workers or os.cpu_count() or 1, limits=self.limits)
@@ -123,24 +129,24 @@ class Execution:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Gate:
-    """Whether accuracy has changed; of the preset `gate` where no other sweep is asked for."""
+class RegressionOptions:
+    """Comparison with a baseline. Without another sweep the preset `gate` is run."""
 
     check: Annotated[bool, FLAG] = False
-    """Exit with 1 if accuracy is worse than that of the baseline by more than the seeds' noise."""
+    """Exit with 1 if accuracy is worse than the baseline by more than the noise of the seeds."""
     update_baseline: Annotated[bool, FLAG] = False
-    """Write the baseline anew."""
+    """Write a new baseline."""
     baseline: Path = BASELINE
-    """File of the baseline; default: that of the preset `gate`."""
+    """File of the baseline. Default: that of the preset `gate`."""
 
     @property
-    def is_asked(self) -> bool:
-        """Whether the baseline is read or written."""
+    def is_requested(self) -> bool:
+        """Whether a baseline is read or written."""
         return self.check or self.update_baseline
 
 
-ASKED = Asked()
-GATE = Gate()
+REQUEST = SweepOptions()
+REGRESSION = RegressionOptions()
 EXECUTION = Execution()
 
 
@@ -148,31 +154,31 @@ def sweep(
     spec: Path | None = None,
     /,
     *,
-    asked: Asked = ASKED,
+    request: SweepOptions = REQUEST,
     out: Path | None = None,
     execution: Execution = EXECUTION,
     worst: bool = True,
-    gate: Gate = GATE,
+    gate: RegressionOptions = REGRESSION,
     plan: Annotated[bool, FLAG] = False,
 ) -> int:
-    """Accuracy against particle count, over worlds or logs, seeds and variants, with intervals.
+    """Measure accuracy against particle count over worlds or logs, seeds and variants, with confidence intervals.
 
     Parameters
     ----------
     spec
-        TOML file that says what is to be computed (docs/sweep.md).
+        TOML file with the specification (docs/sweep.md).
     out
-        Directory of the sweep; the same command goes on where a killed one was. Default: a new one below runs/.
+        Directory of the sweep; an unfinished sweep in it is completed. Default: a new one in runs/.
     worst
-        Carry out the worst runs again at the end, for a recording and a report of their own.
+        Repeat the worst runs at the end with a recording and a report each.
     plan
-        Say what would be computed, and compute nothing.
+        Print what would be computed, and stop.
     """
-    if spec is None and asked == ASKED and gate.is_asked:
-        asked = Asked(preset="gate")
-    specification = asked.specification(spec, out)
+    if spec is None and request == REQUEST and gate.is_requested:
+        request = SweepOptions(preset="gate")
+    specification = request.specification(spec, out)
     if plan:
-        results.print(f"{specification.size} cells: {_extent(specification)}")
+        results.print(f"{specification.size} jobs: {_extent(specification)}")
         return 0
     directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
     part = execution.part
@@ -186,11 +192,13 @@ def sweep(
         except KeyboardInterrupt:
             left = len(pending(directory, costs, part))
             again = f"testbed sweep --out {directory.path}"
-            console.print(f"interrupted: {left} cells are left; {again} goes on with them", soft_wrap=True)
+            console.print(f"interrupted: {left} jobs are left; {again} continues with them", soft_wrap=True)
             return INTERRUPTED
     if part is not None:
         failed = sum(directory.reason(cell.key) is not None for cell in cells)
-        results.print(f"{directory.path}: shard {part} is done, {failed} cells failed; after the last: testbed gather")
+        results.print(
+            f"{directory.path}: shard {part} is done, {failed} jobs failed; after the last shard run: testbed gather"
+        )
         return GATE_FAILED if failed else 0
     status = gather_and_report(directory, worst=worst)
     if gate.update_baseline:
@@ -200,7 +208,7 @@ def sweep(
 
 
 def _compare(directory: Path, baseline: Path) -> int:
-    """Tell how accuracy compares with the baseline; returns the exit status."""
+    """Print how accuracy compares with the baseline; returns the exit status."""
     comparisons = compare_with_baseline(read_sweep(directory), baseline)
     for c in comparisons:
         word = "worse" if c.worse else "better: renew the baseline" if c.better else "as before"

@@ -16,12 +16,12 @@ from eval.map.grids import grid_from_true_map
 from eval.trajectory.trajectory import Trajectory
 from testbed.formats import Log
 from testbed.formats.checksums import CONFIG, seal_directory
-from testbed.formats.commands import Command
 from testbed.formats.write import write_log
 from testbed.simulation import SimulationConfig, simulate
+from testbed.simulation.config import CONTROL_PERIOD
+from testbed.simulation.drivers.driver import Command
 from testbed.simulation.drivers.recorded import RecordedDriver
 from testbed.simulation.physics.urdf import robot_urdf
-from testbed.simulation.simulator import CONTROL_PERIOD
 from worlds import World, dumps, true_map
 
 Format = Literal["rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "parquet"]

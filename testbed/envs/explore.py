@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -22,31 +22,22 @@ from testbed.envs.drive import Observation
 from testbed.envs.observation.egocentric import Crop
 from testbed.envs.observation.map_score import Mapped, MapScore
 from testbed.envs.observation.rendering import MODES, Screen, check_render_mode, scan_of
+from testbed.envs.rewards import ExploreReward
 from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.settings import EnvironmentSettings
 from testbed.exploration.belief import Belief
 from testbed.frame import Frame
-from testbed.simulation.fleet.robot_group import Outfit, Readings
+from testbed.run.snapshot import take_snapshot
+from testbed.seeds import RunSeeds
+from testbed.simulation.fleet.robot_group import Readings, RobotSetup
 from worlds import TrueMap
 
-_SPREAD_LIMIT = np.array([10.0, 10.0, np.pi])
-"""Standard deviations are told up to this [m, m, rad]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExploreReward:
-    """Weights of the reward, by the truth."""
-
-    area: float = 1.0
-    """Per square metre of floor and walls newly and correctly mapped [1/m²]; what is lost again counts negative."""
-    collision: float = 20.0
-    """Cost of a collision, which ends the episode."""
-    time: float = 0.05
-    """Cost of a second [1/s]."""
+_MAX_DEVIATION = np.array([10.0, 10.0, np.pi])
+"""Largest standard deviations that an observation states [m, m, rad]."""
 
 
 class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
-    """See docs/gymnasium.md."""
+    """The environment `testbed/Explore-v0`, described in docs/gymnasium.md."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(MODES), "render_fps": 10}  # type: ignore[misc]
 
@@ -61,23 +52,23 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        """particles: of the filter, whose other settings are `filter`'s;  crop: the square of the map that is
-        observed;  coverage: share of the floor that must be mapped for the episode to end well;  settings: as in
+        """particles: number of particles of the filter, whose other settings are `filter`;  crop: the square of the map
+        that is observed;  coverage: share of the floor whose mapping ends the episode;  settings: those of
         `EnvironmentSettings`"""
         check_render_mode(render_mode)
         if not 0.0 < coverage <= 1.0:
             raise ValueError(f"coverage must be in (0, 1], got {coverage}")
         self.render_mode = render_mode
         self._settings = EnvironmentSettings(**settings)
-        self._outfit = self._settings.outfit()
-        self._scenario = self._settings.scenario(self._outfit)
-        self._group = self._settings.group(1, self._outfit)
+        self._setup = self._settings.robot_setup()
+        self._scenario = self._settings.scenario(self._setup)
+        self._group = self._settings.group(1, self._setup)
         self._filter = replace(filter or FilterConfig(), particles=particles)
         self._crop, self._target, self._reward = crop or Crop(), coverage, reward or ExploreReward()
-        self.io = RobotIO(self._outfit)
-        """Between actions and velocities."""
+        self.io = RobotIO(self._setup)
+        """Converts actions to velocities and readings to observations."""
         self.action_space = self.io.action_space
-        limit = _SPREAD_LIMIT.astype(np.float32)
+        limit = _MAX_DEVIATION.astype(np.float32)
         self.observation_space = spaces.Dict(  # type: ignore[assignment]
             {
                 **self.io.observation_spaces,
@@ -86,31 +77,30 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
                 "ess": spaces.Box(0.0, 1.0, (1,), np.float32),
             }
         )
-        self._screen = Screen(render_mode, self._outfit)
+        self._screen = Screen(render_mode, self._setup)
         self._running, self._closed = False, False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode with an empty map; options `world` and `start`, see `Scenario.wish`, hold for this one."""
+        """Begin an episode with an empty map; options: see `Scenario.parse_reset_options`."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
-        wish = self._scenario.wish(options)
+        parsed = self._scenario.parse_reset_options(options)
         super().reset(seed=seed)
-        place, start = self._scenario.draw(self.np_random, wish)
-        self._group.place(0, place.terrain, start, seed=int(self.np_random.integers(2**63)))
-        filter_seed = np.random.SeedSequence(int(self.np_random.integers(2**63)))
-        self._mapper = GMapping(self._filter, seed=filter_seed, threads=1)
-        self._place, self._score, self._T_world_map = place, MapScore(place.true_map), start
+        world, start = self._scenario.draw(self.np_random, parsed)
+        self._group.place(0, world.terrain, start, RunSeeds.from_seed(int(self.np_random.integers(2**63))))
+        self._mapper = GMapping(self._filter, seed=int(self.np_random.integers(2**63)), threads=1)
+        self._world, self._score, self._T_world_map = world, MapScore(world.true_map), start
         self._odometry, self._stamp = np.zeros((1, 3)), 0.0
         self._mapped = Mapped(0.0, 0.0, 0.0)
-        self._screen.begin(place, start)
+        self._screen.begin(world, start)
         observation, readings = self._period(np.zeros((1, 2)))
         self._running = True
         return observation, self._info(readings)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for one period, the time of a scan, and take its scan into the filter."""
+        """Drive for one period, the duration of a scan, and process the scan with the filter."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
         if not self._running:
@@ -120,21 +110,21 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         gain = self._mapped.floor + self._mapped.walls - before.floor - before.walls
         collided = bool(readings.contact[0])
         weights = self._reward
-        reward = weights.area * gain - weights.time * self._outfit.period - weights.collision * collided
+        reward = weights.area * gain - weights.time * self._setup.period - weights.collision * collided
         terminated = collided or self._mapped.coverage >= self._target
         self._running = not terminated
         return observation, float(reward), terminated, False, self._info(readings)
 
     @property
     def belief(self) -> Belief:
-        """What an explorer of `testbed.exploration` steers by: the estimate, not the truth."""
+        """The estimate, by which an explorer of `testbed.exploration` steers."""
         if not self._running:
             raise ResetNeeded("call reset() first")
         return Belief(stamp=self._stamp, pose=self._pose, scans=(self._scan,), map=lambda: self._map)
 
     def action(self, speed: float, turn_rate: float) -> NDArray[np.float32]:
-        """The action for a speed [m/s] and a turn rate [rad/s], cut to what the robot can do."""
-        shares = np.array([speed, turn_rate]) / self.io.fastest
+        """Return the action for a speed [m/s] and a turn rate [rad/s], clipped to the robot's limits."""
+        shares = np.array([speed, turn_rate]) / self.io.max_velocity
         action: NDArray[np.float32] = np.clip(shares, -1.0, 1.0).astype(np.float32)
         return action
 
@@ -145,40 +135,45 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     @property
     def T_world_map(self) -> Pose:
-        """Where that frame truly is, (3,): for scores, not for policies."""
+        """True pose of the map's frame, (3,): for scores, not for policies."""
         return self._T_world_map.copy()
 
     @property
     def true_map(self) -> TrueMap:
-        """The world of this episode: for scores, not for policies."""
-        return self._place.true_map
+        """The true map of this episode: for scores, not for policies."""
+        return self._world.true_map
 
     @property
-    def outfit(self) -> Outfit:
+    def robot_setup(self) -> RobotSetup:
         """The robot and its sensors."""
-        return self._outfit
+        return self._setup
+
+    @property
+    def outfit(self) -> RobotSetup:
+        """Old name of `robot_setup`, kept for one release."""
+        return self._setup
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The estimated map from above, (height, width, 3), for "rgb_array"; None otherwise."""
+        """Return a picture of the estimated map, (height, width, 3), for "rgb_array"; None otherwise."""
         return self._screen.picture(self._map if self.render_mode == "rgb_array" else None, self._T_world_map)
 
     def close(self) -> None:
-        """Free the physics client, complete the live view; may be called twice."""
+        """Free the physics client and complete the live view; may be called twice."""
         if not self._closed:
             self._group.close()
             self._screen.close()
         self._closed, self._running = True, False
 
     def _period(self, targets: NDArray[np.float64]) -> tuple[Observation, Readings]:
-        """Drive, scan, filter, look."""
+        """Drive for one period, update the filter, return the observation and the readings."""
         before = self._odometry[0]
         readings = self._group.step(targets)
         observation = {name: rows[0] for name, rows in self.io.observe(readings, self._odometry).items()}
         self._odometry = readings.odometry
         motion = between(before, readings.odometry[0])
-        self._scan = scan_of(self._outfit, readings.ranges[0], self._stamp)
-        self._stamp += self._outfit.period
-        report = self._mapper.process(before, self._scan, twist=motion / self._outfit.period)
+        self._scan = scan_of(self._setup, readings.ranges[0], self._stamp)
+        self._stamp += self._setup.period
+        report = self._mapper.process(before, self._scan, twist=motion / self._setup.period)
         self._pose = compose(report.pose, motion)
         if report.updated:
             self._map = self._mapper.map()
@@ -186,15 +181,13 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._screen.show(readings, 0, lambda scan: self._snapshot(scan, before, report, readings))
         spread = np.sqrt(np.maximum(np.diag(report.covariance), 0.0))
         observation["map"] = self._crop.cut(self._map, self._pose)
-        observation["spread"] = np.minimum(spread, _SPREAD_LIMIT).astype(np.float32)
+        observation["spread"] = np.minimum(spread, _MAX_DEVIATION).astype(np.float32)
         observation["ess"] = np.array([min(report.ess / report.particles, 1.0)], np.float32)
         return observation, readings
 
     def _snapshot(self, scan: Scan, odometry: Pose, report: StepReport, readings: Readings) -> Any:
-        from testbed.run.execute import snapshot
-
         frame = Frame(stamp=scan.stamp, odometry=odometry, scan=scan, truth=readings.truth[0])
-        return snapshot(frame, report, self._mapper, collided=bool(readings.contact[0]))
+        return take_snapshot(frame, report, self._mapper, collided=bool(readings.contact[0]))
 
     def _info(self, readings: Readings) -> dict[str, Any]:
         return {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What `gymnasium.make` can be told about any environment."""
+"""Keyword arguments of `gymnasium.make` that all environments share."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from testbed.envs.scenario.generated_worlds import GeneratedWorlds
 from testbed.envs.scenario.scenario import Scenario, Start
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
 from testbed.simulation.fleet.fleet import Fleet
-from testbed.simulation.fleet.robot_group import Outfit, RobotGroup
+from testbed.simulation.fleet.robot_group import RobotGroup, RobotSetup
 from testbed.simulation.fleet.single_robot import BackendRobot
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
 from worlds import World
 
-MOST_BEAMS = 10_000
-"""In one observation."""
+MAX_BEAMS = 10_000
+"""Largest number of beams of an observation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,15 +25,15 @@ class EnvironmentSettings:
     """Keyword arguments that all environments take."""
 
     world: str | World | GeneratedWorlds = "office"
-    """Name from the catalogue, file, a world, or generated ones."""
+    """Name from the catalogue, file, a world, or generated worlds."""
     start: Start = "random"
-    """Where episodes begin: anywhere with room for the robot, or at the world's own start."""
+    """Start of the episodes: anywhere with room for the robot, or at the world's own start."""
     robot: str | RobotPreset = "create3"
     """Preset by name, file or value."""
     lidar: str | LidarPreset = "rplidar_a2"
     """Preset by name, file or value."""
     beams: int | None = 180
-    """Beams of the lidar; None = as many as the preset says."""
+    """Beams of the lidar; None = those of the preset."""
     odometry: OdometryConfig | None = None
     """Errors of the wheel odometry; None = typical ones."""
     lidar_layers: LidarLayers | None = None
@@ -41,28 +41,28 @@ class EnvironmentSettings:
     backend: Literal["fast", "pybullet"] = "fast"
     """fast: exact arcs and rays; pybullet: physics, for single environments."""
 
-    def outfit(self) -> Outfit:
-        """The robot and its sensors."""
+    def robot_setup(self) -> RobotSetup:
+        """Return the robot and its sensors."""
         lidar = load_lidar(self.lidar) if isinstance(self.lidar, str) else self.lidar
         if self.beams is not None:
-            if not 1 <= self.beams <= MOST_BEAMS:
-                raise ValueError(f"beams must be 1 to {MOST_BEAMS}, got {self.beams}")
+            if not 1 <= self.beams <= MAX_BEAMS:
+                raise ValueError(f"beams must be 1 to {MAX_BEAMS}, got {self.beams}")
             lidar = lidar.model_copy(update={"beams": self.beams})
-        return Outfit(
+        return RobotSetup(
             robot=load_robot(self.robot) if isinstance(self.robot, str) else self.robot,
             lidar=lidar,
             odometry=self.odometry or OdometryConfig(),
             lidar_layers=self.lidar_layers or LidarLayers(),
         )
 
-    def scenario(self, outfit: Outfit) -> Scenario:
-        """Where episodes take place."""
-        return Scenario(self.world, self.start, outfit.robot)
+    def scenario(self, setup: RobotSetup) -> Scenario:
+        """Return the worlds and start poses of the episodes."""
+        return Scenario(self.world, self.start, setup.robot)
 
-    def group(self, robots: int, outfit: Outfit) -> RobotGroup:
-        """Robots on the backend. Raises `PyBulletMissingError` where PyBullet is asked for but not installed."""
+    def group(self, robots: int, setup: RobotSetup) -> RobotGroup:
+        """Return robots on the backend. Raises `PyBulletMissingError` where PyBullet is asked for but not installed."""
         if self.backend == "fast":
-            return Fleet(robots, outfit)
+            return Fleet(robots, setup)
         if self.backend != "pybullet":
             raise ValueError(f"backend must be 'fast' or 'pybullet', got {self.backend!r}")
         if robots != 1:
@@ -70,4 +70,4 @@ class EnvironmentSettings:
         from testbed.simulation.physics.pybullet import PyBulletBackend, import_pybullet
 
         import_pybullet()
-        return BackendRobot(outfit, PyBulletBackend)
+        return BackendRobot(setup, PyBulletBackend)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Drivers that steer by the estimate: what the mapper believes decides where the robot goes, never the truth."""
+"""Drivers that steer by the filter's estimate and never see the truth."""
 
 from testbed.exploration.belief import Belief
 from testbed.exploration.explore_driver import ExploreDriver

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a driver that steers by the estimate is told: pose and map of the filter, the last scans. Never the truth."""
+"""The input of a driver that steers by the estimate: the filter's pose and map, and the last scans."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from slam.se2 import Pose, transform_points
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Belief:
-    """The estimate at one time."""
+    """The filter's estimate at one time."""
 
     stamp: float
-    """Now [s]."""
+    """Time of the estimate [s]."""
     pose: Pose
-    """`T_map_robot` of the most likely particle, (3,), carried on by odometry from its scan until now."""
+    """`T_map_robot` of the most likely particle, (3,), extrapolated by odometry from its scan to `stamp`."""
     scans: tuple[Scan, ...]
     """The last scan of each lidar, at least one."""
     map: Callable[[], OccupancyGrid]
-    """Gives the most likely map; drawn when it is asked for."""
+    """Draws the most likely map when it is called."""
 
     def obstacles(self) -> NDArray[np.float64]:
-        """Where the beams of the last scans ended, robot's frame [m], (hits, 2)."""
+        """Return the end points of the beams of the last scans in the robot's frame [m], (hits, 2)."""
         return np.concatenate([_ends(scan) for scan in self.scans])
 
 

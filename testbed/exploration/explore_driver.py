@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`--driver explore`: between the simulator, which asks for commands, and an explorer, which asks for the estimate."""
+"""The driver of `--driver explore`: it connects the simulator, the filter and an explorer."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from testbed.frame import Frame
 
 
 class ExploreDriver:
-    """A driver of the simulator that is told the estimate scan by scan, and never looks at the truth."""
+    """A driver that steers by the estimate, which `observe` updates with each scan; it ignores the true pose."""
 
     share = None
-    """Nobody knows how much there is to explore."""
+    """Unknown, because the size of the unexplored area is unknown."""
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
@@ -26,28 +26,30 @@ class ExploreDriver:
 
     @property
     def finished(self) -> bool:
-        """There is nothing left to explore."""
+        """Whether nothing is left to explore."""
         return self._explorer.finished
 
     @property
     def stuck(self) -> bool:
-        """The robot could not free itself."""
+        """Whether the robot could not free itself."""
         return self._explorer.stuck
 
     @property
     def recoveries(self) -> int:
-        """How often the robot had to free itself."""
+        """Number of times that the robot backed off."""
         return self._explorer.recoveries
 
     def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
-        """Take in what the filter made of a frame with a scan."""
+        """Store the filter's estimate after a frame with a scan."""
         self._latest = (frame, report, mapper)
         if frame.scan is not None:
             self._scans[frame.lidar] = frame.scan
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] by the estimate, carried on to `stamp` [s] by odometry; the true pose is
-        not looked at. Stands still before the first scan."""
+        """Return speed [m/s] and turn rate [rad/s]; the true pose (x, y, theta) is ignored.
+
+        The estimate is extrapolated to `stamp` [s] by odometry. Before the first scan the robot stands still.
+        """
         if self._latest is None:
             return 0.0, 0.0
         frame, report, mapper = self._latest
@@ -57,6 +59,6 @@ class ExploreDriver:
         return self._explorer.command(Belief(stamp=stamp, pose=pose, scans=tuple(self._scans.values()), map=mapper.map))
 
     def wait(self, stamp: float) -> tuple[float, float]:
-        """Stand still for someone in the way."""
+        """Return the command 0, 0, and do not count the time up to `stamp` [s] as lack of progress."""
         self._explorer.wait(stamp)
         return 0.0, 0.0

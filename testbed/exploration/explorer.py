@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Drivers that know only what the filter believes, by name: what `--driver explore` and the baselines are made of."""
+"""The strategies of `--driver explore` by name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.random import Generator
 
 from testbed.exploration.belief import Belief
 from testbed.exploration.frontier_explorer import FrontierExplorer
-from testbed.exploration.planning.goals import information_gain, nearest
+from testbed.exploration.planning.goals import most_information, nearest
 from testbed.exploration.reactive import RandomWalk, WallFollower
 from testbed.presets import LidarPreset, RobotPreset
 from testbed.simulation.drivers.driver import DriverConfig, Strategy
@@ -19,38 +19,38 @@ STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
 
 
 class Explorer(Protocol):
-    """Steers a robot by what is believed."""
+    """A strategy that steers a robot by the filter's estimate."""
 
     @property
     def recoveries(self) -> int:
-        """How often the robot had to free itself."""
+        """Number of times that the robot backed off."""
         ...
 
     @property
     def finished(self) -> bool:
-        """There is nothing left to explore, as far as this explorer can tell."""
+        """Whether nothing is left to explore, as far as this explorer can tell."""
         ...
 
     @property
     def stuck(self) -> bool:
-        """Freeing the robot did not help; it is given up."""
+        """Whether the explorer has given up, because backing off did not help."""
         ...
 
     def command(self, belief: Belief) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s]."""
+        """Return speed [m/s] and turn rate [rad/s]."""
         ...
 
     def wait(self, stamp: float) -> None:
-        """The robot was held up by others until now [s]: that is no lack of progress."""
+        """Do not count the time up to `stamp` [s] as lack of progress: someone stood in the way."""
         ...
 
 
 def make_explorer(robot: RobotPreset, lidar: LidarPreset, config: DriverConfig, rng: Generator) -> Explorer:
-    """The explorer that `config.strategy` names; rng: random numbers of the random walk."""
+    """Return the explorer that `config.strategy` names; rng: generator of the random walk."""
     makers: dict[Strategy, Callable[[], Explorer]] = {
         "random": lambda: RandomWalk(robot, config, rng),
         "wall": lambda: WallFollower(robot, config),
         "nearest": lambda: FrontierExplorer(robot, config, nearest),
-        "information": lambda: FrontierExplorer(robot, config, information_gain(lidar.range_max)),
+        "information": lambda: FrontierExplorer(robot, config, most_information(lidar.range_max)),
     }
     return makers[config.strategy]()

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from testbed.formats.log import LogError
-from testbed.run.provenance import dump_toml, versions
+from testbed.provenance import versions
+from testbed.toml import dump_toml
 
 CONFIG = "config.toml"
 LARGEST_CONFIG = 1_000_000

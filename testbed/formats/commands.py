@@ -8,27 +8,16 @@ import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 from eval.files.atomic_write import atomic_write
 from testbed.formats import LogError, open_log
 from testbed.frame import Frame
+from testbed.simulation.drivers.driver import Command
 
 COLUMNS = ("stamp", "speed", "turn_rate")
 """First line of a table of commands."""
 LARGEST_TABLE = 500_000_000
 """Bytes."""
-
-
-class Command(NamedTuple):
-    """What a robot was told to keep to from a time on."""
-
-    stamp: float
-    """[s]"""
-    speed: float
-    """Forward [m/s]."""
-    turn_rate: float
-    """Counter-clockwise [rad/s]."""
 
 
 def read_commands(path: str | Path) -> list[Command]:

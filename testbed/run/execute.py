@@ -1,99 +1,66 @@
 # SPDX-License-Identifier: MIT
-"""One run: frames go through the filter into a run directory, scored, with a view of it beside."""
+"""One run: frames go through the filter, the estimate is scored, all files are written."""
 
 from __future__ import annotations
 
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterable
 from typing import Any, Protocol
 
-import numpy as np
-
-from eval.files.failure_json import write_finding
-from eval.first_failure import find
+from eval.estimates import PathAndMap, named, score_estimate
+from eval.files.failure_json import write_failure
+from eval.first_failure import find_failure
+from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
-from eval.trajectory.relations import Relations
-from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from slam.localization import Localization
-from slam.occupancy import OccupancyGrid
+from slam.scan import Scan
 from slam.sensor.rays import make_rays
-from slam.step.step_report import StepReport
 from testbed.formats.commands import commands_of, write_commands
 from testbed.frame import Frame
-from testbed.lidar_views import lidar_views
 from testbed.run.estimation import Estimate, Estimation
 from testbed.run.interruption import deferred_interruption
-from testbed.run.known_map import KnownMap, localization_metrics, why_astray
+from testbed.run.job import Job
+from testbed.run.known_map import KnownMap, failure_reason, localization_metrics
 from testbed.run.run_directory import RunDirectory, result_hash
-from testbed.simulation import Simulation
-from testbed.views import NullView, Snapshot, View
+from testbed.run.snapshot import take_snapshot
+from testbed.views import NullView, View
 
 
-class Watcher(Protocol):
-    """Who is told how the run goes, such as a progress line."""
+class RunProgress(Protocol):
+    """Shows the progress of a run, such as a progress line."""
 
     def stage(self, text: str) -> None:
-        """A new stage of the job begins."""
+        """Show that a new stage of the job begins."""
         ...
 
     def step(self, stamp: float, share: float | None, error: float | None) -> None:
-        """One scan is done: its stamp [s], the share of the job behind us, the position error where known [m]."""
+        """Show that one scan is done.
+
+        stamp: that of the scan [s]; share: the part of the job that is done, None = unknown; error: of the position
+        [m], None = unknown
+        """
         ...
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Job:
-    """What a run needs besides the place it writes to."""
+def execute_job(job: Job, directory: RunDirectory, watcher: RunProgress, view: View | None = None) -> dict[str, Any]:
+    """Run the job, write all files except the report, and return the content of `metrics.json`.
 
-    frames: Iterable[Frame]
-    """What the sensors said."""
-    document: Mapping[str, Any]
-    """Content of `config.toml`."""
-    seed: int
-    """The run's seed, as `metrics.json` states it."""
-    filter: FilterConfig
-    """Settings of the filter."""
-    filter_seed: np.random.SeedSequence
-    """Seed of the filter's random numbers."""
-    threads: int | None = None
-    """Threads of the filter; None = all cores. Results do not depend on it."""
-    known_map: KnownMap | None = None
-    """The map to localise in; None = the map is to be made."""
-    refine: bool = True
-    """Whether the final pass over all frames is made."""
-    truth_map: OccupancyGrid | None = None
-    """The true map: 1 occupied, 0 free, NaN not visible to any lidar."""
-    relations: Relations | None = None
-    """Hand-checked relations between poses."""
-    share_done: Callable[[], float | None] = lambda: None
-    """How much of the job is behind us, in [0, 1]; None = unknown."""
-    observe: Callable[[Frame, StepReport, GMapping], None] = lambda frame, report, mapper: None
-    """Told what the mapper made of each scan, before the next frame is asked for: how it steers a robot."""
-    collided: Callable[[], bool] = lambda: False
-    """Whether the robot has touched something."""
-    ended: Callable[[], str | None] = lambda: None
-    """Why the drive did not end as planned, asked after the last frame: `collided`, `timeout`; None = it did."""
-
-
-def execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View | None = None) -> dict[str, Any]:
-    """Run the job, write all files but the report, return what is in `metrics.json`.
-
-    Ctrl-C ends the run after the frame at hand: the outcome is `interrupted`, and what was there is kept. If anything
-    else breaks, the outcome is `failed` and the exception goes on to the caller.
+    Ctrl-C ends the run after the current frame: the outcome is `interrupted`, and the estimate so far is kept. After
+    any other exception the outcome is `failed`, and the exception is raised again.
     """
     with directory.marked():
         directory.write_config(job.document)
         return _execute(job, directory, watcher, view if view is not None else NullView())
 
 
-def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) -> dict[str, Any]:
+def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View) -> dict[str, Any]:
     started = time.perf_counter()
     watcher.stage("mapping" if job.known_map is None else "localising")
-    estimation = Estimation(job.filter, job.filter_seed, job.threads, job.known_map)
+    estimation = Estimation(job.filter, job.seeds.filter, job.threads, job.known_map)
     with view:
         interrupted = _feed(job, estimation, watcher, view)
         if not len(estimation.scan_frames):
@@ -112,52 +79,32 @@ def _execute(job: Job, directory: RunDirectory, watcher: Watcher, view: View) ->
         wall_seconds = time.perf_counter() - started  # of the estimate; writing and scoring it are no part of that
     watcher.stage("scoring")
     _write(job, directory, estimation, filtered, estimate)
-    ended = "interrupted" if interrupted else job.ended()
-    metrics = metrics_of(job, estimation, estimate, wall_seconds, ended)
+    ended = "interrupted" if interrupted else job.source.ended
+    metrics = metrics_of(job, estimation, filtered, estimate, wall_seconds=wall_seconds, ended=ended)
     directory.write_metrics(metrics)
     return metrics
 
 
-def _feed(job: Job, estimation: Estimation, watcher: Watcher, view: View) -> bool:
-    """Feed all frames; True if the user interrupted it."""
+def _feed(job: Job, estimation: Estimation, watcher: RunProgress, view: View) -> bool:
+    """Process all frames; returns whether the user interrupted it."""
     with deferred_interruption() as interruption:
-        for frame in job.frames:
+        for frame in job.source:
             report = estimation.process(frame)
             if report is not None:
                 if isinstance(estimation.mapper, GMapping):
-                    job.observe(frame, report, estimation.mapper)
-                view.show(snapshot(frame, report, estimation.mapper, collided=job.collided()))
-                watcher.step(frame.stamp, job.share_done(), estimation.steps.last_error)
+                    job.source.observe(frame, report, estimation.mapper)
+                view.show(take_snapshot(frame, report, estimation.mapper, collided=job.source.collided))
+                watcher.step(frame.stamp, job.source.share_done, estimation.steps.last_error)
             if interruption.requested:
                 return True
     return False
 
 
-def snapshot(frame: Frame, report: StepReport, mapper: GMapping | Localization, *, collided: bool = False) -> Snapshot:
-    """What a view is shown of one scan, straight after the filter was given it."""
-    samples = None if report.proposed is None else report.proposed.samples[report.best]
-    if samples is not None and np.isnan(samples).any():  # none were drawn: matching failed, or another proposal
-        samples = None
-    return Snapshot(
-        stamp=frame.stamp,
-        estimate=report.pose,
-        odometry=frame.odometry,
-        truth=frame.truth,
-        scan=frame.scan,
-        step=report,
-        poses=mapper.poses,
-        weights=mapper.weights,
-        proposal_samples=samples,
-        collided=collided,
-        path=mapper.path,
-        map=mapper.map,
-    )
-
-
 def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: Estimate, estimate: Estimate) -> None:
-    """All files but the metrics and the report."""
+    """Write all files except metrics and report."""
     directory.write_trajectory("estimate.tum", estimate.at_scans)
     directory.write_trajectory("estimate_dense.tum", estimate.dense)
+    directory.write_trajectory("online.tum", estimation.online())
     if estimate is not filtered:
         directory.write_trajectory("filter.tum", filtered.at_scans)
     for name in ("odometry", "truth"):
@@ -170,77 +117,89 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     if job.truth_map is not None:
         directory.write_map("truth_map", job.truth_map)
     estimation.steps.write(directory / "steps.parquet")
-    _write_finding(job, directory, estimation, estimate)
+    _write_failure(job, directory, estimation, estimate)
 
 
-def _write_finding(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
+def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
     """Where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
-    finding = find(
+    failure = find_failure(
         estimate.at_scans,
         truth=estimation.trajectory_at_scans("truth"),
         relations=job.relations,
         dense=estimate.dense,
         steps=estimation.steps.columns(),
     )
-    if finding is None:
+    if failure is None:
         return
-    frame = estimation.frames[estimate.scan_frames[finding.scan]]
+    frame = estimation.frames[estimate.scan_frames[failure.scan]]
     assert frame.scan is not None
     rays = make_rays([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
-    write_finding(directory / "finding.json", finding, rays.ends)
+    write_failure(directory / "finding.json", failure, rays.ends)
 
 
 def metrics_of(
-    job: Job, estimation: Estimation, estimate: Estimate, wall_seconds: float, ended: str | None
+    job: Job, estimation: Estimation, filtered: Estimate, estimate: Estimate, *, wall_seconds: float, ended: str | None
 ) -> dict[str, Any]:
-    """All measures of an estimate, JSON-ready: the content of `metrics.json`.
+    """Return the content of `metrics.json`: all measures of the three estimates (`eval.estimates`), ready for JSON.
 
+    filtered: the filter's path and map. estimate: the final one, the same object where there was no final pass.
     wall_seconds: time that the estimate took. ended: why the run did not end by itself, see `eval.outcome.judge`.
     """
+    reference = Reference(
+        trajectory=estimation.trajectory_at_scans("truth"),
+        relations=job.relations,
+        grid=job.truth_map,
+        lidars=lidar_views(estimation.frames),
+    )
+    # Ctrl-C must end soon, and scoring a map takes long; a map that was given is not a result of the run
+    scores_map = ended != "interrupted" and job.known_map is None
     metrics = score(
         estimate.at_scans,
-        reference=Reference(
-            trajectory=estimation.trajectory_at_scans("truth"),
-            relations=job.relations,
-            grid=job.truth_map,
-            lidars=lidar_views(estimation.frames),
-        ),
+        reference=reference,
         odometry=estimation.trajectory_at_scans("odometry"),
         dense=estimate.dense,
-        # Ctrl-C must end soon, and these measures are dear; a map that was given is nobody's result
-        grid=None if ended == "interrupted" or job.known_map is not None else estimate.map,
+        grid=estimate.map if scores_map else None,
         steps=estimation.steps.columns(),
         ended=ended,
         facts={
-            "seed": job.seed,
+            "seed": job.seeds.seed,
             "particles": job.filter.particles,
+            "refined": estimate is not filtered,
             "wall_s": wall_seconds,
             "peak_rss_mb": peak_memory_mb(),
             "result_hash": result_hash(estimate.at_scans, estimate.map),
         },
     )
+    metrics |= score_estimate("online", PathAndMap(at_scans=estimation.online()), reference, ended)
+    if estimate is filtered:
+        metrics |= named("filter", metrics)
+    else:
+        path = PathAndMap(at_scans=filtered.at_scans, dense=filtered.dense, map=filtered.map if scores_map else None)
+        metrics |= score_estimate("filter", path, reference, ended)
     return metrics if job.known_map is None else metrics | _localized(job.known_map, estimation, estimate, ended)
 
 
 def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
-    """What `metrics.json` says of a localisation; the outcome where it is not to be trusted."""
+    """Return the group `localization`, and the outcome if the localisation failed."""
     assert isinstance(estimation.mapper, Localization)
     truth = estimation.trajectory_at_scans("truth")
     found = localization_metrics(known, estimation.mapper.status, estimation.frames, estimate.at_scans, truth)
-    astray = why_astray(found)
+    astray = failure_reason(found)
     if ended is not None or astray is None:
         return {"localization": found}
     return {"outcome": "lost", "outcome_reason": astray, "localization": found}
 
 
-def drive_ended(simulation: Simulation, duration: float | None) -> str | None:
-    """Why a simulated drive did not end as planned; `duration` [s] is what was allowed, None = the whole tour."""
-    if simulation.collided:
-        return "collided"
-    return None if simulation.finished or (duration is not None and not simulation.stuck) else "timeout"
+def lidar_views(frames: Iterable[Frame]) -> tuple[LidarView, ...]:
+    """Return the view of each lidar that took a scan with a beam, in the order in which they appear."""
+    scans: dict[str, list[Scan]] = defaultdict(list)
+    for frame in frames:
+        if frame.scan is not None and len(frame.scan.angles):
+            scans[frame.lidar].append(frame.scan)
+    return tuple(LidarView.of(taken) for taken in scans.values())
 
 
 def peak_memory_mb() -> float:
-    """Largest resident set of this process so far [MB]."""
+    """Return the largest resident set of this process so far [MB]."""
     unit = 1 if sys.platform == "darwin" else 1024  # macOS counts bytes, Linux kibibytes
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6

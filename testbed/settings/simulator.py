@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Options that `run` and `simulate` share."""
+"""Settings of the simulator."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,23 +10,20 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Group, Parameter
 
-from testbed.cli.shared.console import console
-from testbed.exploration import ExploreDriver, make_explorer
-from testbed.formats.commands import Command, read_commands
+from testbed.formats.commands import read_commands
 from testbed.presets import LidarPreset, load_lidar, load_robot
-from testbed.presets.models import MOST_BEAMS
-from testbed.seeds import streams
+from testbed.presets.models import MAX_BEAMS
+from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
-from testbed.simulation.drivers.driver import Driver
-from testbed.simulation.drivers.recorded import RecordedDriver
+from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
-from testbed.simulation.simulator import CONTROL_PERIOD, TOUR_CLEARANCE
-from worlds import World, add_clutter, is_map, load, map_image, plan_tour
+from testbed.simulation.simulator import TOUR_CLEARANCE
+from worlds import World, add_clutter, is_map, load, map_image, plan_tour, random_route
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
 CLUTTER_CLEARANCE = 0.1
-"""Further room between the robot and what --clutter puts up [m]."""
+"""Additional distance between the robot and the objects of --clutter [m]."""
 
 
 @Parameter(name="*")
@@ -37,21 +32,24 @@ class SimulatorOptions:
     """The simulated robot and its sensors."""
 
     robot: str = DEFAULT.robot.name
-    """Name of a robot, or a TOML file."""
+    """Name of a robot preset, or a TOML file."""
     lidar: str = DEFAULT.lidar.name
-    """Name of a lidar, or a TOML file; several, separated by commas, for robots with room for them."""
+    """Name of a lidar preset, or a TOML file; several are separated by commas, if the robot has mounts for them."""
     beams: int | None = None
     """Beams in a scan; default: those of the lidar."""
     noise: float = 1.0
-    """Factor of the random error of ranges."""
+    """Factor on the random error of ranges."""
+    route: Literal["fixed", "random"] = "fixed"
+    """fixed: the tour of the world, the same for every seed; random: the whole tour in another order and direction from
+    another start, drawn from the seed. Only for --driver tour."""
     clutter: float = 0.0
-    """Things put up beside the tour, per 10 m² of floor."""
+    """Objects added off the tour, per 10 m² of floor."""
     backend: Literal["pybullet", "fast"] = "pybullet"
-    """pybullet: physics and rays of PyBullet; fast: exact arcs and a ray caster of ours."""
+    """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics."""
     duration: float | None = None
     """Longest simulated time [s]; default: until the tour is finished."""
     driver: Annotated[DriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=DriverConfig)
-    """Who drives, and how."""
+    """The driver and its limits."""
     commands: Path | None = None
     """Commands for --driver recorded: a dataset, a log with /cmd_vel, or a CSV table `stamp,speed,turn_rate`."""
     odometry: Annotated[OdometryConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=OdometryConfig)
@@ -64,11 +62,11 @@ class SimulatorOptions:
             raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
         if not self.noise >= 0.0:
             raise ValueError(f"noise must not be negative, got {self.noise}")
-        if self.beams is not None and not 1 <= self.beams <= MOST_BEAMS:
-            raise ValueError(f"beams must be 1 to {MOST_BEAMS}, got {self.beams}")
+        if self.beams is not None and not 1 <= self.beams <= MAX_BEAMS:
+            raise ValueError(f"beams must be 1 to {MAX_BEAMS}, got {self.beams}")
 
-    def simulation(self, seed: int) -> SimulationConfig:
-        """Settings of the simulator; ValueError where the backend is not installed."""
+    def simulation(self, seeds: RunSeeds) -> SimulationConfig:
+        """Return the settings of the simulator. Raises ValueError where the backend is not installed."""
         if self.backend == "pybullet":
             import_pybullet()
         lidar, *further = (self._changed(load_lidar(name)) for name in self.lidars)
@@ -81,16 +79,16 @@ class SimulatorOptions:
             lidar_layers=self.layers,
             backend=self.backend,
             duration=DEFAULT.duration if self.duration is None else self.duration,
-            seed=seed,
+            seeds=seeds,
         )
 
     @property
     def lidars(self) -> list[str]:
-        """Names or files of the lidars, the main one first."""
+        """Names or files of the lidars; the first is the main one."""
         return [name.strip() for name in self.lidar.split(",")]
 
     def _changed(self, lidar: LidarPreset) -> LidarPreset:
-        """The lidar with the number of beams and the noise asked for."""
+        """Return the lidar with `beams` and `noise` applied."""
         return lidar.model_copy(
             update={
                 "beams": lidar.beams if self.beams is None else self.beams,
@@ -99,36 +97,26 @@ class SimulatorOptions:
             }
         )
 
-    def place(self, world: str) -> World:
-        """The world of that name or file; where a tour is to be driven and it has none, it gets one of all the floor
-        that the robot can reach."""
-        place, room = load(world), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
-        if place.tour is None and self.driver.kind == "tour":
-            place = plan_tour(place, footprint_radius=room)
-        return add_clutter(place, self.clutter, clearance=room + CLUTTER_CLEARANCE) if self.clutter else place
+    def load_world(self, name: str, seeds: RunSeeds) -> World:
+        """Load the world of that name or file, with --clutter added and, for --route random, a route of the seed.
 
-    @contextmanager
-    def steering(self, config: SimulationConfig) -> Iterator[Driver | None]:
-        """Who steers the robot while the block runs; None = whoever follows the tour."""
-        if self.driver.kind == "explore":
-            rng = np.random.default_rng(streams(config.seed).driver)
-            yield ExploreDriver(make_explorer(config.robot, config.lidar, config.driver, rng))
-        elif self.driver.kind == "teleop":
-            from testbed.simulation.drivers.teleop import HELP, TeleopDriver
-
-            with TeleopDriver(config.robot, config.driver) as driver:
-                console.print(HELP)
-                yield driver
-        else:
-            commands = self.recorded_commands()
-            yield None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
+        Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
+        """
+        world, clearance = load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
+        if world.tour is None and self.driver.kind == "tour":
+            world = plan_tour(world, footprint_radius=clearance)
+        if self.clutter:
+            world = add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
+        if self.route == "random" and self.driver.kind == "tour":
+            world = random_route(world, np.random.default_rng(seeds.route))
+        return world
 
     def recorded_commands(self) -> list[Command] | None:
-        """The commands to repeat, where that is asked for."""
+        """Return the commands of `commands`; None if no file is given."""
         return None if self.commands is None else read_commands(self.commands)
 
     def files(self, world: str) -> list[Path]:
-        """Which of world, robot, lidars and commands are files of the user's own; with the image of a ROS map."""
+        """Return the user's files among world, robot, lidars and commands, with the image of a ROS map."""
         named = [Path(name) for name in (world, self.robot, *self.lidars, self.commands) if name is not None]
         files = [path for path in named if path.is_file()]
         return files + [map_image(path) for path in files[:1] if path == Path(world) and is_map(path)]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The one error that sweeps raise for what a user can put right."""
+"""The error that a user of sweeps can correct."""
 
 
 class SweepError(ValueError):
-    """A sweep cannot be done as asked; the message is one line that names the place and what was expected."""
+    """The sweep cannot be done as requested. The message is one line: which setting or file, and what was expected."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A sweep from its plan to results on disk, whoever computes the cells."""
+"""Computes the cells of a sweep with any executor and writes each result to disk as it arrives."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from testbed.sweep.spec.spec import SweepSpec
 from testbed.sweep.store import Manifest, SweepDirectory
 
 Executor = Callable[[Sequence[Cell]], Generator[Event, None, None]]
-"""Computes cells, those in front first, and tells of each: `run_locally` or `run_on_cluster` with their settings."""
+"""Computes cells in their order and yields events: `run_locally` or `run_on_cluster` with their settings bound."""
 
 
 class Watcher(Protocol):
-    """Who is told how the sweep goes."""
+    """Receives the events of a sweep, such as a progress display."""
 
     def event(self, event: Event) -> None:
-        """A cell has been begun, or is done and on disk."""
+        """A cell was started, or is finished and on disk."""
         ...
 
 
 def prepare(out: Path, spec: SweepSpec) -> tuple[SweepDirectory, Costs]:
-    """The directory of a sweep, made or found, and what its cells cost.
+    """Create the directory of a sweep, or open the one that is there; also return the predicted costs of its cells.
 
-    Raises SweepError, WorldError, PresetError, LogError or OSError for what cannot be used; nothing is written then.
+    Raises SweepError, WorldError, PresetError, LogError or OSError for unusable input; nothing is written then.
     """
     costs = Costs.of(spec)
     return SweepDirectory.prepare(out, Manifest(spec, code_version(), input_digests(spec))), costs
 
 
 def pending(directory: SweepDirectory, costs: Costs, shard: Shard | None) -> list[Cell]:
-    """Cells that are still to be computed, the longest first; those that failed before are tried again."""
+    """Cells without a result, the longest first. Cells that failed before are tried again."""
     cells = by_work(directory.manifest.cells(), costs)
     if shard is not None:
         cells = shard.of(cells)
@@ -45,8 +45,8 @@ def pending(directory: SweepDirectory, costs: Costs, shard: Shard | None) -> lis
 
 
 def execute(directory: SweepDirectory, cells: Sequence[Cell], executor: Executor, watcher: Watcher) -> None:
-    """Compute cells and keep what comes of them."""
-    with closing(executor(cells)) as events:  # workers end as soon as nobody waits for them
+    """Compute cells and write their results or failures to the directory."""
+    with closing(executor(cells)) as events:  # closing the generator stops the workers
         for event in events:
             if isinstance(event, Finished):
                 if isinstance(event.outcome, str):

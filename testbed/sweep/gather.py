@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From the directory of a sweep to tables: sweep.parquet (one row per cell), curves.parquet, timings.parquet.
+"""Makes the tables of a sweep from its cells: sweep.parquet (one row per cell), curves.parquet, timings.parquet.
 
 `sweep.parquet` and `curves.parquet` hold nothing that depends on the machine's speed or on the order of the cells: the
 same sweep gives the same bytes however it was carried out. Times are in `timings.parquet`, joined by `key`.
@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from eval.files.atomic_write import atomic_write
-from eval.report.run_report import flat
-from testbed.sweep.execution.compute import CellResult
+from eval.report.page import flat
+from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.store import SweepDirectory
 
@@ -24,13 +24,13 @@ TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")
 
 @dataclass(frozen=True)
 class Gathered:
-    """What a sweep has come to."""
+    """How many cells of a sweep have a result."""
 
     done: int
     failed: tuple[tuple[Cell, str], ...]
-    """Cells without a result, and why."""
+    """Cells without a result, with the reason."""
     missing: tuple[Cell, ...]
-    """Cells that nobody has computed yet."""
+    """Cells that were not computed yet."""
 
     @property
     def complete(self) -> bool:
@@ -39,7 +39,7 @@ class Gathered:
 
 
 def gather(directory: SweepDirectory) -> Gathered:
-    """Write the tables of a sweep from its cells, and tell what is not there. Raises SweepError for damaged cells."""
+    """Write the tables of a sweep and return what is there and what is missing. Raises SweepError for damaged cells."""
     rows: list[dict[str, Any]] = []
     curves: list[dict[str, Any]] = []
     timings: list[dict[str, Any]] = []
@@ -51,8 +51,7 @@ def gather(directory: SweepDirectory) -> Gathered:
         reason = directory.reason(key) if result is None else None
         rows.append(_row(cell, key, result, reason))
         if result is not None:
-            points = len(result.curves["share"])
-            curves += [{"key": key} | {n: c[k] for n, c in result.curves.items()} for k in range(points)]
+            curves += _curve_rows(key, result)
             timings.append({"key": key} | result.timing)
         elif reason is not None:
             failed.append((cell, reason))
@@ -70,6 +69,13 @@ def gather(directory: SweepDirectory) -> Gathered:
     return Gathered(len(timings), tuple(failed), tuple(missing))
 
 
+def _curve_rows(key: str, result: CellResult) -> list[dict[str, Any]]:
+    """Rows of `curves.parquet`; `founders` repeats `unique_ancestors` for readers of versions up to 0.1."""
+    columns = {"unique_ancestors" if name == "founders" else name: values for name, values in result.curves.items()}
+    columns["founders"] = columns["unique_ancestors"]
+    return [{"key": key} | {n: values[k] for n, values in columns.items()} for k in range(len(columns["share"]))]
+
+
 def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) -> dict[str, Any]:
     """One row of `sweep.parquet`; measures that are lists are left out."""
     status = "done" if result is not None else "failed" if reason is not None else "missing"
@@ -81,7 +87,7 @@ def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) ->
 
 
 def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> None:
-    """Rows as parquet, columns in the order in which they first occur, what the sweep is about in the metadata."""
+    """Write rows as parquet: columns in the order of their first occurrence, facts about the sweep as metadata."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -89,12 +95,12 @@ def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, An
     columns = {name: [row.get(name) for row in rows] for name in names}
     arrays = {name: _array(values) for name, values in columns.items()}
     table = pa.table(arrays).replace_schema_metadata({"sweep": json.dumps(about, sort_keys=True)})
-    with atomic_write(path) as aside:
-        pq.write_table(table, aside)
+    with atomic_write(path) as temporary:
+        pq.write_table(table, temporary)
 
 
 def _array(values: Sequence[Any]) -> Any:
-    """A column: what is whole in some cells only is a float in all, what is a word in some is a word in all."""
+    """Return a column of one type: float if any value is a float, string if any value is a string."""
     import pyarrow as pa
 
     kinds = {type(value) for value in values if value is not None}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The worst runs of a sweep, carried out again with a recording and a report of their own.
+"""Repeats the worst runs of a sweep with a recording and a report each.
 
-Cells keep figures only; being pure functions, they can be looked at whenever somebody wants to.
+A sweep keeps only the figures of its cells. A cell is a pure function of its settings, so its run can be repeated.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from eval.report.run_report import write_report
-from testbed.run.execute import Watcher, execute
-from testbed.run.provenance import config_document, settings_as_markdown
+from testbed.provenance import config_document, settings_as_markdown
+from testbed.run.execute import RunProgress, execute_job
 from testbed.run.run_directory import RunDirectory
 from testbed.settings.estimator import EstimatorOptions
 from testbed.sweep.execution.compute import job_of
@@ -25,14 +25,14 @@ from testbed.views import Scene, ViewOptions, open_view
 
 
 def is_recorded(directory: SweepDirectory, cell: Cell) -> bool:
-    """Whether the run of a cell is there already."""
+    """Whether the run of this cell was already repeated."""
     return (_folder(directory, cell) / "report.html").is_file()
 
 
-def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
-    """Leave the run of a cell below `worst/` as `testbed run` does.
+def rerun(directory: SweepDirectory, cell: Cell, watcher: RunProgress) -> bool:
+    """Repeat the run of a cell below `worst/`, with all files that `testbed run` writes.
 
-    Returns whether it came out as in the sweep, bit for bit: other processors may round differently.
+    Returns whether the result equals that of the sweep bit for bit; processors of another kind may round differently.
     """
     folder = _folder(directory, cell)
     shutil.rmtree(folder, ignore_errors=True)
@@ -44,14 +44,14 @@ def record(directory: SweepDirectory, cell: Cell, watcher: Watcher) -> bool:
         particles=cell.particles,
         true_map=job.truth_map,
     )
-    metrics = execute(job, run, watcher, open_view(run / "recording.rrd", scene, ViewOptions()))
+    metrics = execute_job(job, run, watcher, open_view(run / "recording.rrd", scene, ViewOptions()))
     write_report(folder)
     swept = directory.result(cell.key)
     return swept is not None and metrics["result_hash"] == swept.metrics["result_hash"]
 
 
 def _document(cell: Cell) -> dict[str, Any]:
-    """Content of `config.toml`, with which `testbed run --config` or `testbed slam --config` repeats the run."""
+    """Content of `config.toml`: `testbed run --config` or `testbed slam --config` repeats the run with it."""
     settings = RunSettings.of(cell.settings)
     estimator = EstimatorOptions(
         particles=cell.particles, seed=cell.seed, refine=settings.refine, filter=settings.filter

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""The directory of a sweep: what was asked for, a directory for each cell that is done, a file for each that failed.
+"""The directory of a sweep: its specification, a directory for each finished cell, a file for each failed one.
 
     sweep.toml                  specification, code version, digests of the input files, versions
     cells/KEY/cell.json         the cell; metrics.json, curves.json: its result; timing.json: what it took
     failed/KEY.json             the cell and the reason why it has no result
 
-Everything appears whole: written under a temporary name, then renamed. A directory with another name than a key was
-left by a process that was killed, and does not count.
+Files and directories are written under a temporary name and renamed, so they are complete as soon as they exist. A
+directory whose name is not a key was left by a killed process and is ignored.
 """
 
 from __future__ import annotations
@@ -25,19 +25,20 @@ from pathlib import Path
 from typing import Any
 
 from eval.files.atomic_write import atomic_directory, atomic_write, create_once
-from testbed.run.provenance import dump_toml, versions
+from testbed.provenance import versions
 from testbed.sweep.errors import SweepError
-from testbed.sweep.execution.compute import CellResult
+from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Shard, plan
 from testbed.sweep.spec.spec import SweepSpec, parse_spec
+from testbed.toml import dump_toml
 
 MANIFEST = "sweep.toml"
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """Content of `sweep.toml`: all that the cells follow from."""
+    """Content of `sweep.toml`: everything from which the cells follow."""
 
     spec: SweepSpec
     code: str
@@ -48,22 +49,22 @@ class Manifest:
         return plan(self.spec, self.code, self.inputs)
 
     def document(self) -> dict[str, Any]:
-        """As TOML holds it."""
+        """The content as plain data for TOML."""
         return {"code": self.code, "spec": self.spec.document(), "inputs": dict(self.inputs), "versions": versions()}
 
 
 @dataclass(frozen=True)
 class SweepDirectory:
-    """A directory that holds a sweep; made by `prepare`, or found by `open`."""
+    """A directory with a sweep in it; `prepare` creates it, `open` reads an existing one."""
 
     path: Path
     manifest: Manifest
 
     @classmethod
     def prepare(cls, path: Path, manifest: Manifest) -> SweepDirectory:
-        """Make the directory, or go on in one that holds this very sweep.
+        """Create the directory, or open it if it already holds this sweep.
 
-        Raises SweepError where it holds something else; the message tells the difference. Nothing is changed then.
+        Raises SweepError if it holds something else; the message states the difference. Nothing is changed then.
         """
         if path.exists() and not path.is_dir():
             raise SweepError(f"{path}: is a file, expected a directory")
@@ -79,7 +80,7 @@ class SweepDirectory:
 
     @classmethod
     def open(cls, path: Path) -> SweepDirectory:
-        """The sweep that a directory holds; raises SweepError where there is none."""
+        """Read the sweep in a directory; raises SweepError if there is none."""
         file = path / MANIFEST
         try:
             document = tomllib.loads(file.read_text(encoding="utf-8"))
@@ -93,30 +94,30 @@ class SweepDirectory:
 
     @contextmanager
     def locked(self, shard: Shard | None) -> Iterator[None]:
-        """Keep other processes from the same cells while the block runs; raises SweepError where one has them.
+        """Lock the cells against other processes while the block runs; raises SweepError if another process has them.
 
-        A whole sweep excludes everybody else, a shard the same shard and whole sweeps. The kernel lets go of a lock
-        when its process ends, however it ends, so that none is ever left behind.
+        A whole sweep excludes every other process; a shard excludes the same shard and whole sweeps. The operating
+        system releases a lock when its process ends, however it ends.
         """
         with (self.path / ".lock").open("a+") as everybody:
             _lock(everybody, fcntl.LOCK_EX if shard is None else fcntl.LOCK_SH, self.path)
             if shard is None:
-                _sign(everybody)
+                _write_lock_owner(everybody)
                 self._discard_unfinished()
                 yield
                 return
-            everybody.truncate(0)  # whoever signed it has gone
+            everybody.truncate(0)  # its writer no longer holds the lock
             with (self.path / f".lock-{shard.index}-of-{shard.count}").open("a+") as own:
                 _lock(own, fcntl.LOCK_EX, self.path)
-                _sign(own)
+                _write_lock_owner(own)
                 yield
 
     def is_done(self, key: str) -> bool:
-        """Whether the result of a cell is there."""
+        """Whether the cell with this key has a result."""
         return (self.path / "cells" / key).is_dir()
 
     def keep(self, cell: Cell, result: CellResult) -> None:
-        """Write the result of a cell; if another process was faster, its equal result stays."""
+        """Write the result of a cell; if another process was faster, its (equal) result stays."""
         target = self.path / "cells" / cell.key
         with suppress(FileExistsError), atomic_directory(target) as temporary:
             temporary.mkdir()
@@ -126,22 +127,22 @@ class SweepDirectory:
 
     def keep_failure(self, cell: Cell, reason: str) -> None:
         """Write why a cell has no result."""
-        with atomic_write(self._failure(cell.key)) as aside:
-            aside.write_text(dump_json({"cell": cell.document(), "reason": reason}), encoding="utf-8")
+        with atomic_write(self._failure(cell.key)) as temporary:
+            temporary.write_text(dump_json({"cell": cell.document(), "reason": reason}), encoding="utf-8")
 
     def result(self, key: str) -> CellResult | None:
-        """The result of a cell; None where there is none. Raises SweepError for damaged files."""
+        """Read the result of a cell; None if there is none. Raises SweepError for damaged files."""
         folder = self.path / "cells" / key
         if not folder.is_dir():
             return None
         try:
             parts = {name: json.loads((folder / f"{name}.json").read_bytes()) for name in CellResult.__annotations__}
         except (OSError, ValueError) as error:
-            raise SweepError(f"{folder}: {error}; remove it, and the next sweep computes it again") from None
+            raise SweepError(f"{folder}: {error}; remove it, and the next sweep computes this job again") from None
         return CellResult(**parts)
 
     def reason(self, key: str) -> str | None:
-        """Why a cell failed; None where it did not."""
+        """Read why a cell failed; None if it did not."""
         try:
             return str(json.loads(self._failure(key).read_bytes())["reason"])
         except FileNotFoundError:
@@ -150,7 +151,7 @@ class SweepDirectory:
             raise SweepError(f"{self._failure(key)}: {error}; remove it") from None
 
     def _discard_unfinished(self) -> None:
-        """Remove what processes have left that were killed while they wrote a cell."""
+        """Remove the temporary directories of processes that were killed while they wrote a cell."""
         for folder in (self.path / "cells").glob(".*.tmp"):
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -159,7 +160,7 @@ class SweepDirectory:
 
 
 def dump_json(content: Any) -> str:
-    """JSON of which equal content gives equal bytes."""
+    """JSON text; equal content gives equal bytes."""
     return json.dumps(content, sort_keys=True, allow_nan=False, separators=(",", ":")) + "\n"
 
 
@@ -169,29 +170,29 @@ def _lock(file: TextIOWrapper, kind: int, path: Path) -> None:
     except BlockingIOError:
         file.seek(0)
         raise SweepError(
-            f"{path}: {file.read().strip() or 'a shard'} is at work on it; wait or choose another --out"
+            f"{path}: {file.read().strip() or 'a shard'} is working on it; wait, or choose another --out"
         ) from None
 
 
-def _sign(file: TextIOWrapper) -> None:
-    """Leave word of who has the lock."""
+def _write_lock_owner(file: TextIOWrapper) -> None:
+    """Write which process holds the lock."""
     file.truncate(0)
     file.write(f"process {os.getpid()} on {socket.gethostname()}")
     file.flush()
 
 
-def _compare(path: Path, there: Manifest, asked: Manifest) -> None:
-    """Raise SweepError with the difference where a directory holds another sweep than the one asked for."""
-    old, new = there.spec.document(), asked.spec.document()
+def _compare(path: Path, there: Manifest, requested: Manifest) -> None:
+    """Raise SweepError with the difference if the directory holds a sweep other than the requested one."""
+    old, new = there.spec.document(), requested.spec.document()
     differing = [key for key in {**old, **new} if key != "title" and old.get(key) != new.get(key)]
     if differing:
-        words = "; ".join(f"{key}: {old.get(key, 'none')} there, {new.get(key, 'none')} asked" for key in differing)
+        words = "; ".join(f"{key}: {old.get(key, 'none')} there, {new.get(key, 'none')} requested" for key in differing)
         raise SweepError(f"{path}: holds another sweep ({words}); choose another --out")
-    for file in sorted(there.inputs.keys() | asked.inputs.keys()):
-        if there.inputs.get(file) != asked.inputs.get(file):
-            raise SweepError(f"{file}: has changed since the sweep in {path} was begun; choose another --out")
-    if there.code != asked.code:
+    for file in sorted(there.inputs.keys() | requested.inputs.keys()):
+        if there.inputs.get(file) != requested.inputs.get(file):
+            raise SweepError(f"{file}: has changed since the sweep in {path} was started; choose another --out")
+    if there.code != requested.code:
         raise SweepError(
-            f"{path}: was begun with code version {there.code}, this is {asked.code}: results of both would be mixed; "
-            "choose another --out, or gather what is there"
+            f"{path}: was started with code version {there.code}, this is {requested.code}: results would be mixed; "
+            "choose another --out, or use `testbed gather` for what is there"
         )

@@ -49,7 +49,7 @@ def write_sweep(
         if not absent:
             shares = np.arange(1, 21) / 20
             curves += [
-                {"key": key, "share": x, "ess": 1.0 - 0.3 * x, "founders": 1.0 / (1 + 9 * x), "nees": None}
+                {"key": key, "share": x, "ess": 1.0 - 0.3 * x, "unique_ancestors": 1.0 / (1 + 9 * x), "nees": None}
                 for x in shares
             ]
             seconds = 0.1 * COUNTS[c] * (1.0 - 0.5 * k)

@@ -8,7 +8,7 @@ import worlds
 from eval.filter.nees import LEVEL, chi_square, nees
 from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate
 
 SEEDS = 6
@@ -16,14 +16,15 @@ SEEDS = 6
 
 def mean_nees(seed: int) -> float:
     """Of a short drive through the office with exact sensors."""
+    seeds = RunSeeds.from_seed(seed)
     config = SimulationConfig(
         backend="fast",
-        seed=seed,
+        seeds=seeds,
         duration=8.0,
         lidar_layers=LidarLayers.none(),
         odometry=OdometryConfig(systematic=False, random=False, ticks=False),
     )
-    estimation = Estimation(FilterConfig(), streams(seed).filter)
+    estimation = Estimation(FilterConfig(), seeds.filter)
     with simulate(worlds.load("office"), config) as simulation:
         for frame in simulation:
             estimation.process(frame)

@@ -36,7 +36,7 @@ from slam.particles.weights import Weights
 from slam.se2 import Pose
 from slam.sensor.rays import make_rays
 from testbed.frame import Frame
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 from tools.measure.measure_variants import TABLES, recording
 
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
@@ -93,7 +93,7 @@ def steps(frames: Iterable[Frame], mapper: GMapping) -> Iterator[Step]:
 
 def new_filter() -> GMapping:
     """The filter of all pictures."""
-    return GMapping(FilterConfig(), seed=streams(SEED).filter)
+    return GMapping(FilterConfig(), seed=RunSeeds.from_seed(SEED).filter)
 
 
 def corrections(step: Step) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ def main() -> None:
     env.reset(seed=2)
     inner, pictures = env.unwrapped, []
     config = DriverConfig(strategy="information")
-    explorer = make_explorer(inner.outfit.robot, inner.outfit.lidar, config, np.random.default_rng(0))
+    explorer = make_explorer(inner.robot_setup.robot, inner.robot_setup.lidar, config, np.random.default_rng(0))
     for step in range(601):
         if step % 200 == 0:
             pictures.append(env.render())

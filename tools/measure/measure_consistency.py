@@ -29,7 +29,7 @@ from eval.sweep.results import CURVE_GRID, SweepTable, read_sweep
 from slam import se2
 from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate
 from tools.pages import DOCS, write_table
 
@@ -87,10 +87,11 @@ class Consistency:
 
 def run(study: Study, seed: int) -> Consistency:
     """Simulate one drive and run the filter on it."""
+    seeds = RunSeeds.from_seed(seed)
     config = SimulationConfig(
-        backend="fast", seed=seed, duration=study.duration, lidar_layers=study.lidar, odometry=study.odometry
+        backend="fast", seeds=seeds, duration=study.duration, lidar_layers=study.lidar, odometry=study.odometry
     )
-    estimation = Estimation(FilterConfig(), streams(seed).filter, threads=1)
+    estimation = Estimation(FilterConfig(), seeds.filter, threads=1)
     with simulate(worlds.load(study.world), config) as simulation:
         for frame in simulation:
             estimation.process(frame)

@@ -36,11 +36,11 @@ def episode(strategy, world, seed):
     _, info = env.reset(seed=seed, options={"world": world})
     inner = env.unwrapped
     rng = np.random.default_rng(seed)
-    explorer = make_explorer(inner.outfit.robot, inner.outfit.lidar, DriverConfig(strategy=strategy), rng)
+    explorer = make_explorer(inner.robot_setup.robot, inner.robot_setup.lidar, DriverConfig(strategy=strategy), rng)
     truth = grid_from_true_map(inner.true_map)
     rows, ended, steps = [], False, 0
     for limit in TIMES:
-        while not ended and steps * inner.outfit.period < limit:
+        while not ended and steps * inner.robot_setup.period < limit:
             _, _, ended, _, info = env.step(inner.action(*explorer.command(inner.belief)))
             ended = ended or explorer.finished or explorer.stuck
             steps += 1
@@ -49,7 +49,7 @@ def episode(strategy, world, seed):
     env.close()
     return np.array(rows), {
         "collided": info["collided"], "finished": explorer.finished, "stuck": explorer.stuck,
-        "recoveries": explorer.recoveries, "seconds": steps * inner.outfit.period,
+        "recoveries": explorer.recoveries, "seconds": steps * inner.robot_setup.period,
     }  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
 from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from worlds import catalogue, load, true_map
 
@@ -33,7 +34,7 @@ DURATION = 40.0
 def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, float]:
     """State at the end, distance driven until the robot was found [m] (NaN = never), median error of the path [m]."""
     begin = float(np.random.default_rng(seed).uniform(0.0, LATEST_BEGIN))
-    config = SimulationConfig(backend="fast", seed=seed, duration=begin + DURATION)
+    config = SimulationConfig(backend="fast", seeds=RunSeeds.from_seed(seed), duration=begin + DURATION)
     localization = Localization(grid, seed=seed)
     stamps, truth = [], []
     with simulate(load(world), config) as simulation:

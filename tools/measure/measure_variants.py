@@ -37,7 +37,7 @@ from slam.config import FilterConfig
 from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from tools.pages import DOCS, write_table
 
@@ -99,7 +99,7 @@ def recording(place: str, seed: int) -> Recording:
         if reference.endswith(".txt"):
             return Recording(frames[:end], poses=np.loadtxt(DATASETS / reference)[:, 1:4])
         return Recording(frames[:end], read_relations(DATASETS / reference))
-    with simulate(worlds.load(place), SimulationConfig(backend="fast", seed=seed)) as simulation:
+    with simulate(worlds.load(place), SimulationConfig(backend="fast", seeds=RunSeeds.from_seed(seed))) as simulation:
         return Recording(list(simulation))
 
 
@@ -116,7 +116,7 @@ def config_of(variant: str) -> FilterConfig:
 def run(place: str, variant: str, seed: int, target: Path) -> None:
     """Compute one run and write its results to `target`."""
     data = recording(place, seed if place not in LOGS else 0)
-    estimation = Estimation(config_of(variant), streams(seed).filter)
+    estimation = Estimation(config_of(variant), RunSeeds.from_seed(seed).filter)
     for frame in data.frames:
         estimation.process(frame)
     own = estimation.filtered()

@@ -32,7 +32,7 @@ from slam import FilterConfig
 from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds
 
 ROOT = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).resolve().parents[2].parent / "shared" / "datasets"))
 
@@ -70,7 +70,7 @@ def error_of(case: Case, estimate: Estimate, relations: Relations | None) -> tup
 def estimate(frames: list[Frame], config: FilterConfig, seed: int) -> tuple[Estimate, Estimate, float]:
     """The filter's own estimate, the refined estimate, and the time of both together [s]."""
     start = time.perf_counter()
-    estimation = Estimation(config, streams(seed).filter)  # as `testbed slam --seed` does
+    estimation = Estimation(config, RunSeeds.from_seed(seed).filter)  # as `testbed slam --seed` does
     for frame in frames:
         estimation.process(frame)
     own = estimation.filtered()

@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: MIT
-"""What `run` and `slam` do once their job is put together: carry it out, report, choose the exit status."""
+"""The common end of `run` and `slam`: run the job, write the report, choose the exit status."""
 
 from __future__ import annotations
 
 from eval.limits import check
 from eval.report.run_report import write_report
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
+from testbed.cli.shared.output import OutputOptions
 from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.shared.summary import headline_table
-from testbed.run.execute import Job, execute
+from testbed.run.execute import execute_job
+from testbed.run.job import Job
 from testbed.run.run_directory import RunDirectory
-from testbed.settings.estimator import OutputOptions
 from testbed.views import Scene, open_view
 
 
-def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
-    """Compile the kernels if need be, run the job under a progress line, write the report, print the headline figures.
+def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
+    """Run the job with a progress line, write the report, print the headline figures.
 
     Returns the exit status.
     """
@@ -25,7 +26,7 @@ def carry_out(job: Job, directory: RunDirectory, scene: Scene, output: OutputOpt
     if view.address is not None:
         console.print(f"live view: {view.address}", soft_wrap=True)
     with progress_line() as watcher:
-        metrics = execute(job, directory, watcher, view)
+        metrics = execute_job(job, directory, watcher, view)
         if metrics["outcome"] in ("interrupted", "failed"):
             console.print(f"{metrics['outcome']}: {directory.path} keeps what there was")
             return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a person sees of a sweep: cells done, rate, time that remains, what is being computed, what failed."""
+"""Progress display of a sweep: jobs done, rate, time left, what is being computed, what failed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Costs
 
 REPORT_EVERY = 0.1
-"""Share of the work after which a line is printed where there is no terminal."""
+"""Without a terminal a line is printed each time this share of the work is done."""
 
 
 class SweepProgress:
@@ -36,7 +36,7 @@ class SweepProgress:
         self._reported = 0.0
 
     def event(self, event: Event) -> None:
-        """A cell has been begun, or is done and on disk."""
+        """A cell was started, or is finished and on disk."""
         if isinstance(event, Started):
             self._running[event.cell.key] = (event.cell, time.monotonic())
             return
@@ -56,7 +56,7 @@ class SweepProgress:
         remaining = elapsed * (self._work - self._worked) / self._worked if self._worked else None
         left = "" if remaining is None else f", {timedelta(seconds=round(remaining))} left"
         failed = f", {self._failed} failed" if self._failed else ""
-        return f"{self._done} of {self._count} cells, {rate:.1f} a minute{left}{failed}"
+        return f"{self._done} of {self._count} jobs, {rate:.1f} a minute{left}{failed}"
 
     def __rich__(self) -> Group:
         bar = Table.grid()
@@ -69,7 +69,7 @@ class SweepProgress:
 
 @contextmanager
 def sweep_progress(cells: Sequence[Cell], costs: Costs) -> Iterator[SweepProgress]:
-    """Show a live table while the block runs; where stderr is no terminal, a line now and then."""
+    """Show a live table while the block runs; if stderr is no terminal, print a line from time to time."""
     progress = SweepProgress(cells, costs)
     if not console.is_terminal:
         yield progress

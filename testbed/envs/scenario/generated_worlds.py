@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Endless worlds to train in, and others that training never sees."""
+"""Generated worlds, split into worlds to train in and worlds to test in."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from numpy.random import Generator, SeedSequence
+from numpy.random import Generator
 
+from testbed.seeds import world_stream
 from worlds import KINDS, World, generate
 
 Split = Literal["train", "test"]
-ENDLESS = 2**31
-"""Worlds in a split where their count is not limited."""
+MAX_WORLDS = 2**31
+"""Number of worlds in a split whose count is not limited."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,36 +25,36 @@ class GeneratedWorlds:
     size: tuple[float, float] = (12.0, 10.0)
     """Width and depth [m]."""
     clutter: float = 0.5
-    """Things per 10 m² of floor."""
+    """Objects per 10 m² of floor."""
     loops: int = 2
-    """Ways that close a loop."""
+    """Number of additional openings, each of which closes a loop."""
     split: Split = "train"
-    """Which worlds."""
+    """The split that the worlds are taken from."""
     count: int | None = None
-    """How many worlds the split has; None = endless."""
+    """Number of worlds in the split; None = `MAX_WORLDS`."""
 
     def __post_init__(self) -> None:
         if not self.kinds or not set(self.kinds) <= set(KINDS):
             raise ValueError(f"kinds must be some of {', '.join(KINDS)}, got {', '.join(self.kinds) or 'none'}")
         if self.split not in get_args(Split):
             raise ValueError(f"split must be one of {', '.join(get_args(Split))}, got {self.split!r}")
-        if self.count is not None and not 1 <= self.count <= ENDLESS:
-            raise ValueError(f"count must be 1 to {ENDLESS}, got {self.count}")
+        if self.count is not None and not 1 <= self.count <= MAX_WORLDS:
+            raise ValueError(f"count must be 1 to {MAX_WORLDS}, got {self.count}")
         self.world(0)  # complains about size, clutter and loops
 
     def draw(self, rng: Generator) -> int:
-        """The number of a random world."""
-        return int(rng.integers(self.count or ENDLESS))
+        """Return the number of a random world."""
+        return int(rng.integers(self.count or MAX_WORLDS))
 
     def world(self, number: int) -> World:
-        """The world of that number; the same number gives the same world. Raises `ValueError` for one out of range."""
-        if not 0 <= number < (self.count or ENDLESS):
-            raise ValueError(f"world number must be 0 to {(self.count or ENDLESS) - 1}, got {number}")
+        """Return the world of that number, always the same. Raises `ValueError` for a number out of range."""
+        if not 0 <= number < (self.count or MAX_WORLDS):
+            raise ValueError(f"world number must be 0 to {(self.count or MAX_WORLDS) - 1}, got {number}")
         world = generate(
             self.kinds[number % len(self.kinds)],  # type: ignore[arg-type]  # checked on creation
             size=self.size,
             clutter=self.clutter,
             loops=self.loops,
-            seed=SeedSequence((number, get_args(Split).index(self.split))),
+            seed=world_stream(number, get_args(Split).index(self.split)),
         )
         return world.model_copy(update={"name": f"{world.name} {self.split} {number}"})

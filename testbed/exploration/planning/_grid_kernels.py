@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Searches on grids of cells: cheapest ways to everywhere, and what can be seen from a cell."""
+"""Searches on grids of cells: shortest paths to all cells, and the cells visible from one."""
 
 import heapq
 
@@ -13,14 +13,14 @@ _DIAGONAL = np.sqrt(2.0)
 
 
 @kernel
-def cheapest_ways(dearness, row, col):
-    """Costs of the cheapest way from cell (row, col) to each cell [cells], (rows, cols), and before which cell each one
-    comes on it, as row * cols + col; inf and -1 where no way leads.
+def shortest_paths(step_cost, row, col):
+    """Return the costs of the cheapest paths from cell (row, col) to all cells [cells], (rows, cols), and for each cell
+    the one before it on its path as row * cols + col, (rows, cols); inf and -1 for cells that cannot be reached.
 
-    dearness (rows, cols): cost of a step per cell's width, inf = closed. Ways lead to the eight neighbours, not between
-    two closed cells. Dijkstra (1959).
+    step_cost (rows, cols): cost of a step per cell's width, inf = closed. Steps lead to the eight neighbours, but not
+    diagonally between two closed cells. Source: Dijkstra (1959).
     """
-    rows, cols = dearness.shape
+    rows, cols = step_cost.shape
     costs, before = np.full((rows, cols), np.inf), np.full((rows, cols), -1)
     costs[row, col] = 0.0
     heap = [(0.0, row * cols + col)]
@@ -32,12 +32,12 @@ def cheapest_ways(dearness, row, col):
         for dr in range(-1, 2):
             for dc in range(-1, 2):
                 r2, c2 = r + dr, c + dc
-                if not (0 <= r2 < rows and 0 <= c2 < cols) or np.isinf(dearness[r2, c2]):
+                if not (0 <= r2 < rows and 0 <= c2 < cols) or np.isinf(step_cost[r2, c2]):
                     continue
-                if dr != 0 and dc != 0 and np.isinf(dearness[r, c2]) and np.isinf(dearness[r2, c]):
+                if dr != 0 and dc != 0 and np.isinf(step_cost[r, c2]) and np.isinf(step_cost[r2, c]):
                     continue
                 length = _DIAGONAL if dr != 0 and dc != 0 else 1.0
-                total = cost + length * 0.5 * (min(dearness[r, c], dearness[r2, c2]) + dearness[r2, c2])
+                total = cost + length * 0.5 * (min(step_cost[r, c], step_cost[r2, c2]) + step_cost[r2, c2])
                 if total < costs[r2, c2]:
                     costs[r2, c2], before[r2, c2] = total, cell
                     heapq.heappush(heap, (total, r2 * cols + c2))
@@ -46,9 +46,10 @@ def cheapest_ways(dearness, row, col):
 
 @kernel
 def visible_sum(values, opaque, row, col, reach, rays):
-    """Sum of `values` (rows, cols) over all cells within sight of cell (row, col).
+    """Return the sum of `values` (rows, cols) over all cells visible from cell (row, col).
 
-    opaque (rows, cols): cells that end a ray, and count;  reach: of the rays [cells];  rays: how many, evenly all round
+    opaque (rows, cols): cells that end a ray and are counted;  reach: length of the rays [cells];  rays: their number,
+    in evenly spaced directions
     """
     rows, cols = values.shape
     seen = np.zeros((rows, cols), np.bool_)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which frontier to drive to: the nearest, or the one that promises most news for its way."""
+"""Choice of the frontier to drive to: the nearest, or the one with the largest information gain per metre."""
 
 from __future__ import annotations
 
@@ -18,46 +18,47 @@ GoalChoice = Callable[[Floor, list[Frontier]], Frontier]
 """Chooses one of the frontiers, of which there is at least one."""
 
 RAYS = 180
-"""By which what a goal shows is counted."""
-FARTHEST = 5.0
-"""What lies behind so much of the unknown [m] is not counted: walls are likely on the way."""
-START_UP = 1.0
-"""Added to the length of each way [m]: without it the robot would pick crumbs at its feet."""
+"""Rays that find the cells visible from a goal."""
+MAX_DEPTH = 5.0
+"""Cells farther than this from a goal are not counted as visible, because walls are likely in between [m]."""
+MIN_PATH_COST = 1.0
+"""Added to the cost of each path [m]; it keeps very near, very small frontiers from winning."""
 
 
 def nearest(floor: Floor, frontiers: list[Frontier]) -> Frontier:
-    """The frontier whose way is the cheapest (Yamauchi 1997)."""
+    """Return the frontier with the cheapest path (Yamauchi 1997)."""
     del floor
     return min(frontiers, key=lambda frontier: frontier.cost)
 
 
-def information_gain(reach: float) -> GoalChoice:
-    """Chooses by what can be learned in sight of the goal per metre of way; `reach` of the lidar [m].
+def most_information(reach: float) -> GoalChoice:
+    """Return a choice by the information gain visible from the goal per metre of path.
 
-    Entropy of the filter's own map, as in Stachniss, Grisetti, Burgard, Information gain-based exploration using
-    Rao-Blackwellized particle filters, RSS 2005; without their second part, the gain in the poses' entropy.
+    reach: range of the lidar [m]. The gain is that of the filter's own map, as in Stachniss, Grisetti, Burgard,
+    Information gain-based exploration using Rao-Blackwellized particle filters, RSS 2005; their second part, the gain
+    in the entropy of the poses, is left out.
     """
 
     def choose(floor: Floor, frontiers: list[Frontier]) -> Frontier:
-        news = learnable(floor.probability)
+        gain = information_gain(floor.probability)
 
         def gain_per_metre(frontier: Frontier) -> float:
-            gain = visible_sum(news, floor.occupied, *frontier.goal, min(reach, FARTHEST) / floor.cell, RAYS)
-            return float(gain) / (frontier.cost + START_UP)
+            visible = visible_sum(gain, floor.occupied, *frontier.goal, min(reach, MAX_DEPTH) / floor.cell, RAYS)
+            return float(visible) / (frontier.cost + MIN_PATH_COST)
 
         return max(frontiers, key=gain_per_metre)
 
     return choose
 
 
-def learnable(probability: NDArray[np.float32]) -> NDArray[np.float64]:
-    """What further scans can take from the entropy of cells with that P(occupied) [nats].
+def information_gain(probability: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return by how much further scans can lower the entropy of cells with this P(occupied) [nats], same shape.
 
-    All where nothing is known (ln 2), nothing where the filter's map has reached the limit of its log-odds.
+    It is ln 2 for unknown cells, and 0 where the filter's map has reached the limit of its log-odds.
     """
     settled = _entropy(np.array(1.0 / (1.0 + math.exp(-LOG_ODDS_LIMITS[0]))))
-    news: NDArray[np.float64] = np.maximum(_entropy(probability.astype(np.float64)) - settled, 0.0)
-    return news
+    gain: NDArray[np.float64] = np.maximum(_entropy(probability.astype(np.float64)) - settled, 0.0)
+    return gain
 
 
 def _entropy(probability: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Many robots on the fast backend, each in a world of its own, all of them in one compiled call."""
+"""Many robots on the fast backend, each in its own world, moved by one compiled call."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.se2 import Pose
-from testbed.seeds import streams
-from testbed.simulation.fleet._fleet_kernels import Equipment, Numbers, Places, Robots, Surroundings, step_robots
-from testbed.simulation.fleet.robot_group import Outfit, Readings, Terrain
+from testbed.seeds import RunSeeds
+from testbed.simulation.fleet._fleet_kernels import Equipment, Numbers, Robots, SegmentGrids, Surroundings, step_robots
+from testbed.simulation.fleet.robot_group import Readings, RobotSetup, Terrain
 from testbed.simulation.physics._ray_kernels import SegmentGrid
 from testbed.simulation.physics.backend import STEP_RATE
 from testbed.simulation.physics.fast import vehicle_of
@@ -22,24 +22,27 @@ from testbed.simulation.robot.random_rows import RandomRows
 
 
 class Fleet:
-    """Robots on the fast backend, all in one compiled call. What a robot does and reads depends on its own seed, world
-    and commands alone: bit for bit what it would be in a fleet of one."""
+    """Robots on the fast backend.
 
-    def __init__(self, robots: int, outfit: Outfit) -> None:
-        self._outfit = outfit
-        lidar, beams = outfit.steady_lidar, outfit.lidar.beams
+    The motion and the readings of a robot depend on its own seed, world and commands only; they equal those of a fleet
+    of one bit for bit.
+    """
+
+    def __init__(self, robots: int, setup: RobotSetup) -> None:
+        self._setup = setup
+        lidar, beams = setup.steady_lidar, setup.lidar.beams
         self._robots = Robots(
             np.zeros((robots, 7)), np.zeros((robots, ODOMETER)), np.ones((robots, 3)), np.zeros((robots, 5))
         )
         self._equipment = Equipment(
-            vehicle=vehicle_of(outfit.robot, outfit.limits),
-            encoders=encoders_of(outfit.robot, outfit.odometry),
-            optics=optics_of(lidar, outfit.lidar_layers),
+            vehicle=vehicle_of(setup.robot, setup.limits),
+            encoders=encoders_of(setup.robot, setup.odometry),
+            optics=optics_of(lidar, setup.lidar_layers),
             angles=lidar.angles(),
-            angle_noise=math.radians(lidar.angle_noise_deg) * outfit.lidar_layers.angle_noise,
-            positions=outfit.time_offsets * STEP_RATE,
+            angle_noise=math.radians(lidar.angle_noise_deg) * setup.lidar_layers.angle_noise,
+            positions=setup.time_offsets * STEP_RATE,
             step_time=1.0 / STEP_RATE,
-            steps=outfit.steps,
+            steps=setup.steps,
         )
         self._readings = RandomRows(robots, READING_UNIFORMS, READING_NORMALS)
         self._beams = RandomRows(robots, 2 * beams, 2 * beams + 1, rows=BEAM_ROWS)
@@ -48,25 +51,23 @@ class Fleet:
         self._contact = np.zeros(robots, np.bool_)
         self._ranges = np.full((robots, beams), np.nan)
 
-    def place(self, robot: int, terrain: Terrain, pose: Pose, seed: int) -> None:
-        """See `RobotGroup.place`."""
-        seeds, outfit = streams(seed), self._outfit
+    def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
+        """Place one robot, see `RobotGroup.place`."""
+        setup = self._setup
         self._robots.body[robot] = [*pose, 0.0, 0.0, 0.0, 0.0]
         self._robots.odometer[robot] = 0.0
         rng = np.random.default_rng(seeds.odometry)
-        self._robots.believed[robot] = believed_wheels(outfit.robot, outfit.odometry, rng)
+        self._robots.believed[robot] = believed_wheels(setup.robot, setup.odometry, rng)
         self._readings.seed(robot, rng)
         rng = np.random.default_rng(seeds.lidar)
-        self._robots.device[robot] = draw_device(
-            outfit.steady_lidar, outfit.robot.lidar_mount, outfit.lidar_layers, rng
-        )
+        self._robots.device[robot] = draw_device(setup.steady_lidar, setup.robot.lidar_mount, setup.lidar_layers, rng)
         self._beams.seed(robot, rng)
         if self._terrains[robot] is not terrain:
             self._terrains[robot] = terrain
             self._surroundings = None
 
     def step(self, targets: NDArray[np.float64], which: NDArray[np.intp] | None = None) -> Readings:
-        """See `RobotGroup.step`."""
+        """Move the robots, see `RobotGroup.step`."""
         moved = np.arange(len(self._terrains)) if which is None else which
         if self._surroundings is None:
             anywhere = next(terrain for terrain in self._terrains if terrain is not None)
@@ -91,16 +92,16 @@ class Fleet:
         )
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Do nothing, because there is nothing to free."""
 
 
-def _packed(grids: list[SegmentGrid]) -> Places:
-    """One grid a robot, each stored once."""
+def _packed(grids: list[SegmentGrid]) -> SegmentGrids:
+    """Return the grids of all robots; equal ones are stored once."""
     distinct = list({id(grid): grid for grid in grids}.values())
     counts = np.array([[len(g.first), len(g.segments)] for g in distinct])
     begins = np.cumsum(counts, axis=0) - counts
     number = {id(grid): k for k, grid in enumerate(distinct)}
-    return Places(
+    return SegmentGrids(
         segments=np.concatenate([g.segments for g in distinct]),
         first=np.concatenate([g.first + begins[k, 1] for k, g in enumerate(distinct)]),
         begin=np.array([begins[number[id(grid)], 0] for grid in grids]),

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Robots that are told by the period: one command in, one odometry reading and one scan out. What environments are
-made of."""
+"""Robots that move period by period: one command in, one odometry reading and one scan out."""
 
 from __future__ import annotations
 
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
-from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.seeds import RunSeeds
+from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.fast import segment_grid
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
@@ -22,14 +22,14 @@ from worlds import World
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outfit:
-    """What all robots of a fleet are made of."""
+class RobotSetup:
+    """Robot, lidar and errors of a fleet."""
 
     robot: RobotPreset = field(default_factory=lambda: load_robot("create3"))
     """The robot."""
     lidar: LidarPreset = field(default_factory=lambda: load_lidar("rplidar_a2"))
-    """Its lidar. A period lasts as long as one scan, rounded to whole steps of motion; the number of beams does not
-    vary."""
+    """The lidar. A period lasts as long as one scan, rounded to whole steps of motion; the number of beams is constant.
+    """
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Errors of the wheel odometry."""
     lidar_layers: LidarLayers = field(default_factory=LidarLayers)
@@ -46,13 +46,13 @@ class Outfit:
         return self.steps / STEP_RATE
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> AccelerationLimits:
         """The robot's accelerations."""
-        return Limits(self.robot.max_acceleration, self.robot.max_turn_acceleration)
+        return AccelerationLimits(self.robot.max_acceleration, self.robot.max_turn_acceleration)
 
     @cached_property
     def steady_lidar(self) -> LidarPreset:
-        """The lidar with a whole number of steps in a scan and an even number of beams in each."""
+        """The lidar with a whole number of steps in a scan and a constant number of beams."""
         return self.lidar.model_copy(update={"scan_rate": 1.0 / self.period, "beam_jitter": 0.0})
 
     @cached_property
@@ -64,10 +64,11 @@ class Outfit:
 
 
 class Readings(NamedTuple):
-    """What the robots' sensors say, and the truth, at the end of a period; rows are robots."""
+    """Sensor readings and true poses at the end of a period; rows are robots."""
 
     ranges: NDArray[np.float64]
-    """Of the scan begun with the period [m], (robots, beams); as in REP 117: inf none, -inf too near, NaN lost."""
+    """Ranges of the scan that began with the period [m], (robots, beams); inf = no return, -inf = too near, NaN = lost
+    (REP 117)."""
     odometry: Pose
     """`T_odom_robot`, (robots, 3), headings not wrapped."""
     truth: Pose
@@ -77,28 +78,30 @@ class Readings(NamedTuple):
 
 
 class Terrain:
-    """A world without its movers, ready for the fast backend."""
+    """A world without people and doors, prepared for the fast backend."""
 
     def __init__(self, world: World, lidar_height: float) -> None:
         self.world = world
         self.solid = segment_grid(world.boundary_segments())
-        """What bodies touch."""
+        """Surfaces that stop bodies."""
         self.seen = segment_grid(world.boundary_segments(lidar_height, glass=False))
-        """What beams meet."""
+        """Surfaces that stop beams."""
 
 
 class RobotGroup(Protocol):
-    """Robots that are told by the period."""
+    """Robots that move period by period."""
 
-    def place(self, robot: int, terrain: Terrain, pose: Pose, seed: int) -> None:
-        """Put that robot to rest at `T_world_robot` (3,) in a world, with errors drawn anew from the seed."""
+    def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
+        """Place the robot of that index at rest at `T_world_robot` (3,), with errors newly drawn from the seeds."""
         ...
 
     def step(self, targets: NDArray[np.float64], which: NDArray[np.intp] | None = None) -> Readings:
-        """Steer the robots of these indices (default: all) towards a speed [m/s] and a turn rate [rad/s] each,
-        (robots, 2), for one period. Rows of others hold what they last held."""
+        """Steer robots towards speeds [m/s] and turn rates [rad/s], (robots, 2), for one period.
+
+        which: indices of these robots, default: all; the rows of all others keep their last readings
+        """
         ...
 
     def close(self) -> None:
-        """Free everything."""
+        """Free all resources."""
         ...

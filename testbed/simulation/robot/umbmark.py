@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""UMBmark: how far from the start a robot's odometry puts it after a square of 4 m, driven in both directions.
+"""UMBmark: odometry error of a robot after a square of 4 m, driven in both directions.
 
 Source: J. Borenstein and L. Feng, UMBmark: A Method for Measuring, Comparing, and Correcting Dead-reckoning Errors in
-Mobile Robots, University of Michigan UM-MEAM-94-22. The robot here drives exact squares, so that what remains is the
-odometry's own error.
+Mobile Robots, University of Michigan UM-MEAM-94-22. Here the robot drives exact squares, so that the error is that of
+the odometry alone.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
-from testbed.seeds import streams
+from testbed.seeds import RunSeeds, children
 from testbed.simulation.robot.odometry import Odometry, OdometryConfig
 
 SIDE = 4.0
@@ -23,11 +23,11 @@ SIDE = 4.0
 _PERIOD = 0.05
 """Time between two odometry readings [s]."""
 _SPEED, _TURN_RATE = 0.2, 0.4
-"""Slow, as the method asks: [m/s], [rad/s]."""
+"""Slow motion, as the method requires: speed [m/s] and turn rate [rad/s]."""
 
 
 class UmbmarkResult(NamedTuple):
-    """Return errors of one robot: by how much odometry misses the start."""
+    """Odometry errors of one robot at the end of its squares."""
 
     clockwise: NDArray[np.float64]
     """`(x, y)` [m] at the end of each clockwise run, (runs, 2)."""
@@ -42,12 +42,12 @@ class UmbmarkResult(NamedTuple):
 
 
 def umbmark(
-    robot: RobotPreset, grade: Literal["good", "typical", "poor"] = "typical", *, runs: int = 20, seed: int = 0
+    robot: RobotPreset, grade: Literal["good", "typical", "poor"] = "typical", *, seeds: RunSeeds, runs: int = 20
 ) -> UmbmarkResult:
     """Drive the square `runs` times in each direction, each time with newly drawn systematic errors."""
     config = OdometryConfig(grade=grade)
     ends: dict[int, list[NDArray[np.float64]]] = {-1: [], 1: []}
-    for run, child in enumerate(streams(seed).odometry.spawn(2 * runs)):
+    for run, child in enumerate(children(seeds.odometry, 2 * runs)):
         direction = 1 if run % 2 else -1
         odometry = Odometry(robot, config, np.random.default_rng(child))
         for left, right in _square(robot, direction):
@@ -57,7 +57,7 @@ def umbmark(
 
 
 def _square(robot: RobotPreset, direction: int) -> NDArray[np.float64]:
-    """Angles of both wheels [rad], (readings, 2), along four sides and four turns on the spot."""
+    """Return the angles of both wheels [rad], (readings, 2), along four sides and four turns on the spot."""
     straight = round(SIDE / _SPEED / _PERIOD)
     turning = round(0.5 * math.pi / _TURN_RATE / _PERIOD)
     side = np.full((straight, 2), SIDE / straight)

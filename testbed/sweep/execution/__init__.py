@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Computing the cells of a sweep: here, in worker processes, on a cluster."""
+"""Computes the cells of a sweep: in this process, in worker processes, on a cluster."""

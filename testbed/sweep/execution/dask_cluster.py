@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Cells on a dask.distributed cluster, the optional extra `cluster`: results come back over the network."""
+"""Computes cells on a dask.distributed cluster (optional extra `cluster`); results return over the network."""
 
 from __future__ import annotations
 
@@ -10,27 +10,32 @@ from dataclasses import asdict
 from typing import Any
 
 from testbed.sweep.errors import SweepError
-from testbed.sweep.execution.compute import CellResult
 from testbed.sweep.execution.local_pool import Event, Finished, outcome_of
 from testbed.sweep.execution.worker_process import Limits, WorkerProcess
+from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 
 CONNECT_SECONDS = 10.0
-"""How long to wait for the scheduler [s]."""
+"""The scheduler must answer within this time [s]."""
 _of_this_thread = threading.local()
 
 
 def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Generator[Event, None, None]:
-    """Compute cells on the workers of a scheduler, those in front first, and tell of each as it ends.
+    """Compute cells in their order on the workers of a scheduler and yield each as it finishes.
 
-    A cell whose dask worker dies is given to another one, up to dask's `allowed-failures`. Leaving the iteration early
-    cancels what is waiting. Raises SweepError where `distributed` is not installed or the scheduler does not answer.
+    If a dask worker dies, dask gives its cell to another one, up to `allowed-failures`. Ending the iteration early
+    cancels the cells that wait. Raises SweepError if `distributed` is not installed or the scheduler does not answer.
     """
     distributed = _import_distributed()
     with _client(distributed, address) as client:
         futures = {
             client.submit(
-                carry_out, cell.document(), asdict(limits), key=f"cell-{cell.key}", priority=len(cells) - k, pure=False
+                compute_on_worker,
+                cell.document(),
+                asdict(limits),
+                key=f"cell-{cell.key}",
+                priority=len(cells) - k,
+                pure=False,
             ): cell
             for k, cell in enumerate(cells)
         }
@@ -41,10 +46,10 @@ def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Gener
             client.cancel(list(futures), force=True)
 
 
-def carry_out(cell: dict[str, Any], limits: dict[str, Any]) -> dict[str, Any]:
-    """On a dask worker: compute a cell in a process of its own, which no setting of the cluster can reach.
+def compute_on_worker(cell: dict[str, Any], limits: dict[str, Any]) -> dict[str, Any]:
+    """Compute a cell on a dask worker, in a separate process that settings of the cluster do not reach.
 
-    dask does not set numba's threads (distributed#9075), and a cell that crashes would take the dask worker with it.
+    dask does not set numba's threads (distributed#9075), and a cell that crashes would end the dask worker.
     """
     process = getattr(_of_this_thread, "process", None)
     if process is None or process.limits != Limits(**limits):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Many cells on one machine: a thread for each worker process hands it one cell after the other."""
+"""Computes many cells on one machine: one thread per worker process hands it one cell after the other."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from collections.abc import Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from testbed.sweep.execution.compute import CellResult
 from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess, fair_share_megabytes
+from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 
 
 @dataclass(frozen=True, eq=False)
 class Started:
-    """A worker has begun with a cell."""
+    """A worker has started a cell."""
 
     cell: Cell
 
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """A cell is done: `outcome` is its result, or the reason why it has none."""
+    """A cell is finished: `outcome` is its result, or the reason why it has none."""
 
     cell: Cell
     outcome: CellResult | str
@@ -33,10 +33,10 @@ Event = Started | Finished
 
 
 def run_locally(cells: Sequence[Cell], workers: int, limits: Limits) -> Generator[Event, None, None]:
-    """Compute cells in their order on so many worker processes, and tell of each as it begins and ends.
+    """Compute cells in their order on `workers` processes and yield an event as each starts and finishes.
 
-    Where the limits name no memory, each worker may take its share of the machine's. Leaving the iteration early, by
-    Ctrl-C or `close`, ends the workers at once.
+    If the limits name no memory, each worker may use its share of the machine's. Ending the iteration early, by
+    Ctrl-C or `close`, stops the workers at once.
     """
     if limits.megabytes is None:
         limits = replace(limits, megabytes=fair_share_megabytes(workers))
@@ -69,7 +69,7 @@ def run_locally(cells: Sequence[Cell], workers: int, limits: Limits) -> Generato
 def _serve(
     process: WorkerProcess, waiting: queue.SimpleQueue[Cell], events: queue.SimpleQueue[Event | BaseException]
 ) -> None:
-    """Feed one worker until nothing is waiting."""
+    """Feed one worker until no cell is waiting."""
     try:
         while True:
             try:
@@ -78,12 +78,12 @@ def _serve(
                 return
             events.put(Started(cell))
             events.put(Finished(cell, outcome_of(process, cell)))
-    except BaseException as error:  # such as no process left to start: the thread of the iteration tells it
+    except BaseException as error:  # such as a process that cannot be started: the iterating thread raises it
         events.put(error)
 
 
 def outcome_of(process: WorkerProcess, cell: Cell) -> CellResult | str:
-    """The result of a cell, or the reason why it has none."""
+    """Compute a cell; return its result, or the reason why it has none."""
     try:
         return process.compute(cell)
     except CellFailedError as failure:

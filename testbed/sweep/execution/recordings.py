@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The data that cells are computed from: one drive or log, shared by every variant and particle count."""
+"""The input data of cells: one simulated drive or log, shared by all variants and particle counts."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from eval.trajectory.relations import Relations, read_relations
 from slam.occupancy import OccupancyGrid
 from testbed.datasets.truth import with_truth
 from testbed.formats import open_log
-from testbed.frame import Frame
-from testbed.run.execute import drive_ended
+from testbed.run.job import RecordedFrames
+from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import SimulationConfig, simulate
 from testbed.sweep.spec.cell import Cell
@@ -26,30 +26,28 @@ from worlds import World, true_map
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """Frames, and what is known of the truth."""
+    """Frames of a drive or log, with what is known of the truth."""
 
-    frames: list[Frame]
-    ended: str | None = None
-    """Why the drive did not end as planned."""
+    source: RecordedFrames
     relations: Relations | None = None
     truth_map: Callable[[float], OccupancyGrid | None] = lambda cell: None
-    """The true map in cells of a given size [m]; None where it is unknown."""
+    """Draws the true map with cells of a given size [m]; returns None if it is unknown."""
 
 
 def recording_of(cell: Cell) -> Recording:
-    """The recording of a cell. The last two are kept: cells of one drive are computed one after the other."""
+    """Simulate or read the recording of a cell. The last two are kept for further cells of the same drive."""
     if "world" not in cell.source:
         return _logged(json.dumps(cell.source, sort_keys=True))
-    return _driven(str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seed)
+    return _driven(str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds)
 
 
 @lru_cache(maxsize=2)
-def _driven(world: str, simulator: SimulatorOptions, seed: int) -> Recording:
-    place, config = simulator.place(world), simulator.simulation(seed)
+def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recording:
+    place, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
     with simulate(place, config) as simulation:
         frames = list(simulation)
-        ended = drive_ended(simulation, simulator.duration)
-    return Recording(frames=frames, ended=ended, truth_map=_true_map(place, config))
+        source = RecordedFrames(frames, simulation.ended(simulator.duration))
+    return Recording(source=source, truth_map=_true_map(place, config))
 
 
 def _true_map(place: World, config: SimulationConfig) -> Callable[[float], OccupancyGrid]:
@@ -63,4 +61,6 @@ def _logged(source: str) -> Recording:
     frames = open_log(log["log"], laser_offset=log.get("laser_offset"), range_max=log.get("range_max")).frames
     if "truth" in log:
         frames = with_truth(frames, read_tum(log["truth"]))
-    return Recording(frames=frames, relations=read_relations(log["relations"]) if "relations" in log else None)
+    return Recording(
+        source=RecordedFrames(frames), relations=read_relations(log["relations"]) if "relations" in log else None
+    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A worker as its parent sees it: cells in, results or reasons out; killed where it takes too long or too much."""
+"""The parent's side of a worker: sends cells, receives results, kills the worker at its time or memory limit."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from pathlib import Path
 from typing import IO
 
 from testbed.sweep.errors import SweepError
-from testbed.sweep.execution.compute import CellResult
+from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 
-PACE = 0.1
-"""How often the limits are looked at [s]."""
+CHECK_PERIOD = 0.1
+"""Period at which the limits are checked [s]."""
 ONE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Environment of a worker: numba reads it when it is imported, and no later setting would free its idle threads."""
+"""Environment of a worker; numba reads it on import, and a later setting would not free its idle threads."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What one cell may take."""
+    """Limits of one cell."""
 
     seconds: float = 3600.0
     """Wall time [s]."""
@@ -43,28 +43,28 @@ class Limits:
 
 
 class CellFailedError(Exception):
-    """A cell has no result; the message is the reason in one line."""
+    """A cell has no result. The message is the reason, in one line."""
 
 
 class WorkerProcess:
-    """One worker, started at the first cell and again after each that it did not survive.
+    """One worker process. It is started at the first cell, and again after each cell that ended it.
 
-    command: what to start in place of our own worker (for tests of the limits).
+    command: arguments of Python to start instead of the worker (for tests of the limits).
     """
 
     def __init__(self, limits: Limits, command: tuple[str, ...] = ("-m", "testbed.sweep.execution.worker")) -> None:
         self.limits = limits
-        """What one cell may take."""
+        """Limits of one cell."""
         self._command = command
         self._process: subprocess.Popen[bytes] | None = None
         self._errors: IO[bytes] | None = None
         self._stopped = False
 
     def compute(self, cell: Cell) -> CellResult:
-        """The result of a cell; raises CellFailedError where it fails, breaks a limit or kills the worker."""
+        """Compute a cell; raises CellFailedError if it fails, exceeds a limit or ends the worker."""
         process = self._started()
         assert process.stdin is not None
-        with suppress(OSError):  # it has died: its end of the other pipe tells so
+        with suppress(OSError):  # the worker has exited: reading its answer reports that
             process.stdin.write(json.dumps(cell.document()).encode() + b"\n")
             process.stdin.flush()
         answer = json.loads(self._answer(process))
@@ -73,7 +73,7 @@ class WorkerProcess:
         return CellResult(**answer["result"])
 
     def stop(self) -> None:
-        """End the worker at once, whatever it does; a `compute` that waits for it fails."""
+        """Kill the worker at once; a `compute` that waits for it fails."""
         self._stopped = True
         if self._process is not None:
             self._process.kill()
@@ -88,23 +88,23 @@ class WorkerProcess:
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
                 env=os.environ | ONE_THREAD,
-                start_new_session=True,  # Ctrl-C is the parent's business
+                start_new_session=True,  # Ctrl-C must reach the parent only
             )
             if self._stopped:
                 self._process.kill()
         return self._process
 
     def _answer(self, process: subprocess.Popen[bytes]) -> bytes:
-        """The worker's next line; raises CellFailedError where it dies or is killed by a limit."""
+        """Read the worker's next line; raises CellFailedError if it exits or exceeds a limit."""
         assert process.stdout is not None
         deadline = time.monotonic() + self.limits.seconds
         line = bytearray()
         while not line.endswith(b"\n"):
-            ready, _, _ = select.select([process.stdout], [], [], PACE)
+            ready, _, _ = select.select([process.stdout], [], [], CHECK_PERIOD)
             if ready:
                 part = os.read(process.stdout.fileno(), 1 << 16)
                 if not part:
-                    raise CellFailedError(self._buried(process))
+                    raise CellFailedError(self._collect_exit(process))
                 line += part
             elif time.monotonic() > deadline:
                 self._kill(process, f"time limit of {self.limits.seconds:g} s")
@@ -114,11 +114,11 @@ class WorkerProcess:
 
     def _kill(self, process: subprocess.Popen[bytes], reason: str) -> None:
         process.kill()
-        self._buried(process)
+        self._collect_exit(process)
         raise CellFailedError(reason)
 
-    def _buried(self, process: subprocess.Popen[bytes]) -> str:
-        """Wait for the end of a worker and forget it; what killed it, in words."""
+    def _collect_exit(self, process: subprocess.Popen[bytes]) -> str:
+        """Wait until the worker has exited, release it, and describe how it ended."""
         status = process.wait()
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
@@ -133,12 +133,12 @@ class WorkerProcess:
 
 
 def _close(pipe: IO[bytes]) -> None:
-    with suppress(OSError):  # what was not written yet has no reader any more
+    with suppress(OSError):  # unwritten data has no reader any more
         pipe.close()
 
 
 def resident_megabytes(pid: int) -> float:
-    """Memory of a process [MB]; 0 where it has ended, or the system does not tell (other than Linux)."""
+    """Resident memory of a process [MB]; 0 if it has exited or the system does not say (only Linux does)."""
     try:
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     except (OSError, IndexError):
@@ -147,5 +147,5 @@ def resident_megabytes(pid: int) -> float:
 
 
 def fair_share_megabytes(workers: int) -> float:
-    """Memory that each of so many workers may take on this machine [MB]."""
+    """Memory that each of `workers` processes may use on this machine [MB]: nine tenths, divided equally."""
     return 0.9 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6 / workers

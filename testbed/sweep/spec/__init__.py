@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""What a sweep is asked for, and the cells that follow from it."""
+"""The specification of a sweep, and the cells that follow from it."""

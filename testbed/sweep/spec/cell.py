@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One run of a sweep: plain data that decides its result, and the key made of it."""
+"""One run of a sweep (texts for people call it a job): the data that decide its result, and their hash."""
 
 from __future__ import annotations
 
@@ -9,31 +9,37 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from testbed.seeds import RunSeeds
 from testbed.sweep.spec.settings import Value
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """What one run is computed from; equal cells give equal results on every machine of one kind."""
+    """The input of one run. Equal cells give equal results on all machines of one kind."""
 
     place: str
-    """Name of the world or log, as tables show it."""
+    """Name of the world or log in tables."""
     source: Mapping[str, Any]
     """`{"world": name or path}`, or the fields of a `LogSource`."""
     line: str
     """Name of the combination of settings."""
     settings: Mapping[str, Value]
-    """By dotted name; the others are at their defaults."""
+    """Values by dotted name; the other settings have their defaults."""
     particles: int
     seed: int
     inputs: Mapping[str, str]
-    """SHA-256 of the files it reads, by path."""
+    """SHA-256 of the files that the cell reads, by path."""
     code: str
-    """`code_version` that it is computed with."""
+    """`code_version` of the installation that computes it."""
+
+    @property
+    def seeds(self) -> RunSeeds:
+        """The streams of random numbers that the run draws from."""
+        return RunSeeds.from_seed(self.seed)
 
     @property
     def key(self) -> str:
-        """Hash of all that decides the result, 20 hex digits: names and places of files do not, their content does."""
+        """Hash of everything that decides the result, 20 hex digits. Files count by content, not by name or path."""
         content = {
             "source": self._by_content(self.source),
             "settings": self._by_content(self.settings),
@@ -48,7 +54,7 @@ class Cell:
         return {k: self.inputs.get(v, v) if isinstance(v, str) else v for k, v in table.items() if v is not None}
 
     def document(self) -> dict[str, Any]:
-        """As plain data for JSON; `Cell(**document)` is the cell again."""
+        """The cell as plain data for JSON; `Cell(**document)` restores it."""
         return asdict(self)
 
     def __str__(self) -> str:

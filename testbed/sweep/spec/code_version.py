@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which code a result comes from."""
+"""The code version: a hash that says which code a result comes from."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import slam
 import testbed
 import worlds
 from eval import scoring
-from testbed.run.provenance import versions
+from testbed.provenance import versions
 
 PACKAGES = tuple(Path(str(module.__file__)).parent for module in (slam, scoring, worlds, testbed))
 SUFFIXES = {".py", ".toml"}
-"""Source files, and the worlds and presets that come with the packages."""
+"""Suffixes of source files, and of the worlds and presets in the packages."""
 
 
 @cache
 def code_version() -> str:
-    """16 hex digits that change with any source file of ours and with the versions of the packages below.
+    """Hash of all our source files and of the versions of the libraries, 16 hex digits.
 
-    The content counts, not the state of a repository: an installed wheel and a working tree agree.
+    Only the content counts, not the state of a repository: an installed wheel and a working tree agree.
     """
     digest = hashlib.sha256(repr(sorted(versions().items())).encode())
     for package in PACKAGES:

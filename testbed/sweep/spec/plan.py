@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From a specification to cells: which there are, which is the most work, which belong to a shard."""
+"""Makes the cells of a specification, predicts their work, and divides them into shards."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ from typing import Any
 import numpy as np
 
 from testbed.formats import open_log
+from testbed.seeds import RunSeeds
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings, Value
 from testbed.sweep.spec.spec import LogSource, SweepSpec
+from worlds import label
 
 _YAML = (".yaml", ".yml")
-"""Endings of ROS maps, whose image is a file beside."""
+"""Suffixes of ROS maps; the image of a map is a second file in the same directory."""
 _WITHOUT_PARTICLES = 9.0
-"""Simulating and scoring take as long as this many particles (mean of the worlds of the preset `particles`)."""
+"""Simulating and scoring take as long as this many particles (measured: mean over the preset `particles`)."""
 _PROPOSAL_COSTS = {"improved": 1.0, "scan-match": 0.75, "motion": 0.85}
-"""Time per particle by `filter.proposal.kind`, as a multiple of the first (likewise)."""
+"""Time per particle by `filter.proposal.kind`, as a multiple of the first (measured on the same worlds)."""
 
 
 def file_digest(path: str | Path) -> str:
-    """SHA-256 of a file, or of the names and contents of all files of a directory."""
+    """SHA-256 of a file, or of the names and contents of all files in a directory."""
     path = Path(path)
     if not path.is_dir():
         with path.open("rb") as file:
@@ -38,9 +40,9 @@ def file_digest(path: str | Path) -> str:
 
 
 def input_digests(spec: SweepSpec) -> dict[str, str]:
-    """Digests of all files that a sweep reads, by path; files of the packages count as code.
+    """Digests of all files that a sweep reads, by path; files in the packages belong to the code version.
 
-    Raises OSError where one cannot be read.
+    Raises OSError if a file cannot be read.
     """
     paths = {path for log in spec.logs for path in (log.log, log.relations, log.truth) if path is not None}
     for world in spec.worlds:
@@ -50,9 +52,9 @@ def input_digests(spec: SweepSpec) -> dict[str, str]:
 
 
 def _read_by(source: Mapping[str, Any], settings: Mapping[str, Value], inputs: Mapping[str, str]) -> dict[str, str]:
-    """Which of the inputs a cell reads: what it names, and the image of a ROS map that it names.
+    """The inputs that a cell reads: files that it names, and the image of a ROS map that it names.
 
-    By their names alone: the cells of a sweep are the same where its input files are not at hand.
+    Only names are compared, so the cells of a sweep are the same on a machine without its input files.
     """
     words = {
         word.strip() for v in (*source.values(), *settings.values()) if isinstance(v, str) for word in v.split(",")
@@ -66,7 +68,7 @@ def _is_image(path: str) -> bool:
 
 
 def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
-    """All cells in the order of the tables: places, lines, particle counts, seeds."""
+    """All cells in the order of the tables: by place, line, particle count, seed."""
     lines = spec.lines()
     return [
         Cell(
@@ -87,35 +89,36 @@ def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
 
 
 def _sources(spec: SweepSpec) -> list[tuple[str, dict[str, Any]]]:
-    """Name and source of each place."""
-    sources: list[tuple[str, dict[str, Any]]] = [(Path(world).stem, {"world": world}) for world in spec.worlds]
+    """Name and source of each world or log."""
+    sources: list[tuple[str, dict[str, Any]]] = [(label(world), {"world": world}) for world in spec.worlds]
     sources += [(log.name, log.model_dump(exclude_none=True)) for log in spec.logs]
     names = [name for name, _ in sources]
     if len(set(names)) < len(names):
-        raise SweepError(f"two places of one name: {', '.join(names)}; expected different names of files")
+        raise SweepError(f"two worlds or logs have the same name: {', '.join(names)}; expected different file names")
     return sources
 
 
 @dataclass(frozen=True)
 class Costs:
-    """Predicted work of cells, in units that only compare: the longest are started first."""
+    """Predicted work of cells in relative units; the longest cells are started first."""
 
     lengths: Mapping[str, float]
-    """Of each place: path of the tour [m], or number of scans of the log."""
+    """Length of each place: of the tour [m], or of the log [scans]."""
 
     @classmethod
     def of(cls, spec: SweepSpec) -> Costs:
-        """Load each place once; raises WorldError, PresetError or LogError for what cannot be loaded.
+        """Load each world and log once; raises WorldError, PresetError or LogError if that fails.
 
-        Every combination of robot, lidar and backend is looked at too, so that a misspelt name is told at once.
+        Every combination of robot, lidar and backend is loaded too, so that a misspelt name is reported at once.
         """
         lengths = {log.name: _log_length(log) for log in spec.logs}
         for world in spec.worlds:
             for line in spec.lines():
                 simulator = RunSettings.of(line.settings).simulator
-                simulator.simulation(seed=0)
-                if (name := Path(world).stem) not in lengths:
-                    way = simulator.place(world).path()
+                seeds = RunSeeds.from_seed(0)
+                simulator.simulation(seeds)
+                if (name := label(world)) not in lengths:
+                    way = simulator.load_world(world, seeds).path()
                     lengths[name] = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         return cls(lengths)
 
@@ -130,7 +133,7 @@ def _log_length(log: LogSource) -> float:
 
 
 def by_work(cells: Sequence[Cell], costs: Costs) -> list[Cell]:
-    """The cells with the most work first; equal ones keep their order."""
+    """Sort cells by predicted work, the largest first; cells of equal work keep their order."""
     return sorted(cells, key=lambda cell: -costs(cell))
 
 
@@ -150,12 +153,12 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str) -> Shard:
-        """From `i/n`; raises SweepError."""
+        """Parse `i/n`; raises SweepError for other text."""
         index, slash, count = text.partition("/")
         if not (slash and index.isdecimal() and count.isdecimal() and int(count) > 0):
             raise SweepError(f"shard {text!r}: expected i/n such as 0/8")
         return cls(int(index), int(count))
 
     def of(self, cells: Sequence[Cell]) -> list[Cell]:
-        """This shard's cells: dealt out one by one, so that a sequence sorted by work gives equal shares."""
+        """This shard's cells: every `count`-th one, so that cells sorted by work are divided evenly."""
         return list(cells[self.index :: self.count])

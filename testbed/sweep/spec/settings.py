@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Settings by dotted names such as `odometry.grade`: each option of `testbed run` can be an axis."""
+"""Settings by dotted names such as `odometry.grade`; every option of `testbed run` can be an axis."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from typing import Any, TypeVar, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from slam.config import FilterConfig
+from slam.config.renamed import present_name
 from testbed.settings.simulator import SimulatorOptions
 from testbed.sweep.errors import SweepError
 
 Value = bool | int | float | str
-"""Of a setting."""
+"""Value of a setting."""
 _Config = TypeVar("_Config")
 
-_TOUR_ONLY = "all cells of a seed share one drive, which is a tour"
+_TOUR_ONLY = "all jobs of a seed share one drive, which is a tour"
 NOT_SETTINGS = {
     "filter.particles": "is given as 'particles', not as a setting",
     "driver.kind": _TOUR_ONLY,
     "commands": _TOUR_ONLY,
 }
-"""Options of `testbed run` that are no settings of a sweep, and why."""
+"""Options of `testbed run` that cannot be set in a sweep, and why."""
 FILES = ("robot", "lidar")
-"""Settings that may name a file of the user's own."""
+"""Settings whose value may be a file of the user."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """Everything that decides a run but its place, seed and particle count."""
+    """Everything that decides a run except its world or log, its seed and its particle count."""
 
     simulator: SimulatorOptions = field(default_factory=lambda: SimulatorOptions(backend="fast"))
     filter: FilterConfig = field(default_factory=FilterConfig)
@@ -40,7 +41,7 @@ class RunSettings:
 
     @classmethod
     def of(cls, values: Mapping[str, Value]) -> RunSettings:
-        """The defaults with these values by dotted name; raises ValueError for values that do not go together."""
+        """The defaults with these values by dotted name; raises ValueError for values that exclude each other."""
         settings = cls()
         for name, value in values.items():
             settings = _replaced(settings, _path(name), value)
@@ -49,22 +50,23 @@ class RunSettings:
 
 @cache
 def known() -> dict[str, TypeAdapter[Any]]:
-    """Every setting by dotted name, with what its values are checked by."""
+    """Every setting by dotted name, with the validator of its values."""
     return {name: TypeAdapter(kind) for name, kind in _leaves(RunSettings) if name not in NOT_SETTINGS}
 
 
 def checked(name: str, value: object, *, recorded: bool) -> Value:
-    """The value of a setting in its own type; `recorded`: the places are logs, which nothing is simulated for.
+    """Validate the value of a setting. `recorded`: the sweep is over logs, so nothing is simulated.
 
-    Raises SweepError for an unknown name (with the nearest ones) and for a value of the wrong kind.
+    Raises SweepError for an unknown name (with the most similar ones) and for a value of the wrong type.
     """
+    name = present_name(name)
     if name in NOT_SETTINGS:
         raise SweepError(f"{name}: {NOT_SETTINGS[name]}")
     if name not in known():
         near = difflib.get_close_matches(name, known(), n=3, cutoff=0.4) or ["robot", "odometry.grade", "filter.…"]
         raise SweepError(f"{name}: unknown setting, expected such as {', '.join(near)}")
     if recorded and not (name.startswith("filter.") or name == "refine"):
-        raise SweepError(f"{name}: nothing is simulated for recorded logs, expected a filter setting or 'refine'")
+        raise SweepError(f"{name}: recorded logs are not simulated, expected a filter setting or 'refine'")
     try:
         validated = known()[name].validate_python(value, strict=True)
     except ValidationError as error:
@@ -80,21 +82,22 @@ def checked(name: str, value: object, *, recorded: bool) -> Value:
 
 
 def _path(name: str) -> list[str]:
-    """Fields that lead to a setting: those of the simulator are one level down."""
+    """Field names from `RunSettings` to a setting; settings of the simulator are one level deeper."""
+    name = present_name(name)
     head = name.partition(".")[0]
     inside = {f.name for f in fields(RunSettings)}
     return name.split(".") if head in inside else ["simulator", *name.split(".")]
 
 
 def _replaced(config: _Config, path: list[str], value: Value) -> _Config:
-    """A frozen dataclass with one field, however deep, replaced."""
+    """Copy of a frozen dataclass with one (nested) field replaced."""
     head, *rest = path
     inner = _replaced(getattr(config, head), rest, value) if rest else value
     return replace(config, **{head: inner})  # type: ignore[type-var]  # configs are dataclasses
 
 
 def _leaves(config: type, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted names and types of all fields that are not groups of fields themselves."""
+    """Dotted names and types of all fields that are not themselves dataclasses."""
     hints = get_type_hints(config)
     for f in fields(config):
         kind = hints[f.name]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a sweep is: places x seeds x lines x particle counts, read from TOML or made of flags."""
+"""The specification of a sweep: worlds or logs x seeds x lines x particle counts, from TOML or flags."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from testbed.sweep.errors import SweepError
+from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
+from worlds import expand_names
 
-LARGEST_FILE = 1_000_000
-"""Bytes of a specification."""
-LARGEST_SWEEP = 1_000_000
-"""Cells."""
+MAX_FILE_BYTES = 1_000_000
+"""Largest file of a specification [bytes]."""
+MAX_CELLS = 100_000
+"""Largest number of cells in a sweep."""
 _PRESETS = resources.files("testbed") / "sweep" / "presets"
 BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
-"""What the preset `gate` is compared with (`eval.sweep.regression_check`)."""
+"""Baseline of the preset `gate` (`eval.sweep.regression_check`)."""
 
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
-Seed = Annotated[int, Field(strict=True, ge=0)]
+Seed = Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)]
 
 
 class LogSource(BaseModel):
-    """A recorded log and what its estimate is scored by; paths are relative to the specification's file."""
+    """A recorded log and the reference for scoring; paths are relative to the file of the specification."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -40,13 +42,13 @@ class LogSource(BaseModel):
     truth: str | None = None
     """True trajectory, TUM."""
     laser_offset: float | None = None
-    """x of the laser in the robot's frame [m], where the log does not say."""
+    """x of the laser in the robot's frame [m], if the log does not state it."""
     range_max: float | None = None
-    """Readings from here on are no returns [m]."""
+    """Readings of this range or more are treated as no return [m]."""
 
     @property
     def name(self) -> str:
-        """Short name: that of the log up to its first dot."""
+        """Short name: the file name up to its first dot."""
         return Path(self.log).name.split(".")[0]
 
 
@@ -59,26 +61,27 @@ class Line:
 
 
 class SweepSpec(BaseModel):
-    """A sweep as it was asked for: everything that decides its results, and nothing of how it is carried out."""
+    """Everything that decides the results of a sweep; how it is executed is not part of it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     title: str = ""
-    """For the report."""
+    """Title of the report."""
     worlds: tuple[str, ...] = ()
-    """Names from the catalogue, TOML files, ROS maps; all seeds drive the same tour with noise of their own."""
+    """Names from the catalogue, TOML files, ROS maps, `generated:KIND:SEED`; `generated:KIND*N` stands for N of these.
+    With the setting `route` = "fixed" all seeds drive the same tour with other noise, with "random" other routes."""
     logs: tuple[LogSource, ...] = ()
-    """Recorded logs in place of worlds; the seed is that of the filter."""
-    seeds: tuple[Seed, ...] = tuple(range(10))
-    """In TOML also a single number: how many, from 0 on."""
+    """Recorded logs instead of worlds; the seed is then that of the filter only."""
+    seeds: Annotated[tuple[Seed, ...], Field(max_length=MAX_SEEDS)] = tuple(range(10))
+    """Also a single number, which is how many, from 0 on, or a text such as "0:10"."""
     particles: tuple[Count, ...] = (1, 2, 5, 10, 20, 50, 100)
     """Particle counts."""
     settings: dict[str, Any] = Field(default_factory=dict)
-    """Settings of all cells, by dotted name or nested tables."""
+    """Settings of all runs, by dotted name or nested tables."""
     variants: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    """Named groups of settings, one line each."""
+    """Named groups of settings; each is one line of the plots."""
     axes: dict[str, tuple[Any, ...]] = Field(default_factory=dict)
-    """Settings with several values: every combination is a line, times the variants."""
+    """Settings with several values; every combination is a line, for each of the variants."""
     baseline: str = ""
     """Name of the line that the others are compared with; default: the first."""
     measure: str = ""
@@ -87,8 +90,19 @@ class SweepSpec(BaseModel):
 
     @field_validator("seeds", mode="before")
     @classmethod
-    def _count_of_seeds(cls, value: Any) -> Any:
-        return tuple(range(value)) if isinstance(value, int) and not isinstance(value, bool) else value
+    def _list_of_seeds(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            return parse_seeds(value)
+        return seeds_of_count(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+    @field_validator("worlds", mode="before")
+    @classmethod
+    def _list_of_worlds(cls, value: Any) -> Any:
+        is_text = isinstance(value, str)
+        names = [value] if is_text else value
+        if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names) or not names:
+            return value
+        return tuple(expand_names(value) if is_text else [single for name in names for single in expand_names(name)])
 
     @field_validator("worlds", "logs", "seeds", "particles", mode="after")
     @classmethod
@@ -98,7 +112,7 @@ class SweepSpec(BaseModel):
                 raise ValueError("is empty, expected at least one")
             values = tuple(sorted(values))
         if len(set(values)) < len(values):
-            raise ValueError("names one thing twice")
+            raise ValueError("names the same thing twice")
         return values
 
     @field_validator("settings", mode="before")
@@ -127,8 +141,8 @@ class SweepSpec(BaseModel):
         names = [line.name for line in self.lines()]
         if self.baseline and self.baseline not in names:
             raise ValueError(f"baseline {self.baseline!r}: no such line, expected one of {', '.join(names)}")
-        if self.size > LARGEST_SWEEP:
-            raise ValueError(f"{self.size} cells, expected at most {LARGEST_SWEEP}")
+        if self.size > MAX_CELLS:
+            raise ValueError(f"{self.size} jobs, expected at most {MAX_CELLS}")
         return self
 
     @property
@@ -142,7 +156,7 @@ class SweepSpec(BaseModel):
         return self.measure or ("relations.trans_mean_m" if self.logs else "trajectory.ate_rmse_m")
 
     def lines(self) -> list[Line]:
-        """All combinations of variants and values of axes; raises SweepError for settings that are wrong or doubled."""
+        """All combinations of variants and values of axes; raises SweepError for wrong or repeated settings."""
         recorded = bool(self.logs)
         for name, values in self.axes.items():
             if not values:
@@ -159,18 +173,18 @@ class SweepSpec(BaseModel):
                 lines.append(Line(", ".join(words) or "default", shared | own | chosen))
         for line in lines:
             if sum(other.settings == line.settings or other.name == line.name for other in lines) > 1:
-                raise SweepError(f"line {line.name!r}: is there twice, expected different names and settings")
+                raise SweepError(f"line {line.name!r}: occurs twice, expected different names and settings")
         return lines
 
     def document(self) -> dict[str, Any]:
-        """The specification as TOML holds it, without what was left at its default."""
+        """The specification as plain data for TOML, without values that equal their default."""
         return self.model_dump(mode="json", exclude_defaults=True, exclude_none=True) | {
             "seeds": list(self.seeds),
             "particles": list(self.particles),
         }
 
     def located(self, folder: Path) -> SweepSpec:
-        """The same with all files by absolute path; relative ones start at `folder`."""
+        """The specification with absolute paths of all files; relative paths start at `folder`."""
 
         def place(name: Any) -> Any:
             is_file = isinstance(name, str) and Path(name).suffix and (folder / name).exists()
@@ -198,16 +212,16 @@ def presets() -> list[str]:
 
 
 def read_preset(name: str) -> dict[str, Any]:
-    """The document of a specification that comes with the package; raises SweepError for an unknown name."""
+    """Document of a specification that comes with the package; raises SweepError for an unknown name."""
     if name not in presets():
         raise SweepError(f"unknown preset {name!r}, expected one of {', '.join(presets())}")
     return tomllib.loads((_PRESETS / f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """A specification's document from a TOML file; raises SweepError where it cannot be read."""
-    if path.is_file() and path.stat().st_size > LARGEST_FILE:
-        raise SweepError(f"{path}: larger than {LARGEST_FILE} bytes, expected the specification of a sweep")
+    """Read a specification's document from a TOML file; raises SweepError if that fails."""
+    if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
+        raise SweepError(f"{path}: larger than {MAX_FILE_BYTES} bytes, expected the specification of a sweep")
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -217,9 +231,9 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def parse_spec(document: Mapping[str, Any], source: str, folder: Path) -> SweepSpec:
-    """A checked specification; `source` names it in messages, `folder` is where its relative paths start.
+    """Check a document and return the specification. `source` names it in messages; relative paths start at `folder`.
 
-    Raises SweepError that names the key and what was expected.
+    Raises SweepError with the key and what was expected.
     """
     try:
         return SweepSpec.model_validate(dict(document)).located(folder)
@@ -233,7 +247,7 @@ def parse_spec(document: Mapping[str, Any], source: str, folder: Path) -> SweepS
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Leaves of nested tables by dotted name: TOML's `filter.match.hit_sigma = 0.1` is nested, quoted it is not."""
+    """Leaves of nested tables by dotted name. In TOML `filter.match.hit_sigma = 0.1` is nested unless it is quoted."""
     leaves: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping):
@@ -244,14 +258,17 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _label(name: str, value: Value) -> str:
-    """A value of an axis in words: alone where it is a word, else with the last part of the setting's name."""
+    """Label of an axis value: a word stands alone, a number follows the last part of the setting's name."""
     if isinstance(value, str):
         return Path(value).stem if name in FILES else value
     return f"{name.rpartition('.')[2]} {str(value).lower() if isinstance(value, bool) else format(value, 'g')}"
 
 
 def parsed_axes(texts: Iterable[str]) -> dict[str, list[Any]]:
-    """`NAME=VALUE,VALUE` from the command line; values are read as TOML, else as words. Raises SweepError."""
+    """Parse `NAME=VALUE,VALUE` from the command line. Values are read as TOML if possible, else as words.
+
+    Raises SweepError for other text.
+    """
     axes: dict[str, list[Any]] = {}
     for text in texts:
         name, equals, values = text.partition("=")

@@ -82,7 +82,7 @@ def test_a_baseline_of_another_sweep_or_no_baseline_is_refused(tmp_path, baselin
         compare_with_baseline(table, tmp_path / "nowhere.json")
     for changed, complaint in (
         (document | {"groups": document["groups"][1:]}, "renew it"),
-        (document | {"measure": "map.iou"}, "is of map.iou"),
+        (document | {"measure": "map.iou"}, "measures map.iou"),
         ({"groups": []}, "expected a baseline"),
         ([], "expected a baseline"),
     ):

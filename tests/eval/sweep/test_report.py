@@ -50,7 +50,7 @@ def test_groups_tell_medians_differences_and_costs(folder):
     assert summary.enough("cave", "motion") is None
 
 
-def test_runs_that_went_wrong_and_runs_that_are_missing_are_told_apart(tmp_path):
+def test_failed_and_missing_runs_are_counted_separately(tmp_path):
     def outcome(p, k, c, s):
         return {0: "lost", 1: "drift", 2: "broken loop"}.get(s, "ok") if (p, k, c) == (0, 1, 0) else "ok"
 
@@ -60,17 +60,17 @@ def test_runs_that_went_wrong_and_runs_that_are_missing_are_told_apart(tmp_path)
     assert group.failure_interval[0] < 0.25 < group.failure_interval[1]
 
 
-def test_a_sweep_of_which_little_is_there_has_a_report_all_the_same(tmp_path):
+def test_a_sweep_with_few_results_has_a_report(tmp_path):
     there = {(0, 0, 0, 0), (1, 1, 2, 3)}
     everything = set(np.ndindex(len(PLACES), len(LINES), len(COUNTS), 10))
     write_sweep(tmp_path, missing=frozenset(everything - there))
     page = write_sweep_report(tmp_path).read_text()
     assert "no count is shown to be enough" in page
-    assert "118 cells have not been computed" in page
+    assert "118 jobs have not been computed" in page
     assert "nan" not in re.sub(r"base64,[^\"]+", "", page).lower()
 
 
-def test_the_worst_runs_are_those_with_the_largest_errors_of_each_line(folder):
+def test_the_worst_runs_have_the_largest_errors_of_each_line(folder):
     worst = worst_runs(read_sweep(folder))
     assert [(run.line, run.place) for run in worst] == [(line, place) for line in LINES for place in reversed(PLACES)]
     for run in worst:
@@ -79,7 +79,7 @@ def test_the_worst_runs_are_those_with_the_largest_errors_of_each_line(folder):
         assert run.key == f"{p}-{k}-{COUNTS.index(run.count)}-{run.seed}"
 
 
-def test_page_and_figures_are_whole_need_no_network_and_link_what_is_there(tmp_path):
+def test_page_and_figures_need_no_network_and_links_exist(tmp_path):
     write_sweep(tmp_path)
     worst = worst_runs(read_sweep(tmp_path))[0]
     (tmp_path / "worst" / worst.key).mkdir(parents=True)

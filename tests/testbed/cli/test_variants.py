@@ -9,6 +9,7 @@ import pytest
 
 from testbed.cli.shared.variants import variants
 from testbed.formats import open_log
+from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
 from tests.shell import call
 
@@ -67,7 +68,7 @@ def test_settings_are_taken_over_with_their_types():
     made = variants(SimulatorOptions(), ["odometry.grade=good,poor", "layers.range-noise=false", "beams=90"])
     assert [variant.simulator.odometry.grade for variant in made] == ["good", "poor"]
     assert all(variant.simulator.layers.range_noise is False for variant in made)
-    assert made[0].simulator.simulation(0).lidar.beams == 90
+    assert made[0].simulator.simulation(RunSeeds.from_seed(0)).lidar.beams == 90
     assert made[0].name == "odometry.grade-good-layers.range_noise-false-beams-90"
     assert [variant.name for variant in variants(SimulatorOptions(), [])] == [""]
 

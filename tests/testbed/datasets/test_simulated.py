@@ -21,12 +21,17 @@ from testbed.datasets.simulated import is_complete, write_dataset
 from testbed.formats import LogError, open_log
 from testbed.formats.maps import read_map_inside
 from testbed.presets import load_lidar, load_robot
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig
 from tests.shell import AT_A_TERMINAL, TESTBED, call
 from worlds import load
 
 CONFIG = SimulationConfig(
-    robot=load_robot("create3"), lidar=load_lidar("rplidar_a2"), backend="fast", duration=1.5, seed=3
+    robot=load_robot("create3"),
+    lidar=load_lidar("rplidar_a2"),
+    backend="fast",
+    duration=1.5,
+    seeds=RunSeeds.from_seed(3),
 )
 
 

@@ -65,7 +65,7 @@ def test_a_reset_without_a_seed_goes_on_with_the_random_numbers():
 def test_observations_are_what_a_robot_in_the_room_sees():
     env = make(odometry=PERFECT_ODOMETRY, lidar_layers=LidarLayers.none(), beams=4)
     observation, _ = env.reset(options={"start": (1.0, 0.0, 0.0)})
-    mount = env.unwrapped._task.io.outfit.robot.lidar_mount.x
+    mount = env.unwrapped._task.io.setup.robot.lidar_mount.x
     np.testing.assert_allclose(observation["scan"], [6.0 + mount, 5.0, 4.0 - mount, 5.0], atol=1e-5)
     poses, steps = [np.array([1.0, 0.0, 0.0])], []
     for _ in range(15):
@@ -149,11 +149,11 @@ def test_bad_options_are_refused_and_the_episode_goes_on(options, message):
 def test_options_choose_world_and_start_of_one_episode():
     env = make(world=GeneratedWorlds(kinds=("loops",), split="test"))
     env.reset(seed=0, options={"world": 4})
-    assert env.unwrapped._task.places[0].terrain.world.name == "loops test 4"
+    assert env.unwrapped._task.worlds[0].terrain.world.name == "loops test 4"
     _, info = env.reset(options={"world": "loop", "start": (2.0, 1.0, 0.1)})
     np.testing.assert_allclose(info["pose"], (2.0, 1.0, 0.1))
     env.reset()
-    assert env.unwrapped._task.places[0].terrain.world.name.startswith("loops test")
+    assert env.unwrapped._task.worlds[0].terrain.world.name.startswith("loops test")
 
 
 def test_start_of_the_world_or_anywhere_with_room():
@@ -162,7 +162,7 @@ def test_start_of_the_world_or_anywhere_with_room():
     env = make()
     poses = np.array([env.reset(seed=seed)[1]["pose"] for seed in range(50)])
     room_left = 5.0 - np.abs(poses[:, :2]).max()
-    assert env.unwrapped._task.io.outfit.robot.footprint_radius < room_left < 1.0
+    assert env.unwrapped._task.io.setup.robot.footprint_radius < room_left < 1.0
     assert np.ptp(poses[:, 2]) > 4.0
 
 

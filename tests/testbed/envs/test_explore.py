@@ -130,7 +130,7 @@ def test_explorers_of_the_command_line_solve_the_environment(strategy):
     env.reset(seed=1)
     inner = env.unwrapped
     explorer = make_explorer(
-        inner.outfit.robot, inner.outfit.lidar, DriverConfig(strategy=strategy), np.random.default_rng(0)
+        inner.robot_setup.robot, inner.robot_setup.lidar, DriverConfig(strategy=strategy), np.random.default_rng(0)
     )
     for _ in range(900):
         _, _, terminated, _, info = env.step(inner.action(*explorer.command(inner.belief)))

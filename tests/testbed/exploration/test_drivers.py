@@ -10,10 +10,11 @@ import pytest
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from testbed.exploration import STRATEGIES, ExploreDriver, make_explorer
-from testbed.exploration.guard import GAP, LATENCY, Guard
+from testbed.exploration.collision_limiter import CLEARANCE_AHEAD, LATENCY, CollisionLimiter
 from testbed.presets import load_lidar, load_robot
+from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, SimulationConfig, simulate
-from testbed.simulation.drivers.stuck_recovery import BackOff
+from testbed.simulation.drivers.stuck_recovery import StuckRecovery
 from tests.testbed.exploration.places import belief, grid_of, scan_of
 from worlds import Box, Start, Wall, World, generate, true_map
 
@@ -28,7 +29,7 @@ def explorer(strategy, seed=0):
 def explore(world, strategy="nearest", duration=150.0, seed=0, **settings):
     """The simulation, the filter and the explorer at the end of a drive with the estimate in the loop."""
     config = SimulationConfig(
-        lidar=LIDAR, backend="fast", duration=duration, seed=seed,
+        lidar=LIDAR, backend="fast", duration=duration, seeds=RunSeeds.from_seed(seed),
         driver=DriverConfig(kind="explore", strategy=strategy), **settings,
     )  # fmt: skip
     driver, mapper = ExploreDriver(explorer(strategy, seed)), GMapping(FilterConfig(particles=5), threads=1)
@@ -155,28 +156,28 @@ def test_time_spent_waiting_is_no_lack_of_progress():
 
 
 def test_backing_off_takes_patience_and_lasts_two_seconds():
-    back_off = BackOff(patience=5.0)
+    back_off = StuckRecovery(patience=5.0)
     steps = [back_off.command(0.05 * k, 1.0, 1.0, 0.1 * math.sin(k)) for k in range(240)]
     assert [step is not None for step in steps].index(True) == 101
     assert sum(step is not None for step in steps) == 40
     assert back_off.count == 1
-    moving = BackOff(patience=5.0)
+    moving = StuckRecovery(patience=5.0)
     assert all(moving.command(0.05 * k, 0.02 * k, 0.0, 0.0) is None for k in range(400))
-    turning = BackOff(patience=5.0)
+    turning = StuckRecovery(patience=5.0)
     assert all(turning.command(0.05 * k, 0.0, 0.0, 0.02 * k) is None for k in range(400))
 
 
 @pytest.mark.parametrize("distance", [0.4, 0.6, 1.0, 2.0])
 def test_the_guard_lets_the_robot_stop_before_what_it_sees(distance):
-    guard = Guard(ROBOT, CONFIG)
+    limiter = CollisionLimiter(ROBOT, CONFIG)
     obstacle = np.array([[distance, 0.05], [-0.3, 0.0], [0.5, 1.0]])
-    room = distance - ROBOT.footprint_radius - GAP
-    assert guard.room_ahead(obstacle) == pytest.approx(room, abs=0.02)
-    speed = guard.limited(5.0, obstacle)
+    room = distance - ROBOT.footprint_radius - CLEARANCE_AHEAD
+    assert limiter.room_ahead(obstacle) == pytest.approx(room, abs=0.02)
+    speed = limiter.limited(5.0, obstacle)
     braking = min(CONFIG.acceleration, ROBOT.max_acceleration)
     assert speed * LATENCY + speed**2 / (2.0 * braking) == pytest.approx(max(room, 0.0), abs=0.02)
-    assert guard.limited(-0.1, obstacle) == -0.1
-    assert guard.limited(0.3, np.array([[1.0, 1.0], [-0.2, 0.0]])) == 0.3
+    assert limiter.limited(-0.1, obstacle) == -0.1
+    assert limiter.limited(0.3, np.array([[1.0, 1.0], [-0.2, 0.0]])) == 0.3
 
 
 def test_obstacles_are_seen_from_the_robot_and_not_from_its_lidar():

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam import se2
-from testbed.run.dense_path import carry
+from testbed.run.dense_path import interpolate_with_odometry
 
 
 def walk(seed: int, frames: int) -> np.ndarray:
@@ -34,28 +34,28 @@ def test_perfect_odometry_gives_the_truth_everywhere(seed, case):
     frames, known = case
     truth = walk(seed, frames)
     odometry = se2.compose([3.0, -2.0, 1.0], truth)  # same motion, another frame
-    assert_poses_close(carry(odometry, np.array(known), truth[known]), truth)
+    assert_poses_close(interpolate_with_odometry(odometry, np.array(known), truth[known]), truth)
 
 
 @given(seed=st.integers(0, 2**32 - 1), case=known_frames)
 def test_known_poses_are_kept_whatever_the_odometry_says(seed, case):
     frames, known = case
     poses = walk(seed + 1, frames)[known]
-    assert_poses_close(carry(walk(seed, frames), np.array(known), poses)[known], poses)
+    assert_poses_close(interpolate_with_odometry(walk(seed, frames), np.array(known), poses)[known], poses)
 
 
 def test_a_miss_is_spread_along_the_way():
     odometry = np.column_stack([np.linspace(0, 4, 5), np.zeros(5), np.zeros(5)])
-    carried = carry(odometry, np.array([0, 4]), np.array([[0.0, 0, 0], [4.0, 0.4, 0.0]]))
+    carried = interpolate_with_odometry(odometry, np.array([0, 4]), np.array([[0.0, 0, 0], [4.0, 0.4, 0.0]]))
     np.testing.assert_allclose(carried[:, 1], [0.0, 0.1, 0.2, 0.3, 0.4], atol=1e-12)
 
 
 def test_frames_at_rest_stay_with_the_pose_before_them():
     odometry = np.zeros((4, 3))
-    carried = carry(odometry, np.array([0, 3]), np.array([[0.0, 0, 0], [1.0, 0, 0]]))
+    carried = interpolate_with_odometry(odometry, np.array([0, 3]), np.array([[0.0, 0, 0], [1.0, 0, 0]]))
     np.testing.assert_allclose(carried[:, 0], [0, 0, 0, 1])
 
 
 def test_nothing_known_is_refused():
     with pytest.raises(ValueError, match="at least one"):
-        carry(np.zeros((3, 3)), np.array([], dtype=int), np.zeros((0, 3)))
+        interpolate_with_odometry(np.zeros((3, 3)), np.array([], dtype=int), np.zeros((0, 3)))

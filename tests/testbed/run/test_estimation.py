@@ -15,6 +15,7 @@ from slam.scan import Scan
 from testbed.frame import Frame
 from testbed.presets import Mount, load_lidar, load_robot
 from testbed.run.estimation import Estimation
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from worlds import load
 
@@ -58,7 +59,7 @@ def test_the_newest_scan_of_the_other_lidar_goes_along_from_where_it_was_taken(m
 
 def ate(config: SimulationConfig) -> float:
     """Error of the estimate [m] of a drive through the apartment."""
-    estimation = Estimation(FilterConfig(particles=8), seed=config.seed)
+    estimation = Estimation(FilterConfig(particles=8), seed=config.seeds.seed)
     with simulate(load("apartment"), config) as simulation:
         for frame in simulation:
             estimation.process(frame)
@@ -76,7 +77,7 @@ def test_two_lidars_that_see_one_half_each_map_as_well_as_one_that_sees_all():
     }
     one, two = [], []
     for seed in range(3):
-        config = SimulationConfig(robot=robot, lidar=whole, backend="fast", seed=seed)
+        config = SimulationConfig(robot=robot, lidar=whole, backend="fast", seeds=RunSeeds.from_seed(seed))
         one.append(ate(config))
         both = dataclasses.replace(config, robot=robot.model_copy(update=mounts), lidar=half, further_lidars=(half,))
         two.append(ate(both))

@@ -10,8 +10,10 @@ import numpy as np
 from slam.config import FilterConfig, ProposalConfig
 from testbed.cli.shared.console import progress_line
 from testbed.frame import Frame
-from testbed.run.execute import Job, execute
+from testbed.run.execute import execute_job
+from testbed.run.job import Job, RecordedFrames
 from testbed.run.run_directory import RunDirectory
+from testbed.seeds import RunSeeds
 from testbed.views import NullView, Snapshot
 from tests.testbed.views.synthetic import snapshots
 
@@ -26,21 +28,31 @@ class Watching(NullView):
         self.shown.append(snapshot)
 
 
+class Collision(RecordedFrames):
+    """Frames of a robot that touches something from a number of shown scans on."""
+
+    def __init__(self, frames: list[Frame], view: Watching, first: int | None) -> None:
+        super().__init__(frames)
+        self._view, self._first = view, first
+
+    @property
+    def collided(self) -> bool:
+        return self._first is not None and len(self._view.shown) >= self._first
+
+
 def watched(path: Path, config: FilterConfig, seconds: float, collided_from: int | None = None) -> list[Snapshot]:
     """What a run of the synthetic room shows; the robot touches something from a number of scans on."""
     frames = [Frame(stamp=s.stamp, odometry=s.odometry, scan=s.scan, truth=s.truth) for s in snapshots(seconds)]
     view = Watching()
     job = Job(
-        frames=frames,
+        source=Collision(frames, view, collided_from),
         document={},
-        seed=0,
+        seeds=RunSeeds.from_seed(0),
         filter=config,
-        filter_seed=np.random.SeedSequence(0),
         refine=False,
-        collided=lambda: collided_from is not None and len(view.shown) >= collided_from,
     )
     with progress_line() as watcher:
-        execute(job, RunDirectory.create(path / "run"), watcher, view)
+        execute_job(job, RunDirectory.create(path / "run"), watcher, view)
     assert [s.stamp for s in view.shown] == [frame.stamp for frame in frames]
     return view.shown
 

@@ -17,7 +17,7 @@ from testbed.sweep.execution import dask_cluster as cluster
 from testbed.sweep.spec.plan import Shard, file_digest
 from testbed.sweep.store import SweepDirectory
 from tests.shell import TESTBED, assert_refused, call
-from tests.testbed.sweep.places import room_cell, room_file
+from tests.testbed.sweep.room import room_cell, room_file
 
 TABLES = ("sweep.parquet", "curves.parquet")
 """What must not depend on how a sweep was carried out."""
@@ -98,7 +98,7 @@ def test_shards_give_the_bytes_of_the_single_sweep(swept, world, tmp_path, capsy
     assert call("gather", out, "--no-worst") == 1
     said = capsys.readouterr()
     assert said.err.count("missing: room, ") == 4
-    assert "4 cells done, 0 failed, 4 missing" in said.out
+    assert "4 jobs done, 0 failed, 4 missing" in said.out
     assert call(*room_sweep(world), "--workers", "1", "--shard", "1/2", "--out", out) == 0
     assert call("gather", out, "--no-worst") == 0
     assert bytes_of(out) == bytes_of(swept)
@@ -118,14 +118,14 @@ def test_a_sweep_that_was_killed_goes_on_where_it_was(swept, copied, world):
     assert bytes_of(copied) == bytes_of(swept)
 
 
-def test_cells_over_the_limit_fail_with_their_reason_and_are_tried_again(swept, copied, capsys):
+def test_jobs_over_the_limit_fail_and_are_tried_again(swept, copied, capsys):
     cells = [cell.key for cell in SweepDirectory.open(copied).manifest.cells()]
     for key in cells[:2]:
         shutil.rmtree(copied / "cells" / key)
     assert call("sweep", "--out", copied, "--no-worst", "--time-limit", "0.05") == 1
     said = capsys.readouterr()
     assert said.err.count("time limit of 0.05 s") == 4  # as it happens, and at the end
-    assert "6 cells done, 2 failed, 0 missing" in said.out
+    assert "6 jobs done, 2 failed, 0 missing" in said.out
     rows = {row["key"]: row for row in pq.read_table(copied / "sweep.parquet").to_pylist()}
     assert [rows[key]["reason"] for key in cells[:2]] == ["time limit of 0.05 s"] * 2
     assert call("sweep", "--out", copied, "--no-worst") == 0
@@ -157,7 +157,7 @@ def test_bad_usage_is_one_line_and_leaves_no_directory(tmp_path, monkeypatch, ca
 
 def test_another_sweep_in_the_directory_is_shown_as_a_difference(copied, world, capsys):
     more = [*room_sweep(world), "--particles", "1,3,5", "--out", copied]
-    assert_refused(capsys, "particles: [1, 3] there, [1, 3, 5] asked", *more[:3], *more[5:])
+    assert_refused(capsys, "particles: [1, 3] there, [1, 3, 5] requested", *more[:3], *more[5:])
     (copied / "sweep.toml").unlink()
     assert_refused(capsys, "is not empty and holds no sweep", *room_sweep(world), "--out", copied)
 
@@ -182,7 +182,7 @@ def test_two_processes_do_not_share_a_directory(copied, world, capsys):
         assert_refused(capsys, f"process {os.getpid()} on", *whole)
         assert_refused(capsys, f"process {os.getpid()} on", *whole, *shard)
     with directory.locked(Shard(0, 2)):
-        assert_refused(capsys, "is at work on it", *whole)
+        assert_refused(capsys, "is working on it", *whole)
         assert_refused(capsys, f"process {os.getpid()} on", *whole, *shard)
         assert call(*whole, "--shard", "1/2") == 0
     with directory.locked(None):
@@ -204,7 +204,7 @@ def test_damaged_cells_and_directories_are_named(copied, tmp_path, capsys):
     assert_refused(capsys, f"{cell}: ", "gather", copied)
 
 
-def test_results_are_kept_once_even_when_two_processes_finish_the_same_cell(copied):
+def test_a_result_of_two_processes_is_kept_once(copied):
     directory = SweepDirectory.open(copied)
     cell = directory.manifest.cells()[0]
     result = directory.result(cell.key)
@@ -228,7 +228,7 @@ def test_a_worker_refuses_cells_of_another_code_version(world):
 
 
 @pytest.mark.slow
-def test_the_worst_runs_are_carried_out_again_with_report_and_recording(copied, monkeypatch, capsys):
+def test_the_worst_runs_are_repeated_with_report_and_recording(copied, monkeypatch, capsys):
     monkeypatch.undo()
     assert call("gather", copied) == 0
     assert "differently" not in capsys.readouterr().err
@@ -247,7 +247,7 @@ def test_the_worst_runs_are_carried_out_again_with_report_and_recording(copied, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_sweep_that_is_stopped_leaves_no_process_and_no_half_cell(world, swept, tmp_path, sign):
+def test_a_stopped_sweep_leaves_no_process_and_no_half_cell(world, swept, tmp_path, sign):
     out = tmp_path / "sweep"
     arguments = [*map(str, room_sweep(world)), "--workers", "2", "--out", str(out)]
     process = subprocess.Popen([*TESTBED, *map(str, arguments)], stderr=subprocess.PIPE, text=True)
@@ -260,7 +260,7 @@ def test_a_sweep_that_is_stopped_leaves_no_process_and_no_half_cell(world, swept
     _, said = process.communicate(timeout=30.0)
     if sign != signal.SIGKILL:
         assert process.returncode == 130
-        assert f"testbed sweep --out {out} goes on with them" in said
+        assert f"testbed sweep --out {out} continues with them" in said
     while any(map(is_running, workers)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(map(is_running, workers))

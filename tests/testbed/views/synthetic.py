@@ -13,7 +13,7 @@ from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from testbed.frame import Frame
-from testbed.run.execute import snapshot
+from testbed.run.snapshot import take_snapshot
 from testbed.views import Scene, Snapshot
 
 WIDTH, HEIGHT = 8.0, 6.0
@@ -84,7 +84,7 @@ def snapshots(seconds: float, particles: int = 30, seed: int = 0) -> Iterator[Sn
         previous = truth
         scan = scan_at(truth, stamp)
         step = mapper.process(odometry, scan)
-        yield snapshot(Frame(stamp=stamp, odometry=odometry, scan=scan, truth=truth), step, mapper)
+        yield take_snapshot(Frame(stamp=stamp, odometry=odometry, scan=scan, truth=truth), step, mapper)
 
 
 def scene(particles: int = 30, urdf: str | None = None) -> Scene:

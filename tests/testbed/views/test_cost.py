@@ -13,9 +13,9 @@ import worlds
 from eval.map.grids import grid_from_true_map
 from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
-from testbed.run.execute import snapshot
+from testbed.run.snapshot import take_snapshot
+from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.physics.urdf import robot_urdf
-from testbed.simulation.simulator import SimulationConfig, simulate
 from testbed.views import Scene, open_view
 
 
@@ -36,7 +36,7 @@ def test_a_view_costs_little_of_the_run(tmp_path: Path) -> None:
         for frame in frames:
             report = estimation.process(frame)
             if report is not None:
-                shown, stamp = snapshot(frame, report, estimation.mapper), frame.stamp
+                shown, stamp = take_snapshot(frame, report, estimation.mapper), frame.stamp
                 before = time.thread_time()
                 view.show(shown)
                 spent.append(time.thread_time() - before)

@@ -17,6 +17,7 @@ from eval.files.tum import read_tum
 from slam import se2
 from testbed.datasets.simulated import write_dataset
 from testbed.presets import load_lidar, load_robot
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig
 from testbed.views.live import programs
 from tests.viewer import near, pixels, viewer_or_skip
@@ -32,7 +33,11 @@ UNKNOWN = (112, 137, 134)
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("datasets") / "office"
     config = SimulationConfig(
-        robot=load_robot("create3"), lidar=load_lidar("rplidar_a2"), backend="fast", duration=SECONDS, seed=3
+        robot=load_robot("create3"),
+        lidar=load_lidar("rplidar_a2"),
+        backend="fast",
+        duration=SECONDS,
+        seeds=RunSeeds.from_seed(3),
     )
     write_dataset(path, load("office"), config, {})
     return path

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from testbed.formats import LogError
-from testbed.formats.commands import Command, commands_of, read_commands, write_commands
+from testbed.formats.commands import commands_of, read_commands, write_commands
+from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, SimulationConfig, simulate
+from testbed.simulation.config import CONTROL_PERIOD
+from testbed.simulation.drivers.driver import Command
 from testbed.simulation.drivers.recorded import RecordedDriver
-from testbed.simulation.simulator import CONTROL_PERIOD
 from tests.testbed.simulation.places import perfect, room
 from worlds import Box, Person
 
@@ -30,7 +32,7 @@ def test_a_drive_comes_out_again_bit_by_bit(layers, backend):
         pytest.importorskip("pybullet")
     strolling = Person(name="p", points=[(1.5, 1.5), (1.5, 0.0), (2.6, 0.0), (2.6, -1.5)], speed=0.15)
     world = room(tour=[(3, 0), (3, 2)], people=[strolling])
-    config = dataclasses.replace(CONFIG, backend=backend, lidar_layers=layers, seed=7)
+    config = dataclasses.replace(CONFIG, backend=backend, lidar_layers=layers, seeds=RunSeeds.from_seed(7))
     first = frames(world, config)
     again = frames(world.model_copy(update={"tour": None}), config, RecordedDriver(commands_of(first), CONTROL_PERIOD))
     assert any(frame.command == (0.0, 0.0) for frame in first[40:-5])

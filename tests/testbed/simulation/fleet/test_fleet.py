@@ -7,18 +7,19 @@ import numpy as np
 import pytest
 
 from testbed.presets import load_lidar
+from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, OdometryConfig
 from testbed.simulation.fleet.fleet import Fleet
-from testbed.simulation.fleet.robot_group import Outfit, Terrain
+from testbed.simulation.fleet.robot_group import RobotSetup, Terrain
 from testbed.simulation.fleet.single_robot import BackendRobot
 from testbed.simulation.physics.fast import FastBackend
 from tests.testbed.simulation.places import PERFECT_ODOMETRY, random_world, room
 
-OUTFIT = Outfit(
+SETUP = RobotSetup(
     lidar=load_lidar("rplidar_a2").model_copy(update={"beams": 90}),
     odometry=OdometryConfig(slip_rate=0.5, lost_ticks=0.01),
 )
-HEIGHT = OUTFIT.robot.lidar_mount.height
+HEIGHT = SETUP.robot.lidar_mount.height
 TERRAINS = [Terrain(random_world(np.random.default_rng(seed)), HEIGHT) for seed in range(3)]
 START = np.array([0.0, 0.0, 0.5])
 ROBOTS, PERIODS = 5, 40
@@ -35,15 +36,15 @@ def same(a, b):
 
 def alone(robot):
     """Readings of one robot in a fleet of one, one row a period."""
-    fleet = Fleet(1, OUTFIT)
-    fleet.place(0, TERRAINS[robot % 3], START, seed=robot)
+    fleet = Fleet(1, SETUP)
+    fleet.place(0, TERRAINS[robot % 3], START, RunSeeds.from_seed(robot))
     return [tuple(part[0] for part in fleet.step(command[None])) for command in commands(robot)]
 
 
 def test_a_robot_of_a_fleet_does_what_it_would_do_alone():
-    fleet = Fleet(ROBOTS, OUTFIT)
+    fleet = Fleet(ROBOTS, SETUP)
     for robot in reversed(range(ROBOTS)):
-        fleet.place(robot, TERRAINS[robot % 3], START, seed=robot)
+        fleet.place(robot, TERRAINS[robot % 3], START, RunSeeds.from_seed(robot))
     together = [fleet.step(targets) for targets in np.stack([commands(robot) for robot in range(ROBOTS)], axis=1)]
     for robot in range(ROBOTS):
         assert all(
@@ -55,21 +56,21 @@ def test_a_robot_of_a_fleet_does_what_it_would_do_alone():
 
 def test_robots_may_take_turns_and_move_to_other_places():
     """Some robots go on while others stand; one is placed anew in between: the others do not notice."""
-    fleet = Fleet(2, OUTFIT)
-    fleet.place(1, TERRAINS[1], START, seed=1)
+    fleet = Fleet(2, SETUP)
+    fleet.place(1, TERRAINS[1], START, RunSeeds.from_seed(1))
     found, targets = [], np.zeros((2, 2))
     for period, command in enumerate(commands(1)):
         targets[1] = command
         found.append([part[1] for part in fleet.step(targets, np.array([1]))])
         if period % 3 == 0:
-            fleet.place(0, TERRAINS[period % 2], START, seed=period)
+            fleet.place(0, TERRAINS[period % 2], START, RunSeeds.from_seed(period))
             fleet.step(targets, np.array([0]))
     assert all(same(a, b) for a, b in zip(alone(1), found, strict=True))
 
 
 def test_one_robot_on_the_fast_backend_gives_the_bits_of_a_fleet_of_one():
-    robot = BackendRobot(OUTFIT, FastBackend)
-    robot.place(0, TERRAINS[1], START, seed=1)
+    robot = BackendRobot(SETUP, FastBackend)
+    robot.place(0, TERRAINS[1], START, RunSeeds.from_seed(1))
     found = [[part[0] for part in robot.step(command[None])] for command in commands(1)]
     assert all(same(a, b) for a, b in zip(alone(1), found, strict=True))
 
@@ -78,11 +79,11 @@ def test_physics_and_kinematics_see_the_same_room():
     pytest.importorskip("pybullet")
     from testbed.simulation.physics.pybullet import PyBulletBackend
 
-    outfit = dataclasses.replace(OUTFIT, lidar_layers=LidarLayers.none(), odometry=PERFECT_ODOMETRY)
+    setup = dataclasses.replace(SETUP, lidar_layers=LidarLayers.none(), odometry=PERFECT_ODOMETRY)
     terrain = Terrain(room(), HEIGHT)
     ends = []
-    for group in (Fleet(1, outfit), BackendRobot(outfit, PyBulletBackend)):
-        group.place(0, terrain, START, seed=0)
+    for group in (Fleet(1, setup), BackendRobot(setup, PyBulletBackend)):
+        group.place(0, terrain, START, RunSeeds.from_seed(0))
         for _ in range(30):
             readings = group.step(np.array([[0.3, 0.2]]))
         group.close()
@@ -93,15 +94,15 @@ def test_physics_and_kinematics_see_the_same_room():
 
 
 def test_contact_is_told_and_the_scan_shows_the_wall():
-    outfit = dataclasses.replace(OUTFIT, lidar_layers=LidarLayers.none())
-    fleet = Fleet(2, outfit)
+    setup = dataclasses.replace(SETUP, lidar_layers=LidarLayers.none())
+    fleet = Fleet(2, setup)
     for robot in range(2):
-        fleet.place(robot, Terrain(room(), HEIGHT), np.zeros(3), seed=robot)
+        fleet.place(robot, Terrain(room(), HEIGHT), np.zeros(3), RunSeeds.from_seed(robot))
     for _ in range(150):
         readings = fleet.step(np.array([[0.45, 0.0], [0.0, 0.0]]))
     assert readings.contact.tolist() == [True, False]
-    assert 5.0 - readings.truth[0, 0] == pytest.approx(outfit.robot.footprint_radius, abs=0.01)
-    ahead = outfit.steady_lidar.angles().size // 2
+    assert 5.0 - readings.truth[0, 0] == pytest.approx(setup.robot.footprint_radius, abs=0.01)
+    ahead = setup.steady_lidar.angles().size // 2
     assert readings.ranges[0, ahead] == pytest.approx(
-        outfit.robot.footprint_radius - outfit.robot.lidar_mount.x, abs=0.01
+        setup.robot.footprint_radius - setup.robot.lidar_mount.x, abs=0.01
     )

@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 import worlds
+from testbed.seeds import RunSeeds
 from testbed.simulation import simulate
 from testbed.simulation.movers._mover_kernels import nearest_mover
 from testbed.simulation.movers.movers import Movers
@@ -34,7 +35,7 @@ DOORWAY = room(
 
 @pytest.mark.parametrize("seed", range(8))
 def test_people_and_robot_never_touch_and_the_tour_is_finished(seed):
-    config = perfect(backend="fast", seed=seed, duration=200.0)
+    config = perfect(backend="fast", seeds=RunSeeds.from_seed(seed), duration=200.0)
     robot_radius = config.robot.footprint_radius
     met = []
     with simulate(CROSSING, config) as simulation:
@@ -47,7 +48,7 @@ def test_people_and_robot_never_touch_and_the_tour_is_finished(seed):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_swinging_door_never_touches_the_robot_which_gets_through(seed):
-    config = perfect(backend="fast", seed=seed, duration=200.0)
+    config = perfect(backend="fast", seeds=RunSeeds.from_seed(seed), duration=200.0)
     angles = []
     with simulate(DOORWAY, config) as simulation:
         for frame in simulation:
@@ -76,7 +77,7 @@ def test_the_lidar_sees_legs_and_doors_where_they_are():
 
 def test_movers_hide_walls_only_where_they_are_nearer():
     world = room(people=[Person(points=[(2.0, -2.0), (2.0, 2.0)])])
-    movers = Movers(world, 0.2, 0.05, np.random.default_rng(0))
+    movers = Movers(world, 0.2, 0.05, RunSeeds.from_seed(0).movers)
     directions = np.linspace(-np.pi, np.pi, 3600, endpoint=False)
     near, far = (
         movers.before(
@@ -93,7 +94,7 @@ def test_movers_are_seeded_and_leave_other_streams_alone():
     config = dataclasses.replace(config, odometry=dataclasses.replace(config.odometry, random=True))
 
     def run(world, seed):
-        with simulate(world, dataclasses.replace(config, seed=seed)) as simulation:
+        with simulate(world, dataclasses.replace(config, seeds=RunSeeds.from_seed(seed))) as simulation:
             frames = list(simulation)
             return simulation.movers.people(), frames
 

@@ -8,15 +8,16 @@ import pytest
 
 from slam.se2 import between
 from testbed.presets import load_robot
+from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.physics import pybullet_scene
-from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.pybullet import PyBulletBackend
 from tests.testbed.simulation.places import room
 from worlds import Box, load
 
 pytest.importorskip("pybullet")
-LIMITS = Limits(0.5, 3.0)
+LIMITS = AccelerationLimits(0.5, 3.0)
 
 
 @pytest.fixture(autouse=True)
@@ -87,7 +88,9 @@ def test_memory_is_flat_over_many_simulations_in_one_process(backend):
     """Each mesh of the office that leaked would take 1.3 MB."""
     office, before = load("office"), 0.0
     for seed in range(80):
-        with simulate(office, SimulationConfig(backend=backend, duration=0.2, seed=seed)) as simulation:
+        with simulate(
+            office, SimulationConfig(backend=backend, duration=0.2, seeds=RunSeeds.from_seed(seed))
+        ) as simulation:
             assert sum(1 for _ in simulation) > 2
         if seed == 19:
             before = resident_memory()

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from testbed.presets import load_robot
 from testbed.simulation.physics._ray_kernels import cast_rays
-from testbed.simulation.physics.backend import Limits
+from testbed.simulation.physics.backend import AccelerationLimits
 from testbed.simulation.physics.fast import FastBackend, segment_grid
 from tests.testbed.simulation.places import random_world, room
 from worlds import Wall
 
-LIMITS = Limits(0.5, 3.0)
+LIMITS = AccelerationLimits(0.5, 3.0)
 
 
 def nearest_of_all(segments, origins, directions, reach):

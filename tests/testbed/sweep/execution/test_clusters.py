@@ -18,7 +18,7 @@ import pytest
 import yaml
 
 from tests.shell import TESTBED
-from tests.testbed.sweep.places import room_file
+from tests.testbed.sweep.room import room_file
 from tests.testbed.sweep.test_sweep import bytes_of, call, children_of
 
 pytestmark = pytest.mark.slow
@@ -114,7 +114,7 @@ def file_within(path: Path, seconds: float) -> str:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="needs the extra `cluster`")
-def test_a_dask_cluster_that_loses_a_worker_gives_the_bytes_of_the_single_sweep(folder, single):
+def test_a_cluster_that_loses_a_worker_gives_equal_bytes(folder, single):
     scheduler_file = folder / "scheduler.json"
     quiet = ["--no-dashboard", "--scheduler-file", str(scheduler_file)]
     worker = ["distributed.cli.dask_worker", *quiet, "--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]

@@ -5,7 +5,7 @@ import pytest
 
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess, resident_megabytes
-from tests.testbed.sweep.places import room_cell, room_file
+from tests.testbed.sweep.room import room_cell, room_file
 
 FAKE = """
 import json, os, sys, time
@@ -25,12 +25,13 @@ for line in sys.stdin:
     answer = {"result": {"metrics": dict(os.environ), "curves": {}, "timing": {}}}
     print(json.dumps(answer if seed != 5 else {"failure": "ValueError: no"}), flush=True)
 """
-"""A worker that does to its cells what their seed says."""
+"""A worker whose behaviour is chosen by the seed of the cell."""
 
 
 @pytest.fixture
-def worker():
-    worker = WorkerProcess(Limits(seconds=1.5, megabytes=300.0), command=("-c", FAKE))
+def worker(request):
+    seconds = getattr(request, "param", 60.0)
+    worker = WorkerProcess(Limits(seconds=seconds, megabytes=300.0), command=("-c", FAKE))
     yield worker
     worker.stop()
 
@@ -42,16 +43,17 @@ def cell(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("seed", "reason"),
+    ("worker", "seed", "reason"),
     [
-        (1, "the worker ended by SIGABRT"),
-        (2, "time limit of 1.5 s"),
-        (3, "memory limit of 300 MB"),
-        (4, "the worker ended with exit status 1: no more licences"),
-        (5, "ValueError: no"),
+        (60.0, 1, "the worker ended by SIGABRT"),
+        (1.5, 2, "time limit of 1.5 s"),
+        (60.0, 3, "memory limit of 300 MB"),
+        (60.0, 4, "the worker ended with exit status 1: no more licences"),
+        (60.0, 5, "ValueError: no"),
     ],
+    indirect=["worker"],
 )
-def test_a_bad_cell_is_told_with_its_reason_and_the_next_one_is_computed(worker, cell, seed, reason):
+def test_a_bad_cell_has_a_reason_and_the_next_is_computed(worker, cell, seed, reason):
     with pytest.raises(CellFailedError) as failed:
         worker.compute(cell(seed))
     assert str(failed.value) == reason

@@ -12,7 +12,7 @@ from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.plan import Costs, Shard, by_work, input_digests, plan
 from testbed.sweep.spec.settings import RunSettings, checked, known
 from testbed.sweep.spec.spec import parse_spec, parsed_axes, presets, read_document, read_preset
-from tests.testbed.sweep.places import room_cell, room_file
+from tests.testbed.sweep.room import room_cell, room_file
 
 
 def spec_of(document: dict, folder: Path = Path()):
@@ -39,13 +39,28 @@ def test_lines_are_all_combinations_of_variants_and_axes():
     }
 
 
-def test_every_option_of_filter_robot_lidar_and_noise_can_be_an_axis():
+def test_every_option_of_filter_and_simulator_can_be_an_axis():
     names = set(known())
     assert {"robot", "lidar", "duration", "odometry.grade", "layers.dropout", "filter.match.hit_sigma"} <= names
     settings = RunSettings.of({"lidar": "lds01", "odometry.slip_rate": 0.5, "filter.resample.scheme": "residual"})
     assert settings.simulator.lidar == "lds01"
     assert settings.simulator.odometry == replace(RunSettings().simulator.odometry, slip_rate=0.5)
     assert settings.filter.resample.scheme == "residual"
+
+
+def test_worlds_and_seeds_are_lists_texts_or_numbers():
+    spec = spec_of({"worlds": ["office", "generated:rooms*2"], "seeds": "2:4", "particles": [1]})
+    assert [(cell.place, cell.source["world"], cell.seed) for cell in plan(spec, "code", {})] == [
+        (place, world, seed)
+        for place, world in (
+            ("office", "office"),
+            ("rooms-0", "generated:rooms:0"),
+            ("rooms-1", "generated:rooms:1"),
+        )
+        for seed in (2, 3)
+    ]
+    assert spec_of(spec.document()) == spec
+    assert spec_of({"worlds": "office, loop"}).worlds == ("office", "loop")
 
 
 def test_values_take_the_type_of_their_setting():
@@ -63,8 +78,8 @@ def test_values_take_the_type_of_their_setting():
         ({"worlds": ["office"], "particles": []}, "particles: is empty"),
         ({"worlds": ["office"], "seeds": []}, "seeds: is empty"),
         ({"worlds": ["office"], "seeds": 0}, "seeds: is empty"),
-        ({"worlds": ["office"], "seeds": [3, 3]}, "seeds: names one thing twice"),
-        ({"worlds": ["office", "office"]}, "worlds: names one thing twice"),
+        ({"worlds": ["office"], "seeds": [3, 3]}, "seeds: names the same thing twice"),
+        ({"worlds": ["office", "office"]}, "worlds: names the same thing twice"),
         (
             {"worlds": ["office"], "axes": {"odometry.grad": ["good"]}},
             "odometry.grad: unknown setting, expected such as",
@@ -72,14 +87,21 @@ def test_values_take_the_type_of_their_setting():
         ({"worlds": ["office"], "axes": {"odometry.grade": []}}, "axis odometry.grade: is empty"),
         ({"worlds": ["office"], "axes": {"odometry.grade": ["fair"]}}, "expected 'good', 'typical' or 'poor'"),
         ({"worlds": ["office"], "axes": {"odometry.grade": "good"}}, "axes.odometry.grade: expected"),
-        ({"worlds": ["office"], "axes": {"refine": [True, True]}}, "line 'refine true': is there twice"),
+        ({"worlds": ["office"], "axes": {"refine": [True, True]}}, "line 'refine true': occurs twice"),
         ({"worlds": ["office"], "settings": {"filter.particles": 3}}, "is given as 'particles'"),
         ({"worlds": ["office"], "settings": {"filter.match.hit_sigma": -1}}, "hit_sigma must be positive"),
         ({"worlds": ["office"], "settings": {"refine": 1}}, "refine = 1: expected a valid boolean"),
         ({"worlds": ["office"], "settings": {"refine": True}, "axes": {"refine": [False]}}, "refine: is set twice"),
         ({"worlds": ["office"], "baseline": "best"}, "baseline 'best': no such line, expected one of default"),
-        ({"logs": [{"log": "a.log"}], "axes": {"lidar": ["lds01"]}}, "nothing is simulated for recorded logs"),
-        ({"worlds": ["office"], "seeds": 200_000}, "1400000 cells, expected at most 1000000"),
+        ({"logs": [{"log": "a.log"}], "axes": {"lidar": ["lds01"]}}, "recorded logs are not simulated"),
+        ({"worlds": ["office"], "seeds": 100_000_000}, "seeds: 100000000 seeds, expected 1 to 10000"),
+        ({"worlds": ["office"], "seeds": "0:100000000"}, "seeds: 0:100000000: more than 10000 seeds"),
+        ({"worlds": ["office"], "seeds": list(range(20_000))}, "seeds: "),
+        ({"worlds": ["generated:rooms*3", "office"], "seeds": 10_000}, "280000 jobs, expected at most 100000"),
+        ({"worlds": ["generated:rooms*1000000000"]}, "expected a number of worlds from 1 to 1000"),
+        ({"worlds": ["generated:castle*3"]}, "unknown kind of world 'castle'"),
+        ({"worlds": ["office"], "settings": {"route": "round"}}, "expected 'fixed' or 'random'"),
+        ({"logs": [{"log": "a.log"}], "settings": {"route": "random"}}, "recorded logs are not simulated"),
     ],
 )
 def test_a_wrong_specification_is_named_by_key_and_expectation(document, complaint):
@@ -89,7 +111,7 @@ def test_a_wrong_specification_is_named_by_key_and_expectation(document, complai
     assert "\n" not in str(refused.value)
 
 
-def test_axes_of_the_command_line_are_read_as_toml_values_or_words():
+def test_axes_on_the_command_line_are_toml_values_or_words():
     axes = parsed_axes(["odometry.grade=good, poor", "filter.match.hit_sigma=0.02,0.05", "refine=true,false"])
     assert axes == {
         "odometry.grade": ["good", "poor"],
@@ -100,7 +122,7 @@ def test_axes_of_the_command_line_are_read_as_toml_values_or_words():
         parsed_axes(["odometry.grade"])
 
 
-def test_shipped_presets_are_valid_and_the_study_is_the_one_promised():
+def test_shipped_presets_are_valid():
     assert {"gate", "particles"} <= set(presets())
     specs = {name: parse_spec(read_preset(name), name, Path()) for name in presets()}
     study = specs["particles"]
@@ -128,7 +150,7 @@ def test_a_file_that_is_no_specification_is_named(tmp_path):
         read_document(tmp_path / "bad.toml")
 
 
-def test_files_are_found_beside_the_specification_and_become_part_of_the_key(tmp_path):
+def test_relative_files_are_found_and_enter_the_key(tmp_path):
     room_file(tmp_path)
     document = {"worlds": ["room.toml"], "seeds": 1, "particles": [1]}
     spec = spec_of(document, tmp_path)
@@ -144,7 +166,7 @@ def test_files_are_found_beside_the_specification_and_become_part_of_the_key(tmp
     assert after.key != before.key
 
 
-def test_keys_change_with_all_that_decides_a_result_and_with_nothing_else(tmp_path):
+def test_keys_change_with_what_decides_a_result_only(tmp_path):
     cell = room_cell(room_file(tmp_path))
     changes = {
         "particles": 3,

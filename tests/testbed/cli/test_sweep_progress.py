@@ -10,7 +10,7 @@ from testbed.cli.shared import sweep_progress
 from testbed.cli.shared.sweep_progress import SweepProgress
 from testbed.sweep.execution.local_pool import Finished, Started
 from testbed.sweep.spec.plan import Costs
-from tests.testbed.sweep.places import room_cell, room_file
+from tests.testbed.sweep.room import room_cell, room_file
 
 
 @pytest.fixture
@@ -32,6 +32,6 @@ def test_time_that_remains_follows_the_work_and_failures_are_told(tmp_path, cloc
     with console.capture() as capture:
         console.print(progress)
     line, _, running = capture.get().splitlines()[:3]
-    assert line == "1 of 3 cells, 1.0 a minute, 0:00:36 left, 1 failed"
+    assert line == "1 of 3 jobs, 1.0 a minute, 0:00:36 left, 1 failed"
     assert running.split("  ") == [str(cells[1]), "60 s"]
     assert f"failed: {cells[0]}: time limit of 60 s" in capsys.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where a result comes from: versions, machine, input files; the part of `config.toml` that nobody types."""
+"""Provenance of a result, as `config.toml` holds it: command, settings, inputs, versions, machine."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import tomli_w
+from testbed.toml import dump_toml
 
 PACKAGES = ("slam-testbed", "numpy", "numba", "scipy", "shapely", "pybullet", "rerun-sdk")
 
 
 def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) -> dict[str, Any]:
-    """Content of `config.toml`: `[settings]` to repeat the run with `--config`, and where it was made.
+    """Return the content of `config.toml`: `[settings]`, with which `--config` repeats the run, and the provenance.
 
-    inputs: files that were read; their SHA-256 tells whether they are still the same.
+    inputs: files that were read; their SHA-256 shows whether they have changed
     """
     read = {str(path): _sha256(path) for path in inputs}
     return {
@@ -34,25 +34,12 @@ def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) ->
 
 
 def settings_as_markdown(document: Mapping[str, Any]) -> str:
-    """The command and the settings of a `config_document`, as a viewer shows them."""
+    """Return the command and the settings of a `config_document` as Markdown for a viewer."""
     return f"`{document['command']}`\n\n```toml\n{dump_toml(document['settings'])}```\n"
 
 
-def dump_toml(document: Mapping[str, Any]) -> str:
-    """A document as TOML; values that are None are left out, TOML has no word for them."""
-    return tomli_w.dumps(_without_none(document))
-
-
-def _without_none(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _without_none(item) for key, item in value.items() if item is not None}
-    if isinstance(value, list | tuple):
-        return [_without_none(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
-
-
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that results depend on."""
+    """Return the versions of Python and of the packages that results depend on, by name."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
@@ -63,7 +50,7 @@ def versions() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """Name of the processor; `platform` knows only its architecture on Linux."""
+    """Return the name of the processor; `platform` knows only its architecture on Linux."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: MIT
+"""The input of a run: source of the frames, settings of the filter, references."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from eval.trajectory.relations import Relations
+from slam.config import FilterConfig
+from slam.gmapping import GMapping
+from slam.occupancy import OccupancyGrid
+from slam.step.step_report import StepReport
+from testbed.frame import Frame
+from testbed.run.known_map import KnownMap
+from testbed.seeds import RunSeeds
+
+
+class FrameSource(Protocol):
+    """The source of the frames: a recording, or a robot that drives during the run."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give the frames in the order in which they are to be processed."""
+        ...
+
+    @property
+    def share_done(self) -> float | None:
+        """Share of the frames that were given, in [0, 1]; None = unknown."""
+        ...
+
+    @property
+    def collided(self) -> bool:
+        """Whether the robot has touched something so far."""
+        ...
+
+    @property
+    def ended(self) -> str | None:
+        """Why the drive did not end as planned, known after the last frame: `collided`, `timeout`; None = it did."""
+        ...
+
+    def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
+        """Process the mapper's report on a scan before the next frame is given; it may steer a robot."""
+        ...
+
+
+@dataclass
+class RecordedFrames:
+    """The frames of a recording."""
+
+    frames: Sequence[Frame]
+    ended: str | None = None
+    """Why the recorded drive did not end as planned, if known; None = it did."""
+    collided = False
+    _taken: int = field(init=False, default=0)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give the frames in their order."""
+        for number, frame in enumerate(self.frames, start=1):
+            self._taken = number
+            yield frame
+
+    @property
+    def share_done(self) -> float:
+        """Share of the frames that were given, in [0, 1]."""
+        return self._taken / len(self.frames)
+
+    def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
+        """Do nothing, because a recording cannot be steered."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Job:
+    """Everything that a run needs, except the directory that it writes to."""
+
+    source: FrameSource
+    """Source of the frames."""
+    document: Mapping[str, Any]
+    """Content of `config.toml`."""
+    seeds: RunSeeds
+    """Seeds of the run."""
+    filter: FilterConfig
+    """Settings of the filter."""
+    threads: int | None = None
+    """Threads of the filter; None = all cores. Results do not depend on it."""
+    known_map: KnownMap | None = None
+    """The map to localise in; None = a map is made."""
+    refine: bool = True
+    """Whether the final pass over all frames is made."""
+    truth_map: OccupancyGrid | None = None
+    """The true map: 1 occupied, 0 free, NaN not visible to any lidar."""
+    relations: Relations | None = None
+    """Hand-checked relations between poses."""

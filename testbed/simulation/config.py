@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""Settings of a simulation: robot, lidars, driver, errors of the sensors, seeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
+from testbed.seeds import RunSeeds
+from testbed.simulation.drivers.driver import DriverConfig
+from testbed.simulation.physics.backend import STEP_RATE
+from testbed.simulation.robot.lidar import LidarLayers
+from testbed.simulation.robot.odometry import OdometryConfig
+
+CONTROL_STEPS = 12
+"""Steps of motion between two commands and two odometry readings (20 Hz)."""
+CONTROL_PERIOD = CONTROL_STEPS / STEP_RATE
+"""Time between two commands and two odometry readings [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationConfig:
+    """Everything that a simulation needs except the world."""
+
+    robot: RobotPreset = field(default_factory=lambda: load_robot("create3"))
+    """The robot."""
+    lidar: LidarPreset = field(default_factory=lambda: load_lidar("rplidar_a2"))
+    """The lidar."""
+    further_lidars: tuple[LidarPreset, ...] = ()
+    """Further lidars at the robot's `further_lidar_mounts`. Each scans on its own; their first beams are spread evenly
+    over the duration of a scan."""
+    driver: DriverConfig = field(default_factory=DriverConfig)
+    """The driver and its settings."""
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    """Errors of the wheel odometry."""
+    lidar_layers: LidarLayers = field(default_factory=LidarLayers)
+    """Imperfections of the lidar."""
+    backend: Literal["pybullet", "fast"] = "pybullet"
+    """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics."""
+    duration: float = 1800.0
+    """Longest simulated time [s]."""
+    seeds: RunSeeds = field(default_factory=lambda: RunSeeds.from_seed(0))
+    """Seeds of all random numbers."""
+
+    def __post_init__(self) -> None:
+        if not self.duration > 0.0:
+            raise ValueError(f"duration must be positive, got {self.duration} s")
+        if len(self.further_lidars) > len(self.robot.further_lidar_mounts):
+            raise ValueError(
+                f"robot {self.robot.name!r} has room for {len(self.robot.lidar_mounts)} lidars, not for "
+                f"{1 + len(self.further_lidars)}: expected further_lidar_mounts in its preset"
+            )

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: MIT
+"""Writing of TOML documents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+
+def dump_toml(document: Mapping[str, Any]) -> str:
+    """Return a document as TOML text; values that are None are left out, because TOML has no null."""
+    return tomli_w.dumps(_without_none(document))
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

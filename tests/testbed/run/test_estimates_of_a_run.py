@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: MIT
+"""A run tells its three estimates apart: in its files, and by the same measures in metrics.json."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eval.files.tum import read_tum
+from eval.scoring import Reference, score
+from slam.config import FilterConfig
+from testbed.cli.shared.console import progress_line
+from testbed.run.execute import execute_job
+from testbed.run.job import Job, RecordedFrames
+from testbed.run.run_directory import RunDirectory
+from testbed.seeds import RunSeeds
+from testbed.simulation import SimulationConfig, simulate
+from testbed.views import NullView
+from worlds import load
+
+
+class Reported(NullView):
+    """Keeps the pose that the filter reported at each scan."""
+
+    def __init__(self) -> None:
+        self.poses = []
+
+    def show(self, snapshot) -> None:
+        self.poses.append(snapshot.estimate)
+
+
+@pytest.fixture(scope="module")
+def frames():
+    config = SimulationConfig(backend="fast", duration=30.0)
+    with simulate(load("apartment"), config) as simulation:
+        return list(simulation)
+
+
+def carried_out(frames, folder, *, refine):
+    job = Job(
+        source=RecordedFrames(frames),
+        document={},
+        seeds=RunSeeds.from_seed(0),
+        filter=FilterConfig(particles=3),
+        refine=refine,
+    )
+    reported = Reported()
+    with progress_line() as watcher:
+        execute_job(job, RunDirectory.create(folder), watcher, reported)
+    return json.loads((folder / "metrics.json").read_text()), reported.poses
+
+
+def keys_of(metrics):
+    return {key: keys_of(value) if isinstance(value, dict) else None for key, value in metrics.items()}
+
+
+def test_the_three_estimates_are_written_and_scored_alike(frames, tmp_path):
+    metrics, reported = carried_out(frames, tmp_path / "run", refine=True)
+    assert metrics["refined"] is True
+    expected = keys_of(metrics["trajectory"])
+    del expected["odometry"]
+    assert keys_of(metrics["trajectory_online"]) == keys_of(metrics["trajectory_filter"]) == expected
+    assert keys_of(metrics["map_filter"]) == keys_of(metrics["map"])
+    np.testing.assert_allclose(read_tum(tmp_path / "run" / "online.tum").poses, reported, atol=1e-6)
+    truth = read_tum(tmp_path / "run" / "truth.tum")
+    for name, file in (("trajectory_online", "online"), ("trajectory_filter", "filter"), ("trajectory", "estimate")):
+        again = score(read_tum(tmp_path / "run" / f"{file}.tum"), reference=Reference(trajectory=truth))
+        assert metrics[name]["ate_rmse_m"] == pytest.approx(again["trajectory"]["ate_rmse_m"], rel=1e-3)
+    errors = [metrics[name]["ate_rmse_m"] for name in ("trajectory_online", "trajectory_filter", "trajectory")]
+    assert len(set(errors)) == 3
+
+
+def test_without_a_final_pass_the_estimate_is_the_filters(frames, tmp_path):
+    metrics, _ = carried_out(frames, tmp_path / "run", refine=False)
+    assert metrics["refined"] is False
+    assert metrics["map_filter"] == metrics["map"]
+    assert metrics["outcome_filter"] == metrics["outcome"]
+    assert metrics["trajectory_filter"]["ate_rmse_m"] == metrics["trajectory"]["ate_rmse_m"]
+    assert metrics["trajectory_online"]["ate_rmse_m"] != metrics["trajectory"]["ate_rmse_m"]
