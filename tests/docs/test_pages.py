@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from eval.estimates import SCORED
 from testbed.cli import app
 from testbed.cli.shared.help_texts import HELP
 
@@ -76,6 +77,12 @@ def sources() -> str:
 def words_of_the_code() -> set[str]:
     """Every identifier-like word in the code, string literals included: keys, columns and topics are strings."""
     return set(re.findall(r"\w+", sources()))
+
+
+@cache
+def names_of_estimates() -> set[str]:
+    """Keys of `metrics.json` that name a group and the estimate that it scores."""
+    return {f"{group}_{estimate}" for group in SCORED for estimate in ("online", "filter")}
 
 
 @cache
@@ -159,7 +166,7 @@ def is_importable(name: str) -> bool:
 @every_page
 def test_identifiers_are_those_of_the_code(page, finished_run):
     """Functions, classes, settings, columns and keys in code spans occur in the code or in a run's files."""
-    known = words_of_the_code() | FOREIGN_WORDS | finished_run.keys | set(finished_run.columns)
+    known = words_of_the_code() | FOREIGN_WORDS | names_of_estimates() | finished_run.keys | set(finished_run.columns)
     for span in spans_of(page):
         if re.fullmatch(r"\w+\.py", span):
             assert list(ROOT.glob(f"*/**/{span}")), f"`{span}`: no such file"
