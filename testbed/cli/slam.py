@@ -18,7 +18,7 @@ from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
-from testbed.datasets.truth import with_truth
+from testbed.datasets.truth import attach_truth
 from testbed.formats import open_log
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
@@ -99,7 +99,7 @@ def slam(
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
-    frames = recording.frames if truth is None else with_truth(recording.frames, read_tum(truth))
+    frames = recording.frames if truth is None else attach_truth(recording.frames, read_tum(truth))
     settings = {
         "log": log.resolve(),
         "relations": relations and relations.resolve(),

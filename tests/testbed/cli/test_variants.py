@@ -44,7 +44,7 @@ def test_variants_share_the_path_and_whatever_did_not_vary(made):
 def test_variants_that_are_there_are_kept(made, capsys):
     times = [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]
     assert simulate("office", "--out", str(made), "--duration", "2.5", *VARY) == 0
-    assert "0 datasets written, 4 were there already" in capsys.readouterr().out
+    assert "wrote 0 datasets; 4 existed already and were kept" in capsys.readouterr().out
     assert times == [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]
 
 
@@ -61,7 +61,8 @@ def test_config_and_commands_reproduce_a_variant(made, tmp_path):
     for file in dataset.iterdir():
         assert file.name == "config.toml" or file.read_bytes() == (same / file.name).read_bytes()
     drive = tomllib.loads((dataset / "config.toml").read_text())["drive"]
-    assert drive == {"finished": False, "stuck": False, "collided": False, "recoveries": 0, "seconds": 2.5}
+    expected = {"finished": False, "stuck": False, "collided": False, "recoveries": 0, "seconds": 2.5}
+    assert drive.items() >= expected.items()
 
 
 def test_settings_are_taken_over_with_their_types():
