@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, ndtri, stdtrit
+from scipy.special import ndtr, stdtrit
+from scipy.stats import binomtest
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -19,10 +20,16 @@ POWER = 0.8
 """Probability with which the minimum detectable effect is found."""
 RESAMPLES = 4000
 """Bootstrap resamples."""
-MIN_SEEDS = 6
-"""Fewer values support no claim: their whole range holds the median in 1 - 2^(1 - n) of cases, below 95 %."""
 Statistic = Callable[..., Any]
 """`np.median` or `np.mean`: takes an array and an axis."""
+
+
+def min_values(level: float = LEVEL) -> int:
+    """The fewest values that support a claim: even their whole range holds the median in 1 - 2^(1 - n) of cases only.
+
+    6 for 95 %, 8 for 99 %.
+    """
+    return math.ceil(1.0 - math.log2(1.0 - level))
 
 
 @dataclass(frozen=True)
@@ -101,51 +108,5 @@ def wilson_interval(failures: int, runs: int, *, level: float = LEVEL) -> tuple[
     """
     if runs == 0:
         return math.nan, math.nan
-    z = float(ndtri(0.5 + 0.5 * level))
-    rate = failures / runs
-    centre = (rate + z * z / (2 * runs)) / (1 + z * z / runs)
-    half = z / (1 + z * z / runs) * math.sqrt(rate * (1 - rate) / runs + z * z / (4 * runs * runs))
-    # without rounding errors the ends are exactly 0 and 1 for no and for all failures
-    return (0.0 if failures == 0 else centre - half), (1.0 if failures == runs else centre + half)
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """The difference between two particle counts below which it does not matter."""
-
-    share: float = 0.1
-    """Relative to the median error of the largest count."""
-    floor: float = 0.005
-    """Smallest tolerance [m]: a tenth of a map cell."""
-
-    def of(self, error: float) -> float:
-        """Tolerance for an error of this size [m]."""
-        return max(self.share * error, self.floor)
-
-
-TOLERANCE = Tolerance()
-
-
-def enough_particles(
-    counts: ArrayLike, errors: ArrayLike, failures: ArrayLike, *, tolerance: Tolerance = TOLERANCE
-) -> int | None:
-    """The particle count beyond which more particles do not help; None if the tested counts do not show one.
-
-    counts (c,) ascending; errors (c, seeds) [m], smaller is better; failures (c,) numbers of failed runs.
-    A count is enough if it, and every tested count above it, is worse than the largest tested count by less than the
-    tolerance with 95 % confidence (median paired difference), and fails no more often. This is a test of
-    non-inferiority: few seeds give wide intervals and no answer, fewer than `MIN_SEEDS` none at all. The largest
-    count itself is no answer, since no larger one was tested.
-    """
-    n, e, failed = np.asarray(counts), np.asarray(errors, dtype=np.float64), np.asarray(failures)
-    finite = e[-1][np.isfinite(e[-1])]
-    if len(finite) < MIN_SEEDS:
-        return None
-    limit = tolerance.of(float(np.median(finite)))
-    found = None
-    for k in range(len(n) - 2, -1, -1):
-        difference = paired_difference(e[k], e[-1])
-        if difference.count < MIN_SEEDS or not difference.high < limit or failed[k] > failed[-1]:
-            break
-        found = int(n[k])
-    return found
+    interval = binomtest(failures, runs).proportion_ci(level, "wilson")
+    return float(interval.low), float(interval.high)
