@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where it went wrong: the first scan at which a run left the truth, or lost touch with its own map."""
+"""Find where a run went wrong: the first scan at which the estimate left the truth, or the scan left the map."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BAD_FAILURE_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
+class Failure:
     """The first bad scan, or the worst one where none is bad."""
 
     scan: int
@@ -37,21 +37,21 @@ class Finding:
     bad: bool
     reason: str
     """A sentence with the numbers."""
-    believed: Pose
+    estimated: Pose
     """Where the estimate puts the robot, (3,): in the truth's frame where there is one, laid upon it at `since`; else
     in the map's."""
-    expected: Pose | None
+    true_pose: Pose | None
     """Where it truly was, in that frame, (3,); None where that is unknown."""
 
 
-def find(
+def find_failure(
     estimate: Trajectory,
     *,
     truth: Trajectory | None = None,
     relations: Relations | None = None,
     dense: Trajectory | None = None,
     steps: Columns | None = None,
-) -> Finding | None:
+) -> Failure | None:
     """By the best that is known: the truth, else relations (scored on `dense`), else how the scans fitted the map.
 
     estimate: a pose per scan. Relations are used only where they show that something is wrong: the worst of good ones
@@ -65,7 +65,7 @@ def find(
     return found
 
 
-def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Finding | None:
+def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None:
     """The scan at the end of the first metre of path whose motion is wrong by more than `BAD_M` or `BAD_DEG`.
 
     Where there is none, the worst metre. None for paths shorter than a metre, or without a common time.
@@ -77,15 +77,15 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Finding | None
     first, last = stretches(matched, 1.0)
     if len(first) == 0:
         return None
-    believed, true = matched.estimate.poses, matched.reference.poses
-    translation, rotation = pair_errors(believed, true, (first, last))
+    estimated, true = matched.estimate.poses, matched.reference.poses
+    translation, rotation = pair_errors(estimated, true, (first, last))
     severity = np.maximum(translation / BAD_M, rotation / BAD_DEG)
     order = np.argsort(last, kind="stable")
     bad = order[severity[order] > 1.0]
     piece = int(bad[0]) if len(bad) else int(np.argmax(severity))
     start, end = int(first[piece]), int(last[piece])
     wrong = _amount(translation[piece], rotation[piece])
-    return Finding(
+    return Failure(
         scan=int(matched.rows[end]),
         since=int(matched.rows[start]),
         stamp=float(matched.estimate.stamps[end]),
@@ -96,12 +96,12 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Finding | None
             else f"no metre of the path is wrong by more than {100.0 * BAD_M:.0f} cm or {BAD_DEG:g} degrees; "
             f"this one is the worst, with {wrong}"
         ),
-        believed=compose(true[start], between(believed[start], believed[end])),
-        expected=true[end],
+        estimated=compose(true[start], between(estimated[start], estimated[end])),
+        true_pose=true[end],
     )
 
 
-def first_bad_relation(estimate: Trajectory, dense: Trajectory, relations: Relations) -> Finding | None:
+def first_bad_relation(estimate: Trajectory, dense: Trajectory, relations: Relations) -> Failure | None:
     """The scan at which a relation to an earlier one is first wrong by more than `LOOP_M` or `LOOP_DEG`; or None."""
     error = relation_error(dense, relations)
     wrong = (error.translation_errors > LOOP_M) | (error.rotation_errors > LOOP_DEG)
@@ -116,18 +116,18 @@ def first_bad_relation(estimate: Trajectory, dense: Trajectory, relations: Relat
         one, two, motion = two, one, between(motion, np.zeros(3))
     before, now = _nearest(dense, one), _nearest(dense, two)
     amount = _amount(error.translation_errors[wrong][at], error.rotation_errors[wrong][at])
-    return Finding(
+    return Failure(
         scan=_nearest(estimate, two),
         since=_nearest(estimate, one),
         stamp=two,
         bad=True,
         reason=f"a hand-checked relation to where it was {two - one:.0f} s before shows that it is off by {amount}",
-        believed=dense.poses[now],
-        expected=compose(dense.poses[before], motion),
+        estimated=dense.poses[now],
+        true_pose=compose(dense.poses[before], motion),
     )
 
 
-def first_bad_match(estimate: Trajectory, steps: Columns) -> Finding | None:
+def first_bad_match(estimate: Trajectory, steps: Columns) -> Failure | None:
     """Without truth: the first scan that did not fit the map; where there is none, the one that fitted worst."""
     rows = np.flatnonzero(updates(steps))[1:]  # the first scan meets an empty map
     rows = rows[rows < len(estimate)]
@@ -143,14 +143,14 @@ def first_bad_match(estimate: Trajectory, steps: Columns) -> Finding | None:
     numbers = f"{share[at]:.0%} of its beams met walls of the map (usual: {usual:.0%})"
     if failed[at] > 0.0:
         numbers += f", and scan matching failed for {failed[at]:.0%} of the particles"
-    return Finding(
+    return Failure(
         scan=int(rows[at]),
         since=int(rows[at]),
         stamp=float(column(steps, "stamp")[rows[at]]),
         bad=bool(len(bad)),
         reason=numbers if len(bad) else f"every scan fitted the map; this one fitted worst: {numbers}",
-        believed=estimate.poses[rows[at]],
-        expected=None,
+        estimated=estimate.poses[rows[at]],
+        true_pose=None,
     )
 
 

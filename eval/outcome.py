@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""One word for how a run went, by stated rules: means over runs hide failures, so a rate of them goes beside.
+"""Assign one outcome label per run, by stated rules. Report the failure rate with every mean: means hide failures.
 
-The rules look at errors of motions, not at absolute errors, so they need no alignment and are the same for simulated
-runs (motions of the truth) and recorded ones (hand-checked relations): first over short stretches, then between
-visits of one place, then of the whole.
+The rules judge errors of motions, not absolute errors. They therefore need no alignment, and are the same for simulated
+runs (motions of the truth) and recorded ones (hand-checked relations). They look at short stretches first, then at
+pairs of visits to one place, then at the whole path.
 """
 
 from __future__ import annotations
@@ -17,35 +17,39 @@ from scipy.spatial import cKDTree
 
 from eval.trajectory.association import Association
 from eval.trajectory.errors import Pairs, absolute_error, pair_errors, stretches
-from eval.trajectory.relations import SHORT, RelationError, Relations
+from eval.trajectory.relations import MAX_SHORT, RelationError, Relations
 
 Label = Literal["ok", "drift", "broken loop", "lost", "collided", "timeout", "interrupted", "failed", "unjudged"]
 Ended = Literal["collided", "timeout", "interrupted", "failed"]
 
 LOCAL_M, LOCAL_DEG = 0.5, 20.0
-"""`lost`: the motion over a metre of path is wrong by more than either …"""
+"""The motion over one metre of path is bad if it is wrong by more than either."""
 LOCAL_PATH = 0.5
-"""… from this much of the path on [m] (a jump spoils every metre that straddles it, noise of one pose does not) …"""
+"""A run is `lost` if bad metres begin on more than this length of path [m]. A jump spoils every metre that contains it,
+noise of a single pose does not."""
 LOCAL_SHARE = 0.005
-"""… or, with relations, in over 0.5 % of the short pairs: a few of them may be wrong themselves."""
+"""A run with relations is `lost` if more than this share of its short pairs is bad: a few relations may be wrong."""
 LOOP_M, LOOP_DEG = 0.3, 10.0
-"""`broken loop`: an error above either in over 5 % of the pairs of visits to one place."""
+"""A pair of visits to one place is bad if its relative motion is wrong by more than either."""
 LOOP_SHARE = 0.05
+"""A run is a `broken loop` if more than this share of the pairs of visits is bad."""
 COVERED_SHARE = 0.9
-"""`lost`, too: the estimate spans less than this of the true path, or of the relations."""
+"""A run is `lost` if the estimate spans less than this share of the true path, or of the relations."""
 DRIFT_M = 0.15
-"""`drift`: neither, but an ATE rmse (relations: a median error) above this."""
+"""A run that is neither is `drift` if its ATE rmse (with relations: median error) is above this [m]."""
+MIN_LOOP_POSES = 200
+"""Fewer candidate poses are not thinned out further when pairs of visits are looked for."""
 _ENDS: dict[str, str] = {
     "collided": "the robot ran into something and could not go on",
-    "timeout": "the time allowed was over before the robot had reached its goal",
+    "timeout": "the time limit was reached before the robot had reached its goal",
     "interrupted": "the run was stopped by hand",
-    "failed": "the run broke off with an error",
+    "failed": "the run ended with an error",
 }
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A label and the sentence that gives the reason, with its numbers."""
+    """A label and a sentence with the reason and its numbers."""
 
     label: Label
     reason: str
@@ -53,25 +57,26 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Errors that an outcome is judged by."""
+    """The errors by which an outcome is judged."""
 
     local: tuple[NDArray[np.float64], NDArray[np.float64]]
-    """Of motions over short stretches [m] and [deg], two arrays (n,)."""
+    """Errors of motions over short stretches [m] and [deg], two arrays (n,)."""
     local_weights: NDArray[np.float64]
-    """What each of them counts, (n,): metres of path that it begins on, or its share of the relations."""
+    """Weight of each stretch, (n,): metres of path on which it begins, or its share of the relations."""
     local_limit: float
-    """Sum of the weights that may be bad."""
+    """Largest sum of weights of bad stretches that is accepted, in the unit of the weights."""
     loops: tuple[NDArray[np.float64], NDArray[np.float64]]
-    """Of motions between visits of one place, likewise."""
+    """Errors of motions between visits to one place [m] and [deg], two arrays (k,)."""
     whole_m: float
+    """Error of the whole path [m]."""
     whole_name: str
-    """What `whole_m` is, in words."""
+    """Name of the measure in `whole_m`."""
     covered: float = 1.0
     """Share of the true path, or of the relations, that the estimate spans, 0 to 1."""
 
 
 def evidence_from_truth(matched: Association, covered: float = 1.0) -> Evidence:
-    """Evidence of a run with known truth: path pieces of one metre, and `loop_pairs` for the visits.
+    """Collect the evidence of a run with known truth: stretches of one metre, and `loop_pairs` for the visits.
 
     covered: see `eval.trajectory.association.covered_share`.
     """
@@ -90,12 +95,12 @@ def evidence_from_truth(matched: Association, covered: float = 1.0) -> Evidence:
 
 
 def evidence_from_relations(error: RelationError, relations: Relations) -> Evidence:
-    """Evidence of a recorded run.
+    """Collect the evidence of a recorded run from hand-checked relations.
 
-    Trap: short relations often do not overlap, so one jump spoils one of them at most and shows as a broken loop.
+    Trap: short relations often do not overlap. One jump then spoils at most one of them, and shows as a broken loop.
     """
     apart = np.abs(relations.second - relations.first)[error.matched]
-    short = apart <= SHORT
+    short = apart <= MAX_SHORT
     return Evidence(
         local=(error.translation_errors[short], error.rotation_errors[short]),
         local_weights=np.full(int(short.sum()), 1.0 / max(int(short.sum()), 1)),
@@ -108,7 +113,7 @@ def evidence_from_relations(error: RelationError, relations: Relations) -> Evide
 
 
 def judge(evidence: Evidence | None, ended: str | None = None) -> Outcome:
-    """The outcome of a run: why it ended if not by itself, else the first rule of the module that it breaks.
+    """Return the outcome of a run: the reason why it ended early, else the first rule of this module that it breaks.
 
     ended: one of `collided`, `timeout`, `interrupted`, `failed`; None = it ran to its end.
     """
@@ -122,7 +127,7 @@ def judge(evidence: Evidence | None, ended: str | None = None) -> Outcome:
 
 
 def _first_rule(evidence: Evidence) -> Outcome:
-    """The first rule of the module that a run breaks which came to its end."""
+    """Return the label of the first rule that a complete run breaks."""
     if evidence.covered < COVERED_SHARE:
         return Outcome("lost", f"the estimate spans only {evidence.covered:.0%} of what is known of the path")
     bad = _bad(evidence.local, LOCAL_M, LOCAL_DEG)
@@ -143,18 +148,19 @@ def _first_rule(evidence: Evidence) -> Outcome:
 
 
 def loop_pairs(
-    matched: Association, *, radius: float = 1.0, min_path: float = 10.0, spacing: float = 0.25, limit: int = 20_000
+    matched: Association, *, radius: float = 1.0, min_path: float = 10.0, spacing: float = 0.25, max_pairs: int = 20_000
 ) -> Pairs:
-    """Pairs of rows where the reference comes back to a place, two arrays (k,): the relations of a simulated run.
+    """Return pairs of rows at which the reference visits one place twice, two arrays (k,).
 
-    Poses `spacing` [m] of path apart whose positions lie within `radius` [m], with at least `min_path` [m] travelled
-    in between. Where that would be more than about `limit` pairs, the poses are thinned out.
+    Candidates are poses `spacing` [m] of path apart. Two of them are a pair if their positions lie within `radius` [m]
+    and at least `min_path` [m] of path lie between. The spacing is doubled until at most `max_pairs` pairs, or fewer
+    than `MIN_LOOP_POSES` candidates, are left.
     """
     poses, path = matched.reference.poses, matched.reference.distance
     while True:
         rows = np.flatnonzero(np.diff(np.floor(path / spacing), prepend=-1.0) > 0)
         tree = cKDTree(poses[rows, :2])
-        if tree.count_neighbors(tree, radius) <= 2 * limit or len(rows) < 200:
+        if tree.count_neighbors(tree, radius) <= 2 * max_pairs or len(rows) < MIN_LOOP_POSES:
             break
         spacing *= 2.0
     pairs = tree.query_pairs(radius, output_type="ndarray").reshape(-1, 2)
@@ -164,7 +170,7 @@ def loop_pairs(
 
 
 def _bad(errors: tuple[NDArray[np.float64], NDArray[np.float64]], metres: float, degrees: float) -> NDArray[np.bool_]:
-    """Which of the errors are above either limit, (n,)."""
+    """Return which errors are above either limit, (n,)."""
     return (errors[0] > metres) | (errors[1] > degrees)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Simulator, recorded logs, views and the command line: what wires the estimator (`slam`) to data and measures.
+"""Simulator, recorded logs, views and the command line, which connect the estimator (`slam`) to data and measures.
 
 Importing it registers the environments `testbed/Drive-v0` and `testbed/Explore-v0` with gymnasium.
 """

@@ -124,9 +124,9 @@ def _drive_through_a_room() -> None:
 
 def _drive_a_fleet() -> None:
     """Take one step with two robots of the vectorised environment."""
-    import gymnasium
+    from testbed.envs.drive_vector import DriveVectorEnv
 
-    envs = gymnasium.make_vec("testbed/Drive-v0", num_envs=2)
+    envs = DriveVectorEnv(num_envs=2)
     envs.reset(seed=0)
     envs.step(envs.action_space.sample())
     envs.close()
@@ -134,9 +134,9 @@ def _drive_a_fleet() -> None:
 
 def _step_the_exploration() -> None:
     """Take one step of the exploration environment."""
-    import gymnasium
+    from testbed.envs.explore import ExploreEnv
 
-    env = gymnasium.make("testbed/Explore-v0")
+    env = ExploreEnv()
     env.reset(seed=0)
     env.step(env.action_space.sample())
     env.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Record of where a result comes from, as `config.toml` holds it: command, settings, inputs, versions, machine."""
+"""Provenance of a result, as `config.toml` holds it: command, settings, inputs, versions, machine."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ PACKAGES = ("slam-testbed", "numpy", "numba", "scipy", "shapely", "pybullet", "r
 
 
 def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) -> dict[str, Any]:
-    """Content of `config.toml`: `[settings]` to repeat the run with `--config`, and where it was made.
+    """Return the content of `config.toml`: `[settings]`, with which `--config` repeats the run, and the provenance.
 
-    inputs: files that were read; their SHA-256 tells whether they are still the same.
+    inputs: files that were read; their SHA-256 shows whether they have changed
     """
     read = {str(path): _sha256(path) for path in inputs}
     return {
@@ -34,7 +34,7 @@ def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) ->
 
 
 def settings_as_markdown(document: Mapping[str, Any]) -> str:
-    """The command and the settings of a `config_document`, as a viewer shows them."""
+    """Return the command and the settings of a `config_document` as Markdown for a viewer."""
     return f"`{document['command']}`\n\n```toml\n{dump_toml(document['settings'])}```\n"
 
 
@@ -50,7 +50,7 @@ def versions() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """Name of the processor; `platform` knows only its architecture on Linux."""
+    """Return the name of the processor; `platform` knows only its architecture on Linux."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The names under which `gymnasium.make` finds the environments; what they are made of is imported by `make`.
+"""Registration of the environments with gymnasium, which imports their modules in `gymnasium.make`.
 
-Gymnasium itself is not imported here: `testbed --help` must answer at once.
+Gymnasium itself is not imported here, so that `testbed --help` is fast.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from types import ModuleType
 
 
 def register_environments() -> None:
-    """Tell gymnasium of all environments; may be called twice."""
+    """Register all environments with gymnasium; may be called twice."""
     import gymnasium
 
     if "testbed/Drive-v0" in gymnasium.registry:
@@ -30,7 +30,7 @@ def register_environments() -> None:
 
 
 def when_imported(name: str, action: Callable[[], None]) -> None:
-    """Call `action` now if the module of that name is loaded, else as soon as it is."""
+    """Call `action` now if the module of that name is loaded, otherwise right after its import."""
     if name in sys.modules:
         action()
     else:
@@ -38,7 +38,7 @@ def when_imported(name: str, action: Callable[[], None]) -> None:
 
 
 class _Watch(MetaPathFinder):
-    """Finds one module once, as the other finders do, and acts after it was executed."""
+    """Finds one module once, by the other finders, and calls an action after its execution."""
 
     def __init__(self, name: str, action: Callable[[], None]) -> None:
         self._name, self._action = name, action
@@ -46,7 +46,7 @@ class _Watch(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """The module's own spec, whose loader acts at the end; None for all other modules."""
+        """Return the spec of the module, whose loader calls the action at the end; None for other modules."""
         if fullname != self._name:
             return None
         sys.meta_path.remove(self)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The seed of a run, split once into independent streams of random numbers, one for each part that draws any.
+"""The seed of a run, split once into independent streams of random numbers, one for each part of the run.
 
-Changing one part leaves the noise of all others as it was. Seeds are split nowhere else.
+A change of one part does not change the random numbers of the others. Seeds are split in this module only.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from dataclasses import dataclass, field
 from numpy.random import SeedSequence
 
 Stream = SeedSequence
-"""The seed of one part of a run: `numpy.random.default_rng` makes its generator."""
+"""Seed of one part of a run; `numpy.random.default_rng` makes its generator."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunSeeds:
-    """The streams of one run, made by `from_seed`. Each part gets its own stream, or all of them where it has parts."""
+    """The streams of one run, made by `from_seed`."""
 
     seed: int
-    """The number that all streams follow from, not negative."""
+    """The number that the user gave, not negative."""
     world: Stream = field(compare=False, repr=False)
     """Reserved for generated worlds; nothing reads it yet."""
     start: Stream = field(compare=False, repr=False)
@@ -27,7 +27,7 @@ class RunSeeds:
     odometry: Stream = field(compare=False, repr=False)
     """Wheel encoders and odometry errors."""
     lidar: Stream = field(compare=False, repr=False)
-    """Lidar noise; each further lidar gets a child of it."""
+    """Lidar noise; further lidars use children of it."""
     movers: Stream = field(compare=False, repr=False)
     """People and doors."""
     filter: Stream = field(compare=False, repr=False)
@@ -62,8 +62,7 @@ class RunSeeds:
 def children(stream: Stream, count: int) -> list[Stream]:
     """Return the first `count` children of a stream, the same ones at every call.
 
-    They are those that `SeedSequence.spawn` gives at first; unlike that, this leaves the stream as it is, so that a
-    stream can be used twice.
+    They equal those of the first call of `SeedSequence.spawn`, but the stream is not changed and can be used again.
     """
     return [SeedSequence(stream.entropy, spawn_key=(*stream.spawn_key, number)) for number in range(count)]
 

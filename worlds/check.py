@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Can a robot live in this world? Start free, outline closed, tour drivable."""
+"""Check that a robot can drive in a world: the start is free, the outline closed, the tour drivable."""
 
 from __future__ import annotations
 
@@ -16,41 +16,41 @@ from worlds.movers import PERSON_CLEARANCE, PERSON_RADIUS
 from worlds.world import World, surface_of
 
 
-def check_world(world: World, *, footprint_radius: float = 0.0, place: str = "") -> None:
+def check_world(world: World, *, footprint_radius: float = 0.0, source: str = "") -> None:
     """Raise `WorldError` unless every element is valid, the start is free, the outline closed and the tour drivable.
 
     footprint_radius: the robot's outer radius [m]; every point of the path keeps at least this distance from all
-    surfaces. place: prefix of messages, such as the file's name; the world's name if empty.
+    surfaces. source: prefix of messages, such as the file's name; the world's name if empty.
     """
-    place = place or f"world {world.name!r}"
+    source = source or f"world {world.name!r}"
     for group in ("walls", "boxes", "discs", "polygons"):
         for index, element in enumerate(getattr(world, group)):
-            _check_shape(element, f"{place}: {group}[{index}] {element.name!r}")
+            _check_shape(element, f"{source}: {group}[{index}] {element.name!r}")
     start = Point(world.start.x, world.start.y)
     for element in world.elements:
         if element.shape().distance(start) <= footprint_radius:
             raise WorldError(
-                f"{place}: start ({world.start.x:g}, {world.start.y:g}) m lies in or within {footprint_radius:g} m "
+                f"{source}: start ({world.start.x:g}, {world.start.y:g}) m lies in or within {footprint_radius:g} m "
                 f"of {_described(element)}, expected a free place"
             )
     if world.free_space() is None:
         raise WorldError(
-            f"{place}: the outline about start ({world.start.x:g}, {world.start.y:g}) m is not closed, "
+            f"{source}: the outline about start ({world.start.x:g}, {world.start.y:g}) m is not closed, "
             "expected walls that leave no way out"
         )
-    _check_tour(world, footprint_radius, place)
-    _check_movers(world, footprint_radius, place)
+    _check_tour(world, footprint_radius, source)
+    _check_movers(world, footprint_radius, source)
 
 
-def _check_shape(element: Element, place: str) -> None:
+def _check_shape(element: Element, source: str) -> None:
     shape = element.shape()
     if not shape.is_valid:
-        raise WorldError(f"{place}: {shapely.is_valid_reason(shape)}, expected an outline that does not cross itself")
+        raise WorldError(f"{source}: {shapely.is_valid_reason(shape)}, expected an outline that does not cross itself")
     if shape.is_empty or (shape.length == 0.0):
-        raise WorldError(f"{place}: has no extent, expected a length above 0 m")
+        raise WorldError(f"{source}: has no extent, expected a length above 0 m")
 
 
-def _check_tour(world: World, footprint_radius: float, place: str) -> None:
+def _check_tour(world: World, footprint_radius: float, source: str) -> None:
     path = world.path()
     if len(path) == 1:
         return
@@ -61,36 +61,37 @@ def _check_tour(world: World, footprint_radius: float, place: str) -> None:
     if clearance[worst] <= footprint_radius:
         (x0, y0), (x1, y1) = path[worst], path[worst + 1]
         raise WorldError(
-            f"{place}: tour from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m passes {clearance[worst]:.2f} m from "
+            f"{source}: tour from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m passes {clearance[worst]:.2f} m from "
             f"{_described(_nearest(world, legs[worst]))}, expected more than {footprint_radius:.2f} m (the footprint)"
         )
 
 
-def _check_movers(world: World, footprint_radius: float, place: str) -> None:
-    """People need room on their ways and must be able to step aside; open doors must not stand in the way."""
+def _check_movers(world: World, footprint_radius: float, source: str) -> None:
+    """Check that people have room to walk and to make way, and that open doors do not block the tour."""
     surface = surface_of(world.cross_section())
     drive = LineString(world.path()) if world.tour is not None else Point(world.start.x, world.start.y)
     for index, person in enumerate(world.people):
-        room = float(person.way().distance(surface))
+        room = float(person.path().distance(surface))
         if room < PERSON_RADIUS:
             raise WorldError(
-                f"{place}: people[{index}] {person.name!r} passes {room:.2f} m from a wall, "
+                f"{source}: people[{index}] {person.name!r} passes {room:.2f} m from a wall, "
                 f"expected at least {PERSON_RADIUS} m"
             )
         for x, y in (person.points[0], person.points[-1]):
-            aside = Point(x, y).distance(drive)
-            if aside < footprint_radius + PERSON_CLEARANCE:
+            distance = Point(x, y).distance(drive)
+            if distance < footprint_radius + PERSON_CLEARANCE:
                 raise WorldError(
-                    f"{place}: people[{index}] {person.name!r} stops at ({x:g}, {y:g}) m, {aside:.2f} m from the tour, "
+                    f"{source}: people[{index}] {person.name!r} stops at ({x:g}, {y:g}) m, "
+                    f"{distance:.2f} m from the tour, "
                     f"expected at least {footprint_radius + PERSON_CLEARANCE:.2f} m"
                 )
     for index, door in enumerate(world.doors):
         angle = door.closed + door.swing
         tip = (door.x + door.width * math.cos(angle), door.y + door.width * math.sin(angle))
-        aside = LineString([(door.x, door.y), tip]).distance(drive)
-        if aside <= footprint_radius:
+        distance = LineString([(door.x, door.y), tip]).distance(drive)
+        if distance <= footprint_radius:
             raise WorldError(
-                f"{place}: doors[{index}] {door.name!r} stands {aside:.2f} m from the tour when open, "
+                f"{source}: doors[{index}] {door.name!r} stands {distance:.2f} m from the tour when open, "
                 f"expected more than {footprint_radius:.2f} m (the footprint)"
             )
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How hard a world is to map, in numbers that can be measured on its geometry."""
+"""Measure on a world's geometry how hard it is to map."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from worlds.raster import TrueMap, true_map
 from worlds.world import Difficulty, World
 
 _BEAMS, _REACH, _LIDAR_HEIGHT = 180, 12.0, 0.2
-"""Of the lidar that measures: a small one, 12 m."""
+"""Number of beams, range [m] and height [m] of the lidar that measures: a small one."""
 _POSES_EVERY = 1.0
-"""Distance between the places on the tour that are looked at [m]."""
+"""Distance along the tour between the positions that are measured [m]."""
 _MIN_LOOP = 4.0
-"""Islands with a shorter outline do not make a loop: nobody loses the way round a column [m]."""
-_CORRIDOR = 0.1
-"""Below this observability the scan tells next to nothing about one direction."""
+"""Shortest outline of an island that counts as a loop [m]; columns do not."""
+_MIN_OBSERVABILITY = 0.1
+"""Below this observability a scan hardly constrains one direction: such positions count as corridor."""
 
 
 def measure_difficulty(world: World) -> Difficulty:
@@ -34,7 +34,7 @@ def measure_difficulty(world: World) -> Difficulty:
     if path is not None:
         at = shapely.get_coordinates(path.interpolate(np.arange(0.0, length, _POSES_EVERY)))
     segments = world.boundary_segments(_LIDAR_HEIGHT, glass=False)
-    seen = np.array([observability(segments, place) for place in at])
+    seen = np.array([observability(segments, position) for position in at])
     islands = [hole for hole in floor.interiors if hole.length >= _MIN_LOOP]
     return Difficulty(
         area=round(floor.area, 1),
@@ -42,16 +42,16 @@ def measure_difficulty(world: World) -> Difficulty:
         loops=len(islands),
         tour_length=round(length, 1),
         observability=round(float(np.median(seen)), 3),
-        corridor_share=round(float((seen < _CORRIDOR).mean()), 3),
+        corridor_share=round(float((seen < _MIN_OBSERVABILITY).mean()), 3),
         symmetry=round(_symmetry(true_map(world, 0.1, height=_LIDAR_HEIGHT)), 3),
     )
 
 
-def observability(segments: NDArray[np.float64], place: NDArray[np.float64]) -> float:
-    """Observability of the position from one scan at `place` (2,) [m] among `segments` (n, 4) [m]; in [0, 1]."""
+def observability(segments: NDArray[np.float64], position: NDArray[np.float64]) -> float:
+    """Return how well one scan at `position` (2,) [m] among `segments` (n, 4) [m] constrains it, 0 to 1."""
     directions = np.arange(_BEAMS) * (2.0 * np.pi / _BEAMS)
     u = np.stack([np.cos(directions), np.sin(directions)], axis=-1)[:, None]
-    a, e = segments[:, :2] - place, segments[:, 2:] - segments[:, :2]
+    a, e = segments[:, :2] - position, segments[:, 2:] - segments[:, :2]
     across = u[..., 0] * e[:, 1] - u[..., 1] * e[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         along = (a[:, 0] * e[:, 1] - a[:, 1] * e[:, 0]) / across
@@ -65,7 +65,7 @@ def observability(segments: NDArray[np.float64], place: NDArray[np.float64]) -> 
 
 
 def _symmetry(truth: TrueMap) -> float:
-    """Best share of wall cells that the turned or mirrored map puts on (or beside) wall cells."""
+    """Return the largest share of wall cells that a turned or mirrored map puts on, or next to, wall cells."""
     rows, cols = np.nonzero(truth.occupied)
     walls = truth.occupied[rows.min() : rows.max() + 1, cols.min() : cols.max() + 1]
     near = ndimage.binary_dilation(walls, np.ones((3, 3), dtype=np.bool_))

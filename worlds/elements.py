@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""What stands in a world: walls, boxes, discs and polygons, seen from above, each with a height.
+"""Elements of a world: walls, boxes, discs and polygons, seen from above, each with a height.
 
-Frame of everything: the world's, x to the east, y to the north, counter-clockwise angles.
+All coordinates are in the world's frame: x to the east, y to the north, counter-clockwise angles.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ Position = tuple[Coordinate, Coordinate]
 """A point `(x, y)` [m]."""
 
 CIRCLE_QUADRANT_SEGMENTS = 8
-"""A disc is drawn as a polygon of four times as many sides: 32 sides keep the outline within 0.5 % of the radius."""
+"""Sides of a quarter of a disc: the polygon of 32 sides stays within 0.5 % of the radius."""
 
 
 class Model(BaseModel):
-    """Settings shared by everything that a world file may hold: frozen, no unknown keys."""
+    """Base of everything in a world file: frozen, without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Element(Model):
-    """A thing that stands on the floor."""
+    """A solid on the floor."""
 
     name: str = Field("", max_length=200)
-    """What it is; used in error messages."""
+    """Name; used in error messages."""
     height: Length = 2.5
     """Top above the floor [m]; a lidar mounted higher looks over it."""
     glass: bool = False
-    """Lidars look through it, robots do not drive through it."""
+    """Transparent to lidars, solid for robots."""
 
     def shape(self) -> BaseGeometry:
-        """Footprint in the world's frame: polygons, or lines for walls without thickness."""
+        """Return the footprint in the world's frame: polygons, or lines for walls without thickness."""
         raise NotImplementedError
 
 
@@ -57,7 +57,7 @@ class Opening(Model):
     """A gap in a wall: a door or a passage."""
 
     at: Annotated[float, Field(strict=True, ge=0.0, le=MAX_COORDINATE)]
-    """Distance of its middle from the wall's first point, along the wall [m]."""
+    """Distance of its centre from the wall's first point, along the wall [m]."""
     width: Length = 0.95
     """Clear width [m]."""
 
@@ -70,12 +70,12 @@ class Wall(Element):
     closed: bool = False
     """The last corner is joined to the first."""
     thickness: Annotated[float, Field(strict=True, ge=0.0, le=10.0)] = 0.0
-    """Thickness [m]; 0 = a surface without inside."""
+    """Thickness [m]; 0 = a surface without interior."""
     openings: list[Opening] = Field(default_factory=list)
     """Gaps."""
 
     def shape(self) -> BaseGeometry:
-        """Lines, or polygons if the wall has a thickness. Corners are mitred, ends are cut square."""
+        """Return lines, or polygons if the wall has a thickness. Corners are mitred, ends are cut square."""
         corners = [*self.points, self.points[0]] if self.closed else self.points
         line = LineString(corners)
         parts: BaseGeometry = line if not self.openings else _without_openings(line, self.openings)
@@ -88,7 +88,7 @@ class Wall(Element):
 
 
 def _without_openings(line: LineString, openings: list[Opening]) -> BaseGeometry:
-    """The parts of `line` that lie in none of the openings."""
+    """Return the parts of `line` that lie in none of the openings."""
     parts, begin = [], 0.0
     for opening in sorted(openings, key=lambda opening: opening.at):
         end = opening.at - opening.width / 2.0
@@ -115,7 +115,7 @@ class Box(Element):
     """Counter-clockwise rotation about the centre [rad]."""
 
     def shape(self) -> BaseGeometry:
-        """The rectangle as a polygon."""
+        """Return the rectangle as a polygon."""
         half_w, half_d = self.width / 2.0, self.depth / 2.0
         box = shapely.box(self.x - half_w, self.y - half_d, self.x + half_w, self.y + half_d)
         return affinity.rotate(box, self.rotation, origin=(self.x, self.y), use_radians=True)
@@ -132,7 +132,7 @@ class Disc(Element):
     """Radius [m]."""
 
     def shape(self) -> BaseGeometry:
-        """The disc as a polygon."""
+        """Return the disc as a polygon."""
         return Point(self.x, self.y).buffer(self.radius, quad_segs=CIRCLE_QUADRANT_SEGMENTS)
 
 
@@ -140,10 +140,10 @@ class Block(Element):
     """A solid block of any outline (`[[polygons]]` in files)."""
 
     points: Annotated[list[Position], Field(min_length=3, max_length=100_000)]
-    """Corners of the outline [m], either way round; the last is joined to the first."""
+    """Corners of the outline [m], in either direction; the last is joined to the first."""
     holes: list[Annotated[list[Position], Field(min_length=3, max_length=100_000)]] = Field(default_factory=list)
-    """Outlines of hollows in it [m]."""
+    """Outlines of holes in it [m]."""
 
     def shape(self) -> BaseGeometry:
-        """The outline as a polygon."""
+        """Return the outline as a polygon."""
         return Polygon(self.points, self.holes)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What can be wrong with a world."""
+"""The error of worlds and of their files."""
 
 from __future__ import annotations
 

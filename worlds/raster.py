@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The true map: a raster drawn from the same surfaces that the lidar sees."""
+"""Draw the true map from the same surfaces that the lidar sees."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from worlds.errors import WorldError
 from worlds.world import World, segments_of, surface_of
 
 MAX_CELLS = 100_000_000
-"""Larger maps are refused."""
+"""Largest number of cells of a map."""
 _NUDGE = 1e-6
-"""Solids are drawn smaller by this [m], so that a face on the line between two cells marks the one in the solid."""
+"""Solids are shrunk by this much [m], so that a face between two cells marks the cell inside of the solid."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrueMap:
-    """What a perfect mapper would know. Row 0 has the lowest y, column 0 the lowest x."""
+    """The map of an ideal mapper. Row 0 has the lowest y, column 0 the lowest x."""
 
     occupied: NDArray[np.bool_]
     """Cells that a surface of a wall or block runs through, (rows, cols), as far as they touch free cells by a side or
@@ -37,7 +37,7 @@ class TrueMap:
 
 
 def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, margin: float = 0.5) -> TrueMap:
-    """Draw `world` as a lidar at `height` [m] would see it without error, glass included.
+    """Draw `world` as an ideal lidar at `height` [m] would see it, glass included.
 
     resolution: side of a cell [m]; cells lie on whole multiples of it. margin: empty border [m].
     Raises `WorldError` if the map had more than `MAX_CELLS` cells, `ValueError` if the resolution is not positive.
@@ -80,9 +80,9 @@ def _shrunk(solid: BaseGeometry) -> BaseGeometry:
 
 
 def cells_crossed(segment: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of the unit cells that a segment `(x0, y0, x1, y1)` runs through for more than a point.
+    """Return rows and columns of the unit cells that share more than a point with a segment `(x0, y0, x1, y1)`.
 
-    Exact: the segment is cut at every grid line, and each piece lies in one cell, that of its middle.
+    The result is exact: the segment is cut at every grid line, and each piece lies in the cell of its midpoint.
     """
     begin, step = segment[:2], segment[2:] - segment[:2]
     cuts = [np.array([0.0, 1.0])]
@@ -92,13 +92,13 @@ def cells_crossed(segment: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArr
             lines = np.arange(np.ceil(low), np.floor(high) + 1.0)
             cuts.append((lines - begin[axis]) / step[axis])
     at = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))
-    middle = begin + 0.5 * (at[:-1] + at[1:])[:, None] * step
-    cells = np.floor(middle).astype(np.intp)
+    midpoint = begin + 0.5 * (at[:-1] + at[1:])[:, None] * step
+    cells = np.floor(midpoint).astype(np.intp)
     return cells[:, 1], cells[:, 0]
 
 
 def _connected(open_cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
-    """Open cells that can be reached from cell `start` (row, col) over sides, same shape as `open_cells`."""
+    """Return the open cells that are connected with cell `start` (row, col) by their sides, (rows, cols)."""
     labels, _ = ndimage.label(open_cells)
     rows, cols = open_cells.shape
     inside = 0 <= start[0] < rows and 0 <= start[1] < cols

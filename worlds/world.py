@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""A place to drive in: its elements, where the robot starts, which tour it drives; and its exact geometry.
+"""A world: its elements, the start and the tour of the robot, and its exact geometry.
 
-One geometry feeds everything: the physics engine's mesh, the ray caster and the true map are all made from
+One geometry is used everywhere: the physics engine's mesh, the ray caster and the true map are all made from
 `World.boundary_segments`.
 """
 
@@ -20,7 +20,7 @@ from worlds.elements import Angle, Block, Box, Coordinate, Disc, Element, Model,
 from worlds.movers import Door, Person
 
 MAX_ELEMENTS = 50_000
-"""Most elements in one world."""
+"""Largest number of elements in one world."""
 
 
 class Start(Model):
@@ -35,14 +35,14 @@ class Start(Model):
 
 
 class Tour(Model):
-    """Way points that a robot drives along, one after the other, from the start pose."""
+    """Way points that a robot visits in order, from the start pose on."""
 
     points: Annotated[list[Position], Field(min_length=1, max_length=100_000)]
     """Way points [m]."""
     closed: bool = False
     """After the last way point the robot returns to the first one."""
     laps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
-    """How often the way points are driven through; more than once needs `closed`."""
+    """Number of rounds; more than one needs `closed`."""
 
     @model_validator(mode="after")
     def _laps_need_a_closed_tour(self) -> Tour:
@@ -61,11 +61,11 @@ class Difficulty(Model):
     loops: int = Field(ge=0)
     """Islands in that floor whose outline is at least 4 m long."""
     tour_length: float = Field(ge=0.0)
-    """[m]"""
+    """Length of the tour [m]."""
     observability: float = Field(ge=0.0, le=1.0)
-    """How well a single scan tells the position in its worst direction, median along the tour: the smaller eigenvalue
-    of the mean of n nᵀ over all beams (n = normal of the surface hit, zero without a hit), times 2. 1 = walls all
-    round in all directions, 0 = a bare corridor or nothing in reach."""
+    """How well a single scan constrains the position in its worst direction, median along the tour: twice the smaller
+    eigenvalue of the mean of n nᵀ over all beams (n = normal of the surface hit, zero without a hit). 1 = walls in all
+    directions, 0 = a bare corridor or nothing in range."""
     corridor_share: float = Field(ge=0.0, le=1.0)
     """Share of the tour with an observability below 0.1."""
     symmetry: float = Field(ge=0.0, le=1.0)
@@ -74,16 +74,16 @@ class Difficulty(Model):
 
 
 class World(Model):
-    """Everything that a place consists of. Frozen; made by `worlds.load` or by hand."""
+    """Everything that a world consists of. Frozen; made by `worlds.load` or in code."""
 
     name: Annotated[str, Field(min_length=1, max_length=200)]
     """Short name."""
     description: str = ""
-    """What kind of place it is."""
+    """One line that describes it."""
     start: Start = Start()
-    """Where the robot begins."""
+    """Start pose of the robot."""
     tour: Tour | None = None
-    """The drive, if the world has one."""
+    """Way points of the drive; None = no tour."""
     walls: list[Wall] = Field(default_factory=list)
     """Walls along polylines."""
     boxes: list[Box] = Field(default_factory=list)
@@ -94,11 +94,11 @@ class World(Model):
     """Blocks of any outline."""
 
     people: Annotated[list[Person], Field(max_length=1000)] = Field(default_factory=list)
-    """Who walks about."""
+    """People who walk."""
     doors: Annotated[list[Door], Field(max_length=1000)] = Field(default_factory=list)
     """Doors that swing."""
     difficulty: Difficulty | None = None
-    """Measures of this world, as far as they were stored."""
+    """Stored measures of this world; None = not stored."""
 
     @model_validator(mode="after")
     def _not_too_large(self) -> World:
@@ -117,21 +117,23 @@ class World(Model):
         return sorted({element.height for element in self.elements})
 
     def cross_section(self, height: float = 0.0, *, glass: bool = True) -> BaseGeometry:
-        """Union of all elements that are taller than `height` [m]: polygons and, for thin walls, lines.
+        """Return the union of all elements taller than `height` [m]: polygons and, for thin walls, lines.
 
-        `glass=False` leaves out what a lidar looks through.
+        `glass=False` leaves out elements that are transparent to lidars.
         """
         shapes = [e.shape() for e in self.elements if e.height > height and (glass or not e.glass)]
         return shapely.union_all(shapes)
 
     def boundary_segments(self, height: float = 0.0, *, glass: bool = True) -> NDArray[np.float64]:
-        """Surfaces at `height` [m] as segments `(x0, y0, x1, y1)` [m], (n, 4): the outlines of the union of all
-        solids, and the thin walls outside of them. No segment lies inside a solid."""
+        """Return the surfaces at `height` [m] as segments `(x0, y0, x1, y1)` [m], (n, 4).
+
+        These are the outlines of the union of all solids, and the thin walls outside of them. No segment lies inside a
+        solid.
+        """
         return segments_of(surface_of(self.cross_section(height, glass=glass)))
 
     def free_space(self) -> Polygon | None:
-        """Floor that is enclosed together with the start pose; None if no outline encloses the start, or if the
-        start lies in a solid."""
+        """Return the enclosed floor that contains the start; None if no outline encloses it, or it lies in a solid."""
         solid = self.cross_section()
         start = Point(self.start.x, self.start.y)
         if solid.intersects(start):
@@ -140,8 +142,10 @@ class World(Model):
         return next((face for face in faces if isinstance(face, Polygon) and face.contains(start)), None)
 
     def path(self) -> NDArray[np.float64]:
-        """Corners of the whole drive [m], (n, 2), from the start through all laps of the tour; the start alone if
-        the world has no tour."""
+        """Return the corners of the whole drive [m], (n, 2), from the start through all laps of the tour.
+
+        A world without a tour gives the start alone.
+        """
         corners = [(self.start.x, self.start.y)]
         if self.tour is not None:
             lap = [*self.tour.points, self.tour.points[0]] if self.tour.closed else self.tour.points
@@ -150,14 +154,14 @@ class World(Model):
 
 
 def surface_of(shape: BaseGeometry) -> BaseGeometry:
-    """Outlines of the polygons in `shape`, and the lines in it."""
+    """Return the outlines of the polygons in `shape`, and the lines in it."""
     parts = shapely.get_parts(shape)
     areas = shapely.get_dimensions(parts) == 2
     return shapely.union_all([*shapely.boundary(parts[areas]), *parts[~areas]])
 
 
 def segments_of(lines: BaseGeometry) -> NDArray[np.float64]:
-    """Pieces `(x0, y0, x1, y1)` [m], (n, 4), of all lines in `lines`; collinear neighbours are joined."""
+    """Return the segments `(x0, y0, x1, y1)` [m], (n, 4), of all lines; collinear neighbours are joined."""
     merged = shapely.line_merge(lines) if lines.geom_type.startswith("Multi") else lines
     pieces = []
     for line in shapely.get_parts(shapely.simplify(merged, 0.0)):

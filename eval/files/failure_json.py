@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`finding.json` of a run directory: where it went wrong, with the end points of that scan's beams."""
+"""`finding.json` of a run directory: the moment at which it went wrong, with the scan that was taken then."""
 
 from __future__ import annotations
 
@@ -12,51 +12,56 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eval.files.atomic_write import atomic_write
-from eval.first_failure import Finding
+from eval.first_failure import Failure
+
+OLD_NAMES = {"believed": "estimated", "expected": "true_pose"}
+"""Names of keys in older files, also written for one release."""
 
 
 @dataclass(frozen=True, eq=False)
-class ShownFinding:
-    """A finding and what the lidar saw there."""
+class ShownFailure:
+    """A failure and the scan that was taken there."""
 
-    finding: Finding
+    failure: Failure
     points: NDArray[np.float64]
     """End points of the beams that hit something, in the robot's frame [m], (k, 2)."""
 
 
-def write_finding(path: str | os.PathLike[str], finding: Finding, points: ArrayLike) -> None:
-    """Write it as JSON; points (k, 2) [m] are kept to the millimetre."""
+def write_failure(path: str | os.PathLike[str], failure: Failure, points: ArrayLike) -> None:
+    """Write a failure as JSON, under a temporary name first; points (k, 2) [m] are rounded to the millimetre."""
     document = {
-        "scan": finding.scan,
-        "since": finding.since,
-        "stamp": finding.stamp,
-        "bad": finding.bad,
-        "reason": finding.reason,
-        "believed": finding.believed.tolist(),
-        "expected": None if finding.expected is None else finding.expected.tolist(),
+        "scan": failure.scan,
+        "since": failure.since,
+        "stamp": failure.stamp,
+        "bad": failure.bad,
+        "reason": failure.reason,
+        "estimated": failure.estimated.tolist(),
+        "true_pose": None if failure.true_pose is None else failure.true_pose.tolist(),
         "points": np.round(np.asarray(points, dtype=np.float64).reshape(-1, 2), 3).tolist(),
     }
+    document |= {old: document[new] for old, new in OLD_NAMES.items()}
     with atomic_write(path) as temporary:
         temporary.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def read_finding(path: str | os.PathLike[str]) -> ShownFinding:
-    """Read it back; raises ValueError, naming the file, for what is no finding."""
+def read_failure(path: str | os.PathLike[str]) -> ShownFailure:
+    """Read a failure; raises ValueError that names the file if it holds none."""
     try:
         document = json.loads(Path(path).read_text(encoding="utf-8"))
-        expected = document["expected"]
-        finding = Finding(
+        document |= {new: document[old] for old, new in OLD_NAMES.items() if new not in document}
+        true_pose = document["true_pose"]
+        failure = Failure(
             scan=int(document["scan"]),
             since=int(document["since"]),
             stamp=float(document["stamp"]),
             bad=bool(document["bad"]),
             reason=str(document["reason"]),
-            believed=_numbers(document["believed"], (3,)),
-            expected=None if expected is None else _numbers(expected, (3,)),
+            estimated=_numbers(document["estimated"], (3,)),
+            true_pose=None if true_pose is None else _numbers(true_pose, (3,)),
         )
-        return ShownFinding(finding, _numbers(document["points"], (-1, 2)))
+        return ShownFailure(failure, _numbers(document["points"], (-1, 2)))
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: expected a finding as testbed writes it: {error}") from None
+        raise ValueError(f"{path}: expected finding.json as testbed writes it: {error}") from None
 
 
 def _numbers(values: object, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.failure_json import ShownFinding, read_finding
+from eval.files.failure_json import ShownFailure, read_failure
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
 from eval.trajectory.trajectory import Trajectory
@@ -38,7 +38,7 @@ class RunFiles:
     truth_grid: OccupancyGrid | None
     steps: dict[str, NDArray[Any]] | None
     """Columns of `steps.parquet`; nulls of numbers are NaN."""
-    finding: ShownFinding | None
+    failure: ShownFailure | None
     """Where it went wrong."""
 
     @property
@@ -69,7 +69,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFiles:
         grid=_map(folder / "map.yaml"),
         truth_grid=_map(folder / "truth_map.yaml"),
         steps=_steps(folder / "steps.parquet"),
-        finding=read_finding(folder / "finding.json") if (folder / "finding.json").is_file() else None,
+        failure=read_failure(folder / "finding.json") if (folder / "finding.json").is_file() else None,
     )
 
 

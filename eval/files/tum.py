@@ -17,9 +17,9 @@ from eval.trajectory.trajectory import Trajectory
 from slam.se2 import wrap_angle
 
 NORM_TOLERANCE = 1e-3
-"""A quaternion's length may differ from 1 by this much (files with 4 digits); it is then made a unit."""
+"""Largest deviation of a quaternion's length from 1 (files with 4 digits); such a quaternion is normalised."""
 TILT_TOLERANCE = np.radians(1.0)
-"""A pose may lean by this much out of the plane [rad]; it is then projected onto it."""
+"""Largest tilt of a pose out of the plane [rad]; such a pose is projected onto the plane."""
 
 
 class TumError(ValueError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The rigid motion that puts a map's walls best onto the true ones: tells a misplaced map from a bent one."""
+"""Find the rigid motion that fits a map's walls best to the true ones: it separates a misplaced map from a bent one."""
 
 from __future__ import annotations
 
@@ -14,70 +14,71 @@ from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, compose, inverse, transform_points, wrap_angle
 
 MAX_POINTS = 3000
+"""Wall cells used by the local search; more are thinned out evenly."""
 REACHES = (1.0, 0.2)
-"""Walls count as at most this far away [m], first while a start is drawn in, then in the end: what is wrong by more
-must not pull."""
-AS_GOOD = 1.1
-"""Places whose cost is up to this much times the least are equally good; of these the one that moves the map least is
-taken: in a world that looks the same after a half turn the map stays where the trajectory puts it."""
+"""Distances are clipped at these values [m], first the coarse one, then the fine one, so that outliers have no pull."""
+EQUAL_COST_RATIO = 1.1
+"""Motions whose cost is up to this many times the smallest one count as equally good, and the one that moves the map
+least is taken: in a world that looks the same after a half turn the map stays where the trajectory puts it."""
 _SCALE = np.array([0.1, 0.1, 0.01])
-"""Steps of the local search that matter alike [m, m, rad]."""
+"""Steps of the local search that move walls by similar amounts [m, m, rad]."""
 _COARSE_SIDE = 200
-"""Cells per side of the raster that the search over all places runs on, about."""
-_CANDIDATES = 6
+"""Approximate number of cells per side of the raster of the global search."""
+_MAX_CANDIDATES = 6
+"""Motions of the global search that are refined by the local one."""
 
 
 def best_rigid_alignment(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_grid: ArrayLike) -> Pose:
-    """`T_truth_grid` (3,) that fits the map's occupied cells to the truth's best, whatever the turn or the shift.
+    """Return the `T_truth_grid` (3,) that fits the map's occupied cells best to the true ones, from any turn or shift.
 
-    Minimises the mean distance to the nearest true wall [m], cut off at 0.2 m: by the simplex method (Nelder and Mead,
-    1965) from the motion given, and from the best places of a search over all turns and shifts (`_coarse_places`).
-    Returns the given motion where either map has no occupied cell or nothing better is found. Trap: it flatters a
-    map, so it is reported beside the score under the trajectory's alignment.
+    It minimises the mean distance to the nearest true wall, clipped at 0.2 m, by the simplex method (Nelder and Mead,
+    1965), starting from the given motion and from the best results of a search over all turns and shifts
+    (`_coarse_places`). The given motion is returned where either map has no occupied cell or nothing better is found.
+    Trap: it flatters a map, so report it together with the score under the trajectory's alignment.
     """
     start = np.asarray(T_truth_grid, dtype=np.float64)
     points = cell_centres(grid, grid.occupied)
     if len(points) == 0 or not truth.occupied.any():
         return start
-    walls = _Walls.of(truth, points[:: -(-len(points) // MAX_POINTS)])
-    places = [walls.drawn_in(place) for place in (start, *_coarse_places(truth, points))]
+    walls = _WallFit.of(truth, points[:: -(-len(points) // MAX_POINTS)])
+    places = [walls.refined(place) for place in (start, *_coarse_places(truth, points))]
     costs = [walls.cost(place) for place in places]
-    equal = AS_GOOD * min(costs) + 0.01 * truth.resolution
+    equal = EQUAL_COST_RATIO * min(costs) + 0.01 * truth.resolution
     return min(
         (place for place, cost in zip(places, costs, strict=True) if cost <= equal),
-        key=lambda place: walls.way(start, place),
+        key=lambda place: walls.displacement(start, place),
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Walls:
-    """What the local search needs of both maps."""
+class _WallFit:
+    """Cost of a rigid motion, and the local search that lowers it."""
 
     field: NDArray[np.float64]
-    """Distance of each cell of the truth from the nearest wall [m], (rows, cols)."""
+    """Distance of each true cell from the nearest true wall [m], (rows, cols)."""
     truth: OccupancyGrid
     points: NDArray[np.float64]
     """Centres of the map's walls in the map's frame [m], (k, 2)."""
 
     @classmethod
-    def of(cls, truth: OccupancyGrid, points: NDArray[np.float64]) -> _Walls:
+    def of(cls, truth: OccupancyGrid, points: NDArray[np.float64]) -> _WallFit:
         field = truth.resolution * ndimage.distance_transform_edt(~truth.occupied)
         return cls(np.asarray(field, dtype=np.float64), truth, points)
 
     def cost(self, T_truth_grid: Pose, reach: float = REACHES[-1]) -> float:
-        """Mean distance to the nearest true wall, each at most `reach` [m]."""
+        """Return the mean distance to the nearest true wall [m], each distance clipped at `reach` [m]."""
         at = transform_points(compose(inverse(self.truth.origin), T_truth_grid), self.points)
         col, row = (at / self.truth.resolution - 0.5).T
         distance = ndimage.map_coordinates(self.field, [row, col], order=1, cval=reach)
         return float(np.mean(np.minimum(distance, reach)))
 
-    def way(self, T_a: Pose, T_b: Pose) -> float:
-        """How far the walls move from one place to another: root mean square [m]."""
+    def displacement(self, T_a: Pose, T_b: Pose) -> float:
+        """Return how far the walls move from one motion to another, root mean square [m]."""
         moved = transform_points(T_b, self.points) - transform_points(T_a, self.points)
         return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
 
-    def drawn_in(self, start: Pose) -> Pose:
-        """The local optimum near `start`; turns are made about the middle of the walls."""
+    def refined(self, start: Pose) -> Pose:
+        """Return the local optimum near `start`; rotations are about the centre of the walls."""
         centre = np.array([*self.points.mean(axis=0), 0.0])
         to_centre, back = compose(start, centre), inverse(centre)
 
@@ -103,11 +104,11 @@ class _Walls:
 
 
 def _coarse_places(truth: OccupancyGrid, points: NDArray[np.float64]) -> list[Pose]:
-    """The most promising `T_truth_grid` of all turns and shifts, best first, no two of nearly the same turn.
+    """Return the best `T_truth_grid` of all turns and shifts, best first, no two of nearly one turn.
 
-    For each turn the map's walls, points (k, 2) [m] in the map's frame, are correlated with a raster of the true ones
-    whose walls fall off over three cells, for all shifts at once by FFT (as Olson, ICRA 2009, does by hand over a
-    window). Neighbouring turns move the walls by about two cells at their typical distance from the middle.
+    For each turn the map's walls, points (k, 2) [m] in the map's frame, are correlated with a raster of the true walls,
+    whose values fall off over three cells, for all shifts at once by FFT (Olson, ICRA 2009, searches a window).
+    Neighbouring turns move the walls by about two cells at their typical distance from the centre.
     """
     centre = points.mean(axis=0)
     local = points - centre
@@ -129,7 +130,7 @@ def _coarse_places(truth: OccupancyGrid, points: NDArray[np.float64]) -> list[Po
         walls = _raster(transform_points([0.0, 0.0, turn], local), cell, margin, side)
         score = fft.irfft2(spectrum * np.conj(fft.rfft2(walls)), s=(side, side))
         row, col = np.unravel_index(int(np.argmax(score)), score.shape)
-        # The raster is periodic: shifts that would push the map's middle off its far edge are shifts backwards.
+        # The raster is periodic: shifts beyond its far edge are shifts backwards.
         x, y = (cell * (k - side if k >= side - margin else k) for k in (int(col), int(row)))
         found.append((float(score[row, col]), np.array([x, y, turn])))
 
@@ -138,11 +139,11 @@ def _coarse_places(truth: OccupancyGrid, points: NDArray[np.float64]) -> list[Po
     for _, place in sorted(found, key=lambda item: -item[0]):
         if all(abs(wrap_angle(place[2] - other[2])) > apart for other in chosen):
             chosen.append(place)
-    return [compose(compose(truth.origin, place), [*-centre, 0.0]) for place in chosen[:_CANDIDATES]]
+    return [compose(compose(truth.origin, place), [*-centre, 0.0]) for place in chosen[:_MAX_CANDIDATES]]
 
 
 def _raster(points: NDArray[np.float64], cell: float, margin: int, side: int) -> NDArray[np.float64]:
-    """Number of points (k, 2) [m] in each cell of a square raster, (side, side), with `margin` cells below zero."""
+    """Count the points (k, 2) [m] in each cell of a square raster, (side, side), with `margin` cells below zero."""
     col, row = (np.floor(points / cell).astype(np.intp) + margin).T
     counts = np.bincount(row * side + col, minlength=side * side).reshape(side, side)
     return counts.astype(np.float64)

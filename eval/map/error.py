@@ -16,28 +16,30 @@ from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, transform_points
 
 TOLERANCES = (0, 1, 2)
+"""Distances within which a cell counts as right [cells]."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapError:
-    """What is wrong with a map, seen from several sides; each number's meaning stands at its own function."""
+    """All measures of one map; the function that computes a measure explains it."""
 
     T_truth_grid: Pose
     """The alignment under which it was measured, (3,)."""
     occupied: tuple[Overlap, ...]
-    """Within each of `TOLERANCES` [cells]."""
+    """Occupied cells, for each of `TOLERANCES`."""
     free: tuple[Overlap, ...]
+    """Free cells, for each of `TOLERANCES`."""
     to_truth: WallDistance | None
-    """From the map's walls to the nearest true ones."""
+    """Distances of the map's walls to the nearest true ones; None where either map has no wall."""
     from_truth: WallDistance | None
-    """From the observable true walls to the map's."""
+    """Distances of the observable true walls to the map's."""
     profile: WallProfile | None
     probability: ProbabilityScore | None
     coverage: float | None
 
     @property
     def wall_distance(self) -> float | None:
-        """Mean of both directions [m]."""
+        """Mean of both directions [m]; None where either map has no wall."""
         if self.to_truth is None or self.from_truth is None:
             return None
         return 0.5 * (self.to_truth.mean + self.from_truth.mean)
@@ -72,7 +74,7 @@ def map_error(
 
 
 def _cells_outside(grid: OccupancyGrid, mask: NDArray[np.bool_], truth: OccupancyGrid, T_truth_grid: ArrayLike) -> int:
-    """Number of the map's cells that lie off the true map."""
+    """Count the map's cells of `mask` that lie outside of the true map."""
     everywhere = OccupancyGrid(
         probability=np.zeros_like(truth.probability), resolution=truth.resolution, origin=truth.origin
     )

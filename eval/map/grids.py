@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Cells of one grid map seen from another: maps may differ in resolution, origin and rotation."""
+"""Read cells of one grid map from another; maps may differ in resolution, origin and rotation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # loading worlds takes a geometry library along
 
 
 def grid_from_true_map(truth: TrueMap) -> OccupancyGrid:
-    """The true map as an occupancy grid: occupied 1, free 0, and NaN what no lidar can see."""
+    """Convert the true map to an occupancy grid: occupied 1, free 0, NaN what no lidar can see."""
     probability = np.full(truth.occupied.shape, np.nan, dtype=np.float32)
     probability[truth.free] = 0.0
     probability[truth.occupied] = 1.0
@@ -24,13 +24,13 @@ def grid_from_true_map(truth: TrueMap) -> OccupancyGrid:
 
 
 def cell_centres(grid: OccupancyGrid, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Centres of the cells of `mask` (rows, cols) in the map's frame [m], (k, 2), in row-major order."""
+    """Return the centres of the cells of `mask` (rows, cols) in the map's frame [m], (k, 2), in row-major order."""
     rows, cols = np.nonzero(mask)
     return transform_points(np.asarray(grid.origin), (np.column_stack([cols, rows]) + 0.5) * grid.resolution)
 
 
 def lookup(grid: OccupancyGrid, points: ArrayLike) -> NDArray[np.float32]:
-    """P(occupied) of the cells that the points (..., 2) [m, map frame] lie in; NaN off the map and in unknown cells."""
+    """Return P(occupied) at points (..., 2) [m, map frame]; NaN outside of the map and in unknown cells."""
     at = np.asarray(points, dtype=np.float64)
     flat = transform_points(inverse(grid.origin), at.reshape(-1, 2)) / grid.resolution
     rows, cols = grid.probability.shape
@@ -42,10 +42,10 @@ def lookup(grid: OccupancyGrid, points: ArrayLike) -> NDArray[np.float32]:
 
 
 def resample(grid: OccupancyGrid, like: OccupancyGrid, T_like_grid: ArrayLike) -> OccupancyGrid:
-    """`grid` drawn on the cells of `like`; `T_like_grid` (3,) is the frame of `grid` seen from that of `like`.
+    """Draw `grid` on the cells of `like`; `T_like_grid` (3,) is the frame of `grid` seen from that of `like`.
 
     A cell takes the probability at its centre. Where the cells of `grid` are finer, it takes the highest of k x k
-    points, k = ratio rounded up: a thin wall must not fall between the points. Walls so grow by up to one fine cell.
+    points, k = ratio rounded up, so that no thin wall falls between the points. Walls grow by up to one fine cell.
     """
     per_side = max(1, int(np.ceil(like.resolution / grid.resolution - 1e-9)))
     rows, cols = like.probability.shape

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What part of its surroundings a lidar sees: decides which cells of the true map can be asked of a map."""
+"""What part of its surroundings a lidar sees; it decides which cells of the true map are scored."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from slam.scan import Scan
 from slam.se2 import Pose, compose, wrap_angle
 
 _MIN_BLIND = math.radians(3.0)
-"""A gap between beams of up to this angle [rad], or three usual ones, is the spacing of the beams, not a blind side."""
+"""Gaps between beams up to this angle [rad], or three usual gaps, are the spacing of the beams, not a blind sector."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LidarView:
-    """Field of view, range and place of a lidar on its robot; the default sees everything from the robot's origin."""
+    """Field of view, range and mount of a lidar; the default sees everything from the robot's origin."""
 
     first: float = -math.pi
     """Direction in which the field of view begins, in the lidar's frame [rad]; it opens counter-clockwise."""
     width: float = 2.0 * math.pi
     """Angle of the field of view [rad], up to a full turn."""
     range_max: float = math.inf
-    """How far it sees [m]."""
+    """Largest distance that it measures [m]."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """`T_robot_lidar` [m, m, rad]."""
 
@@ -41,14 +41,14 @@ class LidarView:
 
     @classmethod
     def of(cls, scans: Iterable[Scan]) -> Self:
-        """What the scans of one lidar show: all directions outside of the widest gap between beams, the farthest range.
+        """Derive the view from the scans of one lidar: all directions outside of the widest gap, and the largest range.
 
         Raises ValueError where there is no beam at all.
         """
         kept = [scan for scan in scans if len(scan.angles)]
         if not kept:
             raise ValueError("a lidar's view takes at least one scan with a beam, got none")
-        # A micro-radian apart is one direction.
+        # Directions that differ by less than a microradian are one.
         angles = np.unique(np.round(wrap_angle(np.concatenate([scan.angles for scan in kept])), 6))
         gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
         widest = int(np.argmax(gaps))
@@ -63,7 +63,7 @@ class LidarView:
 
     @classmethod
     def from_metrics(cls, document: Mapping[str, Any]) -> Self:
-        """From the table that `metrics` wrote; raises ValueError for one that is damaged."""
+        """Read the table that `metrics` wrote; raises ValueError for a damaged one."""
         try:
             reach = document["range_max_m"]
             x, y, theta = (float(value) for value in document["mount"])
@@ -80,7 +80,7 @@ class LidarView:
 
     @property
     def metrics(self) -> dict[str, Any]:
-        """The view as `metrics.json` states it."""
+        """The view as a table of `metrics.json`."""
         return {
             "first_deg": math.degrees(self.first),
             "field_of_view_deg": math.degrees(self.width),
@@ -94,10 +94,10 @@ class LidarView:
         return self.width >= 2.0 * math.pi - 1e-9
 
     def lidar_poses(self, robot_poses: ArrayLike) -> Pose:
-        """`T_world_lidar` (n, 3) from `T_world_robot` (n, 3)."""
+        """Convert `T_world_robot` (n, 3) to `T_world_lidar` (n, 3)."""
         return compose(robot_poses, self.mount)
 
     def sees(self, directions: ArrayLike) -> NDArray[np.bool_]:
-        """Which directions in the lidar's frame [rad], any shape, lie in the field of view."""
+        """Return which directions in the lidar's frame [rad], any shape, lie in the field of view."""
         inside: NDArray[np.bool_] = (np.asarray(directions) - self.first) % (2.0 * np.pi) <= self.width
         return inside | self.all_around

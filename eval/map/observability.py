@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which cells of the true map a perfect lidar of that view would have seen from the true path: only they are asked of
-a map."""
+"""Find the cells of the true map that an ideal lidar sees from the true path: only these are scored."""
 
 from __future__ import annotations
 
@@ -15,20 +14,21 @@ from slam.se2 import Pose, compose, inverse, wrap_angle
 RAYS = 1080
 """Rays from each viewpoint, a third of a degree apart: closer than a cell of 5 cm up to 8.6 m away."""
 _SECTOR = 0.1
-"""Headings this close show the same [rad]."""
-_AT_ONCE = 64
+"""Poses whose headings fall into one sector of this width count as one viewpoint [rad]."""
+_BATCH = 64
+"""Viewpoints whose rays are followed together."""
 
 
 def observable_cells(
     truth: OccupancyGrid, robot_poses: ArrayLike, *, lidar: LidarView, spacing: float = 0.5
 ) -> NDArray[np.bool_]:
-    """Cells seen from the true poses `T_world_robot` (n, 3), (rows, cols): free ones in sight, walls that end a ray.
+    """Return the cells seen from the true poses `T_world_robot` (n, 3), (rows, cols): free ones, walls that end rays.
 
-    The poses are thinned out to one per square of `spacing` [m], for a lidar that does not look all around one per
+    The poses are thinned out to one per square of `spacing` [m]; for a lidar that does not see all around, to one per
     square and tenth of a radian of heading. Rays are followed by sphere tracing (Hart, The Visual Computer 12, 1996)
     to the first cell that is not free; a free cell is in sight if it is nearer than the end of the ray that passes
-    next to it. Traps: a pose that was thinned out may have looked a little farther around a corner; slits narrower
-    than the spacing of the rays are not seen through.
+    next to it. Traps: a pose that was thinned out may have seen a little farther around a corner; slits narrower
+    than the spacing of the rays block the view.
     """
     at = lidar.lidar_poses(np.asarray(robot_poses, dtype=np.float64).reshape(-1, 3))
     at = compose(inverse(truth.origin), at)[_thinned(at, lidar, spacing)]
@@ -39,14 +39,14 @@ def observable_cells(
     on = on[truth.free[points[on, 1].astype(np.intp), points[on, 0].astype(np.intp)]]
     points, headings = points[on], at[on, 2]
 
-    # A border of one cell that is not free ends every ray.
+    # The border of one occupied cell ends every ray.
     free = np.pad(truth.free, 1)
     wall_seen, unseen = np.zeros_like(free), free.copy()
     room = ndimage.distance_transform_edt(free)
-    for start in range(0, len(points), _AT_ONCE):
-        viewpoints = points[start : start + _AT_ONCE] + 1.0
-        looked = lidar.sees(_angles() - headings[start : start + _AT_ONCE, None])
-        lengths, ends = _trace(free, room, viewpoints, looked, lidar.range_max / truth.resolution)
+    for start in range(0, len(points), _BATCH):
+        viewpoints = points[start : start + _BATCH] + 1.0
+        in_view = lidar.sees(_angles() - headings[start : start + _BATCH, None])
+        lengths, ends = _trace(free, room, viewpoints, in_view, lidar.range_max / truth.resolution)
         wall_seen[ends[:, 1], ends[:, 0]] = True
         for viewpoint, length in zip(viewpoints, lengths, strict=True):
             _see(unseen, viewpoint, length)
@@ -55,7 +55,7 @@ def observable_cells(
 
 
 def _thinned(poses: Pose, lidar: LidarView, spacing: float) -> NDArray[np.intp]:
-    """Rows of the first pose in each square, and each sector of headings where the heading matters."""
+    """Return the rows of the first pose in each square, and in each sector of headings where the heading matters."""
     keys = np.floor(poses[:, :2] / spacing)
     if not lidar.all_around:
         keys = np.column_stack([keys, np.floor(wrap_angle(poses[:, 2]) / _SECTOR)])
@@ -67,25 +67,25 @@ def _trace(
     free: NDArray[np.bool_],
     room: NDArray[np.float64],
     viewpoints: NDArray[np.float64],
-    looked: NDArray[np.bool_],
+    in_view: NDArray[np.bool_],
     reach: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Follow the rays `looked` (v, RAYS) from viewpoints (v, 2) [cells].
+    """Follow the rays `in_view` (v, RAYS) from viewpoints (v, 2) [cells].
 
     `room` is the distance of each cell from one that is not free. Returns the lengths (v, RAYS), at most `reach`, 0
-    for rays that are not looked along, and the (col, row) (k, 2) of the cells that ended rays.
+    for rays outside of the view, and the (col, row) (k, 2) of the cells that ended rays.
     """
     angles = _angles()
     way = np.tile(np.column_stack([np.cos(angles), np.sin(angles)]), (len(viewpoints), 1))
     origin = np.repeat(viewpoints, RAYS, axis=0)
     length = np.zeros(len(way))
-    on, ends = np.flatnonzero(looked), [np.zeros((0, 2), dtype=np.intp)]
+    on, ends = np.flatnonzero(in_view), [np.zeros((0, 2), dtype=np.intp)]
     while len(on):
         cell = (origin[on] + length[on, None] * way[on]).astype(np.intp)
         clear = free[cell[:, 1], cell[:, 0]]
         ends.append(cell[~clear])
-        # From anywhere in a cell to anywhere in the nearest that is not free: at least sqrt(2) less than from centre
-        # to centre. A quarter of a cell is the least step: a ray may cut a corner by that much.
+        # The distance between any two points of two cells is at least the distance of their centres less sqrt(2). The
+        # smallest step is a quarter of a cell: a ray may cut a corner by that much.
         step = np.maximum(room[cell[:, 1], cell[:, 0]] - 1.4143, 0.25)
         on, step = on[clear], step[clear]
         length[on] += step
@@ -94,7 +94,7 @@ def _trace(
 
 
 def _see(unseen: NDArray[np.bool_], viewpoint: NDArray[np.float64], length: NDArray[np.float64]) -> None:
-    """Clear the cells in sight of one viewpoint [cells]; `length` (RAYS,) of its rays."""
+    """Clear the cells of `unseen` in sight of one viewpoint [cells]; `length` (RAYS,) of its rays [cells]."""
     angles = _angles()
     x, y = viewpoint[0] + length * np.cos(angles), viewpoint[1] + length * np.sin(angles)
     low, high = max(int(y.min()), 0), int(y.max()) + 1
@@ -108,5 +108,5 @@ def _see(unseen: NDArray[np.bool_], viewpoint: NDArray[np.float64], length: NDAr
 
 
 def _angles() -> NDArray[np.float64]:
-    """Directions of the rays [rad], (RAYS,): the middle of equal sectors, the first of which begins at 0."""
+    """Return the directions of the rays [rad], (RAYS,): the centres of equal sectors, beginning at 0."""
     return np.linspace(0.0, 2.0 * np.pi, RAYS, endpoint=False, dtype=np.float64) + np.pi / RAYS

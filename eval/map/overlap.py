@@ -14,7 +14,7 @@ from slam.occupancy import OccupancyGrid
 
 @dataclass(frozen=True)
 class Overlap:
-    """Agreement of two sets of cells, each number 0 (worst) to 1."""
+    """Agreement of two sets of cells; each number lies between 0 (worst) and 1."""
 
     precision: float | None
     """Share of the map's cells that are right; None where the map has none."""
@@ -38,13 +38,13 @@ class Overlap:
 def occupied_overlap(
     grid: OccupancyGrid, truth: OccupancyGrid, observable: NDArray[np.bool_], *, tolerance: int = 0, outside: int = 0
 ) -> Overlap:
-    """Agreement of occupied cells; both maps on the same cells (`eval.map.grids.resample`).
+    """Measure the agreement of occupied cells; both maps are on the same cells (`eval.map.grids.resample`).
 
     Precision P = right / claimed cells, recall R = found / true cells, F1 = 2 P R / (P + R), IoU = F1 / (2 - F1). No
     unit, 0 to 1, more is better. A cell is right within `tolerance` cells in x and y (as Martin, Fowlkes and Malik,
-    PAMI 26(5), 2004, score contours). True walls that are not `observable` (rows, cols) are asked of nobody and held
-    against nobody; `outside` counts the map's occupied cells off the truth, all wrong.
-    Trap: at tolerance 0 a shift of half a cell halves the figure: read it with 1 and 2, and beside the wall distance.
+    PAMI 26(5), 2004, score contours). True walls that are not `observable` (rows, cols) count neither as
+    missing nor as false; `outside` counts the map's occupied cells outside of the true map, which are all false.
+    Trap: at tolerance 0 a shift of half a cell halves the value: read it with 1 and 2, and with the wall distance.
     """
     return _overlap(grid.occupied, truth.occupied, observable, tolerance, outside)
 
@@ -52,15 +52,15 @@ def occupied_overlap(
 def free_overlap(
     grid: OccupancyGrid, truth: OccupancyGrid, observable: NDArray[np.bool_], *, tolerance: int = 0, outside: int = 0
 ) -> Overlap:
-    """As `occupied_overlap`, of free cells: 0 to 1. Trap: large rooms make it high whatever the walls look like."""
+    """Measure free cells as `occupied_overlap` does. Trap: large rooms make it high whatever the walls look like."""
     return _overlap(grid.free, truth.free, observable, tolerance, outside)
 
 
 def coverage(grid: OccupancyGrid, observable: NDArray[np.bool_]) -> float | None:
-    """Known / all observable cells, no unit, 0 to 1; None where nothing is observable.
+    """Return known / all observable cells, no unit, 0 to 1; None where nothing is observable.
 
-    Trap: measures exploration and lost scans, not accuracy: a map that is wrong everywhere can cover everything. It
-    stands beside every score of known cells.
+    Trap: it measures exploration and lost scans, not accuracy: a map that is wrong everywhere can cover everything.
+    Read it with every score of known cells.
     """
     return float(grid.known[observable].mean()) if observable.any() else None
 
@@ -69,17 +69,17 @@ def _overlap(
     found: NDArray[np.bool_], true: NDArray[np.bool_], observable: NDArray[np.bool_], tolerance: int, outside: int
 ) -> Overlap:
     near_true, near_found = _grown(true, tolerance), _grown(found, tolerance)
-    asked = true & observable
+    expected = true & observable
     judged = found & ~(true & ~observable)
-    claims, wanted = int(judged.sum()) + outside, int(asked.sum())
+    claimed, wanted = int(judged.sum()) + outside, int(expected.sum())
     return Overlap(
-        precision=float((judged & near_true).sum()) / claims if claims else None,
-        recall=float((asked & near_found).sum()) / wanted if wanted else None,
+        precision=float((judged & near_true).sum()) / claimed if claimed else None,
+        recall=float((expected & near_found).sum()) / wanted if wanted else None,
     )
 
 
 def _grown(mask: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
-    """Cells within `cells` rows and columns of the mask."""
+    """Return the cells within `cells` rows and columns of the mask."""
     if cells == 0:
         return mask
     side = 2 * cells + 1

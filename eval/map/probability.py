@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from slam.occupancy import OccupancyGrid
 
 CLIP = 1.0 / 512.0
-"""Probabilities are kept this far from 0 and 1: half a grey level of a map file, so that one wrong cell that is sure
-of itself costs 6.2 nats, not infinity."""
+"""Probabilities are clipped to [CLIP, 1 - CLIP], half a grey level of a map file: a cell that is wrong with certainty
+then costs 6.2 nats, not infinity."""
 BINS = 10
+"""Number of bins of the calibration curve."""
 
 
 @dataclass(frozen=True)
 class CalibrationBin:
-    """Cells of about the same stated probability."""
+    """Cells whose stated probability falls into one bin."""
 
     stated: float
     """Their mean P(occupied)."""
@@ -32,22 +33,25 @@ class ProbabilityScore:
     """Scores of P(occupied) against the truth; unknown cells count as 0.5."""
 
     log_loss: float
-    """-mean(ln P(truth)) [nats], 0 (sure and right) to 6.2; 0.693 for a map that knows nothing (Good 1952)."""
+    """-mean(ln P(truth)) [nats], 0 (certain and right) to 6.2; 0.693 for a map that knows nothing (Good 1952)."""
     brier: float
     """mean (P - truth)^2, 0 to 1; 0.25 for a map that knows nothing (Brier 1950)."""
     auc: float | None
-    """Chance that an occupied cell has a higher P than a free one, 0 to 1, 0.5 = guessed; None with one kind only."""
+    """Probability that an occupied cell has a higher P than a free one, 0 to 1; 0.5 = guessed; None without both."""
     calibration_error: float
     """Expected calibration error: mean |stated - observed| weighted by cells, 0 to 1 (Naeini et al., AAAI 2015)."""
     calibration: tuple[CalibrationBin, ...]
-    """The curve behind it, bins of equal width that hold cells."""
+    """The calibration curve: bins of equal width that hold cells."""
     cells: int
+    """Number of cells that were scored."""
 
 
 def probability_score(
     grid: OccupancyGrid, truth: OccupancyGrid, observable: NDArray[np.bool_]
 ) -> ProbabilityScore | None:
-    """Score the map's probabilities; both maps on the same cells (`eval.map.grids.resample`). None without such cells.
+    """Score the map's probabilities; both maps are on the same cells (`eval.map.grids.resample`).
+
+    Returns None where no observable cell is known in the truth.
 
     Trap: free cells outnumber walls ten to one, so a map without walls looks good by Brier and log loss: read the AUC
     with them. A wall displaced by a cell costs as much as one that is missing.
@@ -70,7 +74,7 @@ def probability_score(
 
 
 def _auc(p: NDArray[np.float64], occupied: NDArray[np.bool_]) -> float | None:
-    """Area under the ROC curve as the Mann-Whitney statistic (Hanley and McNeil, Radiology 143, 1982)."""
+    """Return the area under the ROC curve as the Mann-Whitney statistic (Hanley and McNeil, Radiology 143, 1982)."""
     positive = int(occupied.sum())
     negative = len(occupied) - positive
     if positive == 0 or negative == 0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Several runs side by side, as one HTML file: what was different, and what came of it."""
+"""Several runs side by side, as one HTML file: their settings that differ, and their results."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
 from eval.report import plots
 from eval.report.map_images import draw_map, frame_around
-from eval.report.run_report import Plot, flat, render
-from eval.report.verdict import LEADS
+from eval.report.page import Plot, flat, render
+from eval.report.verdict import OUTCOME_SENTENCES
 from eval.trajectory.association import AssociationError, associate
 from eval.trajectory.errors import absolute_error
 from slam.se2 import Pose
@@ -32,9 +32,9 @@ class Measure:
     """One row of the table of results."""
 
     key: str
-    """In `metrics.json`, with dots."""
+    """Key in `metrics.json`, with dots."""
     label: str
-    form: str
+    number_format: str
     factor: float = 1.0
     better: int = -1
     """-1: less is better; 1: more is better; 0: neither."""
@@ -78,7 +78,7 @@ def write_comparison(run_directories: Sequence[str | os.PathLike[str]], out: str
     one_place = len(set(places)) == 1
     page = render(
         "comparison.html.j2",
-        runs=[(name, run.metric("outcome"), _mood(run), run.metric("outcome_reason")) for name, run in named],
+        runs=[(name, run.metric("outcome"), _severity(run), run.metric("outcome_reason")) for name, run in named],
         failures=_failures(runs),
         places=places,
         one_place=one_place,
@@ -100,27 +100,27 @@ def _names(runs: Sequence[RunFiles]) -> list[str]:
     return [run.name if counts[run.name] == 1 else "/".join(run.path.resolve().parts[-2:]) for run in runs]
 
 
-def _mood(run: RunFiles) -> str:
-    return LEADS.get(str(run.metric("outcome")), ("", "none"))[1]
+def _severity(run: RunFiles) -> str:
+    return OUTCOME_SENTENCES.get(str(run.metric("outcome")), ("", "none"))[1]
 
 
 def _failures(runs: Sequence[RunFiles]) -> str:
-    """How many of the runs that can be judged went wrong: it belongs beside every mean."""
-    judged = [mood for mood in map(_mood, runs) if mood != "none"]
+    """State how many of the runs that can be judged failed: a mean over runs hides failures."""
+    judged = [severity for severity in map(_severity, runs) if severity != "none"]
     if not judged:
         return "None of the runs can be judged."
-    bad = sum(mood == "bad" for mood in judged)
+    bad = sum(severity == "bad" for severity in judged)
     return f"{bad} of {len(judged)} judged runs failed."
 
 
 def _place(run: RunFiles) -> str:
-    """What was mapped: the world or the log; a dash where the run does not say."""
+    """Name the world or the log that was mapped; a dash where the run does not say."""
     settings = run.config.get("settings", {})
     return _short(settings.get("world", settings.get("log", "–")))
 
 
 def _short(value: Any) -> str:
-    """A setting in few letters: of a path the last part."""
+    """Shorten a setting: keep the last part of a path."""
     text = str(value)
     return text.rstrip("/").rpartition("/")[2] if text.startswith("/") else text
 
@@ -133,9 +133,9 @@ def _result_row(
     known = [value for value in values if value is not None]
     if not known:
         return None
-    texts = ["–" if value is None else measure.form.format(measure.factor * value) for value in values]
+    texts = ["–" if value is None else measure.number_format.format(measure.factor * value) for value in values]
     best = min(known) if measure.better < 0 else max(known)
-    best_text = measure.form.format(measure.factor * best)
+    best_text = measure.number_format.format(measure.factor * best)
     distinct = mark_best and measure.better != 0 and len({text for text in texts if text != "–"}) > 1
     return measure.label, [(text, distinct and text == best_text) for text in texts]
 
@@ -149,7 +149,7 @@ def _differing_settings(runs: Sequence[RunFiles]) -> list[tuple[str, list[str]]]
 
 
 def _curves(runs: Sequence[tuple[str, RunFiles]]) -> list[Plot]:
-    """Error over the path travelled, of the runs with truth."""
+    """Plot the error over the distance travelled, for the runs with truth."""
     curves, longest = [], np.zeros(1)
     for index, (name, run) in enumerate(runs):
         if run.estimate is None or run.truth is None:
@@ -183,6 +183,6 @@ def _maps(runs: Sequence[tuple[str, RunFiles]]) -> list[Plot]:
 
 
 def _frame(run: RunFiles) -> Pose:
-    """The truth's frame, so that maps of one world lie alike; else the map's own."""
+    """Return the truth's frame, so that maps of one world have one frame; else the map's own."""
     T: Any = run.metric("trajectory.T_truth_estimate")
     return np.zeros(3) if T is None else np.asarray(T, dtype=np.float64)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The report's plots as SVG, each a function of plain arrays; matplotlib's settings are left as they were."""
+"""Plots of the report as SVG. Each is a function of plain arrays and leaves matplotlib's settings unchanged."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "slam-testbed",  # equal runs give equal bytes
     "figure.constrained_layout.use": True,
 }
-"""For `rc_context`."""
+"""Settings for `rc_context`."""
 Series = tuple[str, ArrayLike, str]
 """Label, values, colour."""
 
@@ -75,10 +75,10 @@ def over_time(
     log: bool = False,
     axis: str = "time [s]",
 ) -> str:
-    """Values over time [s], or over what `axis` says.
+    """Plot values over time [s], or over the quantity that `axis` names.
 
-    marks: times ticked at the foot (name: times, colour). cursor: a line at one time. band: values that are as they
-    should be.
+    marks: times to tick along the axis (name: times, colour). cursor: draw a line at this time. band: shade the
+    values that are right.
     """
     t = np.asarray(time, dtype=np.float64)
     with rc_context(STYLE):
@@ -106,7 +106,7 @@ def over_time(
 
 
 def stacked_over_time(time: ArrayLike, parts: Mapping[str, ArrayLike], label: str) -> str:
-    """Parts of a whole over time [s], stacked; each bucket of time shows its mean."""
+    """Stack the parts of a whole over time [s]; each bucket of time shows its mean."""
     t = np.asarray(time, dtype=np.float64)
     with rc_context(STYLE):
         figure, ax = _figure(WIDE)
@@ -121,7 +121,7 @@ def stacked_over_time(time: ArrayLike, parts: Mapping[str, ArrayLike], label: st
 
 
 def paths(curves: Sequence[Series], *, background: Picture | None = None) -> str:
-    """Paths (n, 2) [m] seen from above, over a faint map."""
+    """Draw paths (n, 2) [m] from above, over a faint map."""
     with rc_context(STYLE):
         figure, ax = _figure(_size_for(background.extent if background is not None else None))
         _ground(ax, background)
@@ -134,11 +134,11 @@ def paths(curves: Sequence[Series], *, background: Picture | None = None) -> str
 
 @dataclass(frozen=True, eq=False)
 class SeenScan:
-    """A scan drawn from one place."""
+    """A scan drawn from one pose."""
 
     label: str
     pose: Pose
-    """Of the robot, (3,)."""
+    """Pose of the robot, (3,)."""
     points: NDArray[np.float64]
     """End points of the beams in the robot's frame [m], (k, 2)."""
     colour: str
@@ -147,7 +147,7 @@ class SeenScan:
 def scan_over_map(
     scans: Sequence[SeenScan], curves: Sequence[Series], *, background: Picture | None, window: Extent
 ) -> str:
-    """Scans and the robot that took them over a map, with paths (n, 2) [m]; `window` = x, x, y, y to show [m]."""
+    """Draw scans, the robot and paths (n, 2) [m] over a map; `window` = x, x, y, y to show [m]."""
     with rc_context(STYLE):
         figure, ax = _figure(_size_for(window))
         _ground(ax, background)
@@ -173,7 +173,7 @@ def scan_over_map(
 
 
 def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | None = None) -> str:
-    """A path (n, 2) [m] coloured by the error (n,) [m] at each place."""
+    """Draw a path (n, 2) [m] coloured by the error (n,) [m] along it."""
     xy, e = np.asarray(path, dtype=np.float64), np.asarray(error, dtype=np.float64)
     step = -(-len(xy) // (2 * MAX_POINTS))
     xy, e = xy[::step], e[::step]
@@ -193,11 +193,11 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
 
 
 def calibration(stated: ArrayLike, observed: ArrayLike, cells: ArrayLike) -> str:
-    """Calibration curve of the map's probabilities; the size of a dot grows with its number of cells."""
+    """Draw the calibration curve of the map's probabilities; larger dots stand for more cells."""
     n = np.asarray(cells, dtype=np.float64)
     with rc_context(STYLE):
         figure, ax = _figure(WIDE)
-        ax.plot([0, 1], [0, 1], color=QUIET, lw=1.0, ls=(0, (4, 2)), label="honest")
+        ax.plot([0, 1], [0, 1], color=QUIET, lw=1.0, ls=(0, (4, 2)), label="perfect")
         ax.plot(stated, observed, color=ESTIMATE, lw=1.2)
         ax.scatter(np.asarray(stated), np.asarray(observed), s=15 + 90 * np.sqrt(n / n.max()), color=ESTIMATE, zorder=3)
         ax.set(xlabel="stated P(occupied)", ylabel="truly occupied", xlim=(-0.03, 1.03), ylim=(-0.05, 1.05))
@@ -206,7 +206,7 @@ def calibration(stated: ArrayLike, observed: ArrayLike, cells: ArrayLike) -> str
 
 
 def thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """At most about `MAX_POINTS` points of a curve: of each bucket the lowest and the highest, so no spike is lost."""
+    """Keep about `MAX_POINTS` points of a curve: the lowest and the highest of each bucket, so no spike is lost."""
     if len(x) <= MAX_POINTS:
         return x, y
     kept = []
@@ -218,7 +218,7 @@ def thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.
 
 
 def _size_for(shown: Extent | None) -> tuple[float, float]:
-    """A size [inch] as high as the place is, in proportion, but neither a strip nor a tower."""
+    """Return a size [inch] in the proportions of what is shown, but neither a strip nor a tower."""
     ratio = 0.75 if shown is None else (shown[3] - shown[2]) / (shown[1] - shown[0])
     return WIDE[0], float(np.clip(0.88 * WIDE[0] * ratio + 0.8, 2.0, 6.0))
 
@@ -229,7 +229,7 @@ def _figure(size: tuple[float, float]) -> tuple[Figure, Axes]:
 
 
 def _ground(ax: Axes, background: Picture | None) -> None:
-    """Equal axes in metres, over a faint map."""
+    """Set equal axes in metres and draw the faint map."""
     ax.set_aspect("equal", adjustable="datalim" if background is None else "box")
     ax.set(xlabel="x [m]", ylabel="y [m]")
     if background is not None:
@@ -242,7 +242,7 @@ def _ground(ax: Axes, background: Picture | None) -> None:
 
 
 def _legend(ax: Axes, columns: int = 4) -> None:
-    """Above the plot, where it hides nothing."""
+    """Put the legend above the plot, where it hides nothing."""
     handles, labels = ax.get_legend_handles_labels()
     if len(handles) > 0:
         ax.legend(

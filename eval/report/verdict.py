@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A run in plain words and headline figures, from its measures alone."""
+"""A verdict on a run, in plain words and headline figures, made from its metrics alone."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Literal
 from eval.files.run_reader import RunFiles
 from eval.wording import length, share, spread
 
-Mood = Literal["good", "fair", "bad", "none"]
-LEADS: dict[str, tuple[str, Mood]] = {
-    "ok": ("Map and path hold together.", "good"),
-    "drift": ("Nothing broke, but the path drifts.", "fair"),
+Severity = Literal["good", "fair", "bad", "none"]
+OUTCOME_SENTENCES: dict[str, tuple[str, Severity]] = {
+    "ok": ("OK.", "good"),
+    "drift": ("The path drifts, but no stretch or loop of it is broken.", "fair"),
     "broken loop": ("The map is broken: places visited twice do not meet.", "bad"),
-    "lost": ("The robot lost its way.", "bad"),
-    "collided": ("The robot ran into something before it was done.", "bad"),
-    "timeout": ("The time was over before the robot was done.", "bad"),
-    "interrupted": ("The run was stopped by hand; this is what was there.", "none"),
-    "failed": ("The run broke off with an error; this is what was there.", "bad"),
-    "unjudged": ("The run came to its end.", "none"),
+    "lost": ("The estimate lost the robot.", "bad"),
+    "collided": ("The robot collided before the drive was complete.", "bad"),
+    "timeout": ("The time ran out before the drive was complete.", "bad"),
+    "interrupted": ("The run was stopped by hand; this page shows what was there by then.", "none"),
+    "failed": ("The run ended with an error; this page shows what was there by then.", "bad"),
+    "unjudged": ("The run is complete; there is nothing to judge it by.", "none"),
 }
-"""First sentence and mood for each outcome (`eval.outcome`)."""
+"""First sentence and severity for each outcome (`eval.outcome`)."""
 
 
 @dataclass(frozen=True)
@@ -31,31 +31,42 @@ class Headline:
     value: str
     label: str
     hint: str = ""
-    """What to compare it with."""
+    """A value to compare it with."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What to think of a run."""
+    """The judgement on a run."""
 
     outcome: str
-    mood: Mood
+    severity: Severity
     lead: str
     sentences: tuple[str, ...]
     headlines: tuple[Headline, ...]
 
 
 def verdict(run: RunFiles) -> Verdict:
-    """The verdict on a run by what its `metrics.json` says."""
+    """Return the verdict on a run, made from its `metrics.json`."""
     outcome = str(run.metrics.get("outcome", "unjudged"))
-    lead, mood = LEADS.get(outcome, (f"Outcome: {outcome}.", "none"))
+    lead, severity = OUTCOME_SENTENCES.get(outcome, (f"Outcome: {outcome}.", "none"))
+    if outcome == "ok":
+        lead = _lead_of_good_run(run)
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [_sentence(reason), _path_sentence(run), _relations_sentence(run), _map_sentence(run)]
-    return Verdict(outcome, mood, lead, tuple(filter(None, sentences)), tuple(_headlines(run)))
+    return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), tuple(_headlines(run)))
 
 
 def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""
+
+
+def _lead_of_good_run(run: RunFiles) -> str:
+    """Name the largest figure that the judgement rests on, e.g. "OK: trajectory error 0.3 cm, no failed loops."."""
+    for key, name in (("trajectory.ate_rmse_m", "trajectory error"), ("relations.trans_mean_m", "relation error")):
+        error = run.metric(key)
+        if error is not None:
+            return f"OK: {name} {length(error)}, no failed loops."
+    return OUTCOME_SENTENCES["ok"][0]
 
 
 def _path_sentence(run: RunFiles) -> str:
@@ -63,11 +74,11 @@ def _path_sentence(run: RunFiles) -> str:
     if error is None:
         return ""
     text = (
-        f"Over {run.metric('trajectory.length_m'):.0f} m of path the estimate is {length(error)} off "
+        f"The trajectory error is {length(error)} over {run.metric('trajectory.length_m'):.0f} m of path "
         f"(root mean square, after alignment)"
     )
     odometry = run.metric("trajectory.odometry.ate_rmse_m")
-    return f"{text}; wheel odometry alone is {length(odometry)} off." if odometry is not None else f"{text}."
+    return f"{text}; wheel odometry alone has {length(odometry)}." if odometry is not None else f"{text}."
 
 
 def _relations_sentence(run: RunFiles) -> str:
@@ -76,11 +87,11 @@ def _relations_sentence(run: RunFiles) -> str:
         return ""
     loops = run.metric("relations.loops.trans_mean_m")
     text = (
-        f"Against {run.metric('relations.pairs')} hand-checked relations it is off by "
+        f"Against {run.metric('relations.pairs')} hand-checked relations the error is "
         f"{spread(mean, run.metric('relations.trans_std_m'))} and {run.metric('relations.rot_mean_deg'):.2f} ± "
         f"{run.metric('relations.rot_std_deg'):.2f} degrees"
     )
-    return f"{text}; by {length(loops)} between visits more than 20 s apart." if loops is not None else f"{text}."
+    return f"{text}; {length(loops)} between visits more than 20 s apart." if loops is not None else f"{text}."
 
 
 def _map_sentence(run: RunFiles) -> str:
@@ -88,11 +99,11 @@ def _map_sentence(run: RunFiles) -> str:
     if distance is None or coverage is None:
         return ""
     text = (
-        f"The walls of the map are {length(distance)} from the true ones; "
+        f"The mean distance between mapped and true walls is {length(distance)}; "
         f"{share(coverage)} of what could be seen is mapped"
     )
     double = run.metric("map.double_wall_rate")
-    return f"{text}; {share(double)} of the walls stand double." if double is not None else f"{text}."
+    return f"{text}; {share(double)} of the walls are double." if double is not None else f"{text}."
 
 
 def _headlines(run: RunFiles) -> list[Headline]:

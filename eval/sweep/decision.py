@@ -9,8 +9,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
-from scipy.stats import binomtest
+from scipy.special import bdtrc, stdtrit
 
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values, paired_difference
 
@@ -142,7 +141,7 @@ def _state(
 ) -> State:
     both = np.isfinite(failed) & np.isfinite(base)
     more, fewer = int((failed[both] > base[both]).sum()), int((failed[both] < base[both]).sum())
-    if more and binomtest(more, more + fewer, alternative="greater").pvalue < 1.0 - level:  # McNemar's exact test
+    if more and bdtrc(more - 1, more + fewer, 0.5) < 1.0 - level:  # McNemar's exact test, one-sided
         return "worse"
     if difference.count < min_values(level):
         return "open"

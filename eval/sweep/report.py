@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eval.files.atomic_write import atomic_write
-from eval.report.run_report import render
+from eval.report.page import render
 from eval.sweep import plots as sweep_plots
 from eval.sweep.answers import Answer, answer_of_place, answers
 from eval.sweep.decision import TOLERANCE

@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from eval.report.verdict import LEADS
+from eval.report.verdict import OUTCOME_SENTENCES
 from eval.sweep.measure import Measure
 from eval.sweep.statistics import LEVEL
 
@@ -91,7 +91,7 @@ class SweepTable:
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
         """Whether each run failed: the measured estimate has a bad outcome (`eval.report.verdict`), or no result."""
-        bad = [outcome for outcome, (_, mood) in LEADS.items() if mood == "bad"]
+        bad = [outcome for outcome, (_, severity) in OUTCOME_SENTENCES.items() if severity == "bad"]
         unknown = np.full(self.shape, None, dtype=object)
         outcome = self.columns.get(self.measure.outcome, self.columns.get("outcome", unknown)).astype(str)
         wrong: NDArray[np.bool_] = np.isin(outcome, bad) | (self.columns["status"].astype(str) == "failed")

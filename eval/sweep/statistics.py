@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, stdtrit
-from scipy.stats import binomtest
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -108,5 +107,7 @@ def wilson_interval(failures: int, runs: int, *, level: float = LEVEL) -> tuple[
     """
     if runs == 0:
         return math.nan, math.nan
-    interval = binomtest(failures, runs).proportion_ci(level, "wilson")
+    from scipy.stats import binomtest  # takes a second to load
+
+    interval = binomtest(failures, runs).proportion_ci(level, method="wilson")
     return float(interval.low), float(interval.high)

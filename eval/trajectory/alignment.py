@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Put an estimate into the reference's frame before comparing: the choice changes the error, so it goes by name."""
+"""Move an estimate into the reference's frame; each method has a name, because it changes the error."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ class Alignment:
     method: Method
     """`none`: identity; `first_pose`: the first poses coincide; `se2`: least squares over all positions."""
     heading_from_poses: bool = False
-    """`se2` only: the positions lie on one point, so the turn comes from the headings."""
+    """`se2` only: all positions coincide, so the rotation comes from the headings."""
 
     def apply(self, poses: ArrayLike) -> Pose:
-        """Poses (..., 3) of the estimate's frame, seen from the reference's."""
+        """Transform poses (..., 3) from the estimate's frame to the reference's."""
         return compose(self.T_reference_estimate, poses)
 
 
 def align(estimate: ArrayLike, reference: ArrayLike, method: Method = "se2") -> Alignment:
-    """Alignment of the poses `estimate` (n, 3) to the poses `reference` (n, 3), row by row.
+    """Align the poses `estimate` (n, 3) to the poses `reference` (n, 3), row by row.
 
     `se2` minimises sum |R p_i + t - q_i|^2 over rotation R and shift t, without scale (Umeyama, PAMI 13(4), 1991, in
-    the plane in closed form). Trap: it spreads the error over the whole path and so hides where it began;
-    `first_pose` shows drift as it grows, but one bad first heading tilts everything.
+    the plane in closed form). Trap: it distributes the error over the whole path and hides where it began;
+    `first_pose` shows how drift grows, but an error of the first heading turns the whole path.
     Raises ValueError where the shapes differ or the method is unknown.
     """
     p, q = np.asarray(estimate, dtype=np.float64), np.asarray(reference, dtype=np.float64)
@@ -57,7 +57,7 @@ def _umeyama(p: Pose, q: Pose) -> Alignment:
     dp, dq = p[:, :2] - p_mean, q[:, :2] - q_mean
     cosine = np.sum(dp * dq)
     sine = np.sum(dp[:, 0] * dq[:, 1] - dp[:, 1] * dq[:, 0])
-    # Rounding leaves about eps times the coordinates' squares where all positions are one.
+    # Where all positions coincide, rounding leaves about eps times the squares of the coordinates.
     one_point = np.hypot(cosine, sine) <= 1e-12 * (np.sum(p[:, :2] ** 2) + np.sum(q[:, :2] ** 2) + 1e-300)
     if one_point:
         turns = wrap_angle(q[:, 2] - p[:, 2])

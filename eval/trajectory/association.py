@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which pose of one trajectory belongs to which pose of another: by time, with the share that found a partner."""
+"""Match the poses of two trajectories by time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from eval.trajectory.trajectory import Trajectory, travelled
 from slam.se2 import wrap_angle
 
 TOLERANCE = 0.01
-"""Stamps that differ by up to this much belong together [s] (evo's default as well)."""
+"""Largest difference of stamps that match [s] (evo's default as well)."""
 MAX_GAP = 0.5
-"""Between reference poses further apart than this nothing is interpolated [s]."""
+"""Largest gap between reference poses over which poses are interpolated [s]."""
 MIN_SHARE = 0.01
-"""Below this share of matched poses the stamps meet by chance only."""
+"""Smallest share of matched poses; with fewer the stamps agree by chance only."""
 
 
 class AssociationError(ValueError):
@@ -25,26 +25,27 @@ class AssociationError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Association:
-    """Pairs of an estimate's poses and the reference's poses at the same times, in the order of time.
+    """Pairs of poses of an estimate and of a reference at the same times, in the order of time.
 
-    Only where both have the very same stamps they stay in the order of the files."""
+    Where both have identical stamps the order of the files is kept.
+    """
 
     estimate: Trajectory
-    """The estimate's poses that found a partner, (n,)."""
+    """The estimate's poses that were matched, (n,)."""
     reference: Trajectory
     """The reference at those times, (n,)."""
     rows: NDArray[np.intp]
-    """Which rows of the whole estimate they are, (n,)."""
+    """Rows of these poses in the whole estimate, (n,)."""
     total: int
-    """Poses of the whole estimate."""
+    """Number of poses of the whole estimate."""
     method: str
-    """How partners were found, in words, with the tolerance."""
+    """Description of the matching, with its tolerance."""
     notes: tuple[str, ...] = ()
-    """What a reader of the result must know: repeated stamps, a small share."""
+    """Sentences on repeated stamps, stamps that step back, and poses without a match."""
 
     @property
     def share(self) -> float:
-        """Share of the estimate's poses that found a partner, 0 to 1."""
+        """Share of the estimate's poses that were matched, 0 to 1."""
         return len(self.rows) / self.total
 
 
@@ -56,13 +57,13 @@ def associate(
     interpolate: bool = True,
     max_gap: float = MAX_GAP,
 ) -> Association:
-    """Give each pose of `estimate` the reference's pose of the same time.
+    """Match each pose of `estimate` with the reference's pose of the same time.
 
-    Trajectories with the very same stamps go together row by row, whatever order the stamps are in. Otherwise both
-    are sorted by time (of repeated stamps the reference's first counts) and a pose takes the reference's at its stamp:
-    interpolated between neighbours up to `max_gap` [s] apart (straight line, shorter turn), else the nearest within
-    `tolerance` [s]. With `interpolate=False` the nearest only.
-    Raises AssociationError if not one pose finds a partner, or less than `MIN_SHARE` of them.
+    Trajectories with identical stamps are matched row by row, in whatever order the stamps are. Otherwise both are
+    sorted by time (of repeated stamps of the reference the first counts), and a pose is matched with the reference at
+    its stamp: interpolated between neighbours up to `max_gap` [s] apart (straight line, shorter turn), else the
+    nearest within `tolerance` [s]. With `interpolate=False` only the nearest counts.
+    Raises AssociationError if no pose, or less than `MIN_SHARE` of them, has a match.
     """
     total = len(estimate)
     if np.array_equal(estimate.stamps, reference.stamps):
@@ -114,9 +115,10 @@ def associate(
 
 
 def covered_share(matched: Association, reference: Trajectory) -> float:
-    """Share of the reference's path [m/m] that lies between the first and the last matched pose in time, 0 to 1.
+    """Return the share of the reference's path between the times of the first and the last matched pose, 0 to 1.
 
-    The share of matched poses does not show an estimate that ends early. 1 for a reference that does not move.
+    The share of matched poses does not show an estimate that ends early. The result is 1 for a reference that does not
+    move.
     """
     order = np.argsort(reference.stamps, kind="stable")
     path = travelled(reference.poses[order])
@@ -126,10 +128,10 @@ def covered_share(matched: Association, reference: Trajectory) -> float:
 
 
 def _between_poses(a: NDArray[np.float64], b: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses (n, 3) at `part` (n,) of the way from a to b: positions on the straight line, headings the shorter way."""
-    way = b - a
-    way[:, 2] = wrap_angle(way[:, 2])
-    return a + part[:, None] * way
+    """Interpolate poses (n, 3) at `part` (n,) of the motion from a to b: straight line, shorter turn."""
+    difference = b - a
+    difference[:, 2] = wrap_angle(difference[:, 2])
+    return a + part[:, None] * difference
 
 
 def _span(trajectory: Trajectory) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Absolute and relative trajectory error, and drift. Angles are given in degrees: these numbers are read by people."""
+"""Compute absolute and relative trajectory errors, and drift. Angles are in degrees, because people read them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from eval.trajectory.association import Association
 from slam.se2 import between, wrap_angle
 
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""First and second row of each pair, two arrays (k,)."""
 TOLERANCE = 0.1
-"""Pieces may be longer or shorter by this share of their length."""
+"""Largest deviation of a piece from its nominal length, as a share of that length."""
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """A sample of errors in few numbers."""
+    """Summary of a sample of errors, in their own unit."""
 
     rmse: float
     mean: float
@@ -33,7 +34,7 @@ class Statistics:
 
     @classmethod
     def of(cls, errors: ArrayLike) -> Statistics:
-        """Of errors (n,), n >= 1, in their own unit; `std` divides by n, as the published tables do."""
+        """Summarise errors (n,), n >= 1; `std` divides by n, as the published tables do."""
         e = np.asarray(errors, dtype=np.float64)
         if e.ndim != 1 or len(e) == 0:
             raise ValueError(f"statistics take errors (n,) with n >= 1, got shape {e.shape}")
@@ -53,9 +54,9 @@ class AbsoluteError:
     """Absolute trajectory error (ATE) under one named alignment."""
 
     translation: Statistics
-    """Of the distances [m]."""
+    """Summary of the distances [m]."""
     rotation: Statistics
-    """Of the absolute heading differences [deg]."""
+    """Summary of the absolute heading differences [deg]."""
     alignment: Alignment
     translation_errors: NDArray[np.float64]
     """Distance of each pose from the reference [m], (n,)."""
@@ -70,19 +71,19 @@ class RelativeError:
     delta: float
     unit: Literal["m", "s", "poses"]
     translation: Statistics
-    """Of the lengths of the error [m]."""
+    """Summary of the lengths of the errors [m]."""
     rotation: Statistics
-    """Of the absolute angles of the error [deg]."""
+    """Summary of the absolute angles of the errors [deg]."""
     pairs: Pairs
     """First and last row of each piece, two arrays (k,)."""
 
 
 def absolute_error(matched: Association, method: Method = "se2") -> AbsoluteError:
-    """ATE: e_i = |trans(Q_i) - trans(S P_i)|, S the alignment; headings by the same S.
+    """Compute the ATE, e_i = |trans(Q_i) - trans(S P_i)| with the alignment S; headings use the same S.
 
     Unit m and degrees; range 0 and up, 0 and 180. Source: Sturm et al., IROS 2012.
-    Trap: grows with the path and with WHEN an error happened (an early turn costs more), so compare runs of one path
-    only, and read it beside the relative error.
+    Trap: it grows with the length of the path and depends on WHEN an error happened (an early turn costs more).
+    Compare runs of one path only, and read it with the relative error.
     """
     estimate, reference = matched.estimate.poses, matched.reference.poses
     alignment = align(estimate, reference, method)
@@ -93,13 +94,13 @@ def absolute_error(matched: Association, method: Method = "se2") -> AbsoluteErro
 
 
 def relative_error(matched: Association, delta: float, unit: Literal["m", "s", "poses"]) -> RelativeError | None:
-    """RPE: E_i = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j) over all pieces i, j of length `delta`; None if no piece is that long.
+    """Compute the RPE, E_i = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j), over all pieces i, j of length `delta`; None without one.
 
     Lengths are measured on the reference. `m`, `s`: j is the pose nearest to `delta` metres of path or seconds after
     i, if within a tenth of it; `poses`: `delta` rows after. Unit m and degrees, range 0 and up. Needs no alignment.
     Source: Sturm et al., IROS 2012. The same as evo's `all_pairs` with `pairs_from_reference`; evo's default takes
     consecutive pieces of the estimate's path instead, and no pieces by seconds.
-    Trap: blind to errors that build up slowly: take several lengths.
+    Trap: it does not show errors that build up slowly: read several lengths.
     """
     if not delta > 0:
         raise ValueError(f"the length of a piece must be positive, got {delta} {unit}")
@@ -113,7 +114,7 @@ def relative_error(matched: Association, delta: float, unit: Literal["m", "s", "
 def pair_errors(
     estimate: ArrayLike, reference: ArrayLike, pairs: Pairs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Error of the motion between each pair of rows: length [m], (k,) and absolute angle [deg], (k,)."""
+    """Return the error of the motion between each pair of rows: length [m], (k,), and absolute angle [deg], (k,)."""
     p, q = np.asarray(estimate, dtype=np.float64), np.asarray(reference, dtype=np.float64)
     first, last = pairs
     error = between(between(q[first], q[last]), between(p[first], p[last]))
@@ -121,12 +122,12 @@ def pair_errors(
 
 
 def stretches(matched: Association, length: float) -> Pairs:
-    """From each row to the first one at least `length` [m] of the reference's path on, two arrays (k,).
+    """Pair each row with the first one at least `length` [m] of the reference's path later, two arrays (k,).
 
-    Unlike the pieces of `relative_error` they are there however far apart the poses are (Geiger et al., CVPR 2012).
+    Unlike the pieces of `relative_error` they exist however far apart the poses are (Geiger et al., CVPR 2012).
     """
     path = matched.reference.distance
-    # The sum of many steps misses a round length by rounding alone.
+    # Rounding alone makes the sum of many steps miss a round length.
     last = np.searchsorted(path, path + length - 1e-9 * max(1.0, path[-1]))
     first = np.flatnonzero(last < len(path))
     return first, last[first]
@@ -134,20 +135,20 @@ def stretches(matched: Association, length: float) -> Pairs:
 
 @dataclass(frozen=True)
 class Drift:
-    """Error gained per distance travelled, averaged over pieces of several lengths."""
+    """Error per distance travelled, averaged over pieces of several lengths."""
 
     translation_percent: float
     """Metres of error per 100 m."""
     rotation_deg_per_m: float
     lengths: tuple[float, ...]
-    """Lengths of the pieces that entered [m]."""
+    """Lengths of the pieces that were used [m]."""
 
 
 def drift(matched: Association, lengths: Sequence[float]) -> Drift | None:
-    """Mean of RPE / length over all pieces of the given lengths [m]; None where the path is too short for all.
+    """Return the mean of RPE / length over all pieces of the given lengths [m]; None where the path is too short.
 
     Unit percent and deg/m, range 0 and up. Source: KITTI odometry benchmark (Geiger et al., CVPR 2012), there with
-    lengths of 100 to 800 m, and pieces of at least, not nearest to, each length.
+    lengths of 100 to 800 m, and pieces of at least each length instead of the nearest.
     Trap: a constant error (noise of single poses) weighs more on short pieces and looks like drift.
     """
     pieces = [(length, relative_error(matched, length, "m")) for length in lengths]
@@ -172,9 +173,9 @@ def _pieces(matched: Association, delta: float, unit: Literal["m", "s", "poses"]
     after = np.minimum(np.searchsorted(along, target), n - 1)
     before = np.maximum(after - 1, 0)
     near = np.where(target - along[before] <= along[after] - target, along[before], along[after])
-    last = np.searchsorted(along, near)  # the first of the poses that the robot stood at
+    last = np.searchsorted(along, near)  # the first pose where the robot stood still
     found = np.abs(near - target) <= TOLERANCE * delta
-    if unit == "s":  # by metres evo lets several pieces end at the last pose, and so do we
+    if unit == "s":  # by metres several pieces may end at the last pose, as in evo
         found &= target <= along[-1] + 1e-6
     first = np.flatnonzero(found)
     return order[first], order[last[first]]

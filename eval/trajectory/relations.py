@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The relation metric: truth as a list of relative poses between pairs of stamps, no global frame, no alignment.
+"""Score against relations: the truth is a list of relative poses between pairs of stamps; no alignment is needed.
 
 Source: Kümmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss, Kleiner, "On measuring the accuracy of SLAM
 algorithms", Autonomous Robots 27(4), 2009. One relation a line, metres and radians:
@@ -20,15 +20,15 @@ from eval.trajectory.trajectory import Trajectory
 from slam.se2 import Pose, between
 
 EXACT = 1e-6
-"""Stamps that are equal in files with six decimals differ by no more than this [s]."""
-SHORT = 20.0
-"""Pairs up to this far apart are short, longer ones are loops [s]."""
+"""Largest difference of stamps that are equal in files with six decimals [s]."""
+MAX_SHORT = 20.0
+"""Errors of pairs up to this far apart in time are short, others are loops [s]."""
 FAILURE_M = 0.5
-"""A pair with a larger translational error counts as failed [m]."""
+"""A pair with a larger error of translation counts as failed [m]."""
 
 
 class RelationsError(ValueError):
-    """A file that holds no relations, or relations that fit none of a trajectory's stamps."""
+    """A file without valid relations, or relations that match none of a trajectory's stamps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +51,13 @@ class PairErrors:
     """Errors of some pairs: mean and standard deviation as published, and the tail that means hide."""
 
     translation: Statistics
-    """[m]"""
+    """Lengths [m]."""
     translation_squared: Statistics
-    """[m^2]"""
+    """Squared lengths [m^2]."""
     rotation: Statistics
-    """[deg]"""
+    """Absolute angles [deg]."""
     rotation_squared: Statistics
-    """[deg^2]"""
+    """Squared angles [deg^2]."""
     failure_share: float
     """Share of pairs with more than `FAILURE_M` of translational error, 0 to 1."""
 
@@ -67,22 +67,23 @@ class RelationError:
     """Score of one trajectory against relations."""
 
     all: PairErrors
+    """All matched pairs."""
     short: PairErrors | None
-    """Pairs up to `SHORT` apart; None where there are none."""
+    """Errors of pairs up to `MAX_SHORT` apart; None where there are none."""
     loops: PairErrors | None
-    """Pairs further apart; None where there are none."""
+    """Errors of pairs further apart; None where there are none."""
     unmatched: int
-    """Relations with a stamp that the trajectory does not have."""
+    """Number of relations with a stamp that the trajectory does not have."""
     covered: float
-    """Share of the relations between stamps that lie within the trajectory's time, 0 to 1: below 1 it ends early."""
+    """Share of the relations whose stamps lie within the trajectory's time span, 0 to 1: below 1 it ends early."""
     tolerance: float
-    """Stamps were equal within this [s]."""
+    """Largest difference of stamps that were matched [s]."""
     matched: NDArray[np.intp]
-    """Which relations were scored, (m,)."""
+    """Indices of the relations that were scored, (m,)."""
     translation_errors: NDArray[np.float64]
-    """[m], (m,)."""
+    """Error of each scored relation [m], (m,)."""
     rotation_errors: NDArray[np.float64]
-    """[deg], (m,)."""
+    """Error of each scored relation [deg], (m,)."""
     notes: tuple[str, ...]
 
 
@@ -105,19 +106,19 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     return Relations(table[:, 0], table[:, 1], table[:, [2, 3, 7]])
 
 
-def _parse(place: str, fields: list[str]) -> list[float]:
+def _parse(position: str, fields: list[str]) -> list[float]:
     if len(fields) != 8:
-        raise RelationsError(f"{place}: expected 8 numbers 't1 t2 x y z roll pitch yaw', got {len(fields)}")
+        raise RelationsError(f"{position}: expected 8 numbers 't1 t2 x y z roll pitch yaw', got {len(fields)}")
     try:
         row = [float(field) for field in fields]
     except ValueError:
-        raise RelationsError(f"{place}: expected 8 numbers, got '{' '.join(fields)[:80]}'") from None
+        raise RelationsError(f"{position}: expected 8 numbers, got '{' '.join(fields)[:80]}'") from None
     if not np.isfinite(row).all():
-        raise RelationsError(f"{place}: expected finite numbers, got NaN or infinity")
+        raise RelationsError(f"{position}: expected finite numbers, got NaN or infinity")
     if abs(row[7]) > 2.0 * np.pi:
-        raise RelationsError(f"{place}: expected a yaw in radians, got {row[7]} (degrees?)")
+        raise RelationsError(f"{position}: expected a yaw in radians, got {row[7]} (degrees?)")
     if max(abs(row[5]), abs(row[6])) > 1e-3:
-        raise RelationsError(f"{place}: expected a relation in the plane (roll = pitch = 0), got {row[5]}, {row[6]}")
+        raise RelationsError(f"{position}: expected a relation in the plane (roll = pitch = 0), got {row[5]}, {row[6]}")
     return row
 
 
@@ -125,9 +126,9 @@ def relation_error(trajectory: Trajectory, relations: Relations, *, tolerance: f
     """Score a trajectory: E = relation^-1 (P(t1)^-1 P(t2)); length of E [m] and absolute yaw of E [deg].
 
     A pair counts if both stamps are in the trajectory within `tolerance` [s]; the trajectory's stamps may be in any
-    order, of repeated ones the first counts. Range 0 and up. Trap: with a loose tolerance pairs are matched to
-    wrong poses where stamps come in bursts (Intel: 14 frames in 12 ms); a mean hides lost loops, so read `loops`.
-    Raises RelationsError if not one pair is matched.
+    order, and the first of repeated ones counts. Range 0 and up. Traps: a loose tolerance matches pairs to wrong poses
+    where stamps come in bursts (Intel: 14 frames in 12 ms); a mean hides lost loops, so read `loops`.
+    Raises RelationsError if no pair is matched.
     """
     stamps, first_row = np.unique(trajectory.stamps, return_index=True)
     one, off_one = _nearest(stamps, relations.first)
@@ -143,7 +144,7 @@ def relation_error(trajectory: Trajectory, relations: Relations, *, tolerance: f
     motion = between(poses[one[matched]], poses[two[matched]])
     error = between(relations.poses[matched], motion)
     translation, rotation = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(error[:, 2]))
-    short = np.abs(relations.second - relations.first)[matched] <= SHORT
+    short = np.abs(relations.second - relations.first)[matched] <= MAX_SHORT
     times = np.column_stack([relations.first, relations.second])
     within = ((times >= stamps[0] - tolerance) & (times <= stamps[-1] + tolerance)).all(axis=1)
     return RelationError(
@@ -161,7 +162,7 @@ def relation_error(trajectory: Trajectory, relations: Relations, *, tolerance: f
 
 
 def _nearest(stamps: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Index of the nearest of the sorted stamps to each wanted one, and how far off it is [s]."""
+    """Return the index of the nearest of the sorted stamps to each wanted one, and the difference [s]."""
     after = np.clip(np.searchsorted(stamps, wanted), 0, len(stamps) - 1)
     before = np.maximum(after - 1, 0)
     index = np.where(np.abs(wanted - stamps[before]) < np.abs(stamps[after] - wanted), before, after)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A trajectory: stamped poses, as an estimator, a simulator or a file gives them."""
+"""Stamped poses of an estimator, a simulator or a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slam.se2 import Pose
 class Trajectory:
     """Stamped poses in the order in which they were recorded; the arrays are read-only copies.
 
-    Stamps may repeat and step backwards, as in real logs (Intel: 629 steps back); whoever needs them sorted says so.
+    Stamps may repeat and step backwards, as in real logs (Intel: 629 steps back); functions sort them where they must.
     Raises ValueError for shapes that do not fit, an empty trajectory, and NaN or infinite values (naming the row).
     """
 
@@ -45,7 +45,7 @@ class Trajectory:
         return len(self.stamps)
 
     def __getitem__(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp] | Sequence[int]) -> Trajectory:
-        """The trajectory of some of the rows, in the order asked for."""
+        """Return the trajectory of some rows, in the given order."""
         return Trajectory(self.stamps[rows], self.poses[rows])
 
     @property
@@ -60,7 +60,7 @@ class Trajectory:
 
 
 def travelled(poses: ArrayLike) -> NDArray[np.float64]:
-    """Distance travelled up to each of the poses (n, 3) [m], (n,): the sum of the straight pieces between them."""
+    """Return the distance travelled up to each of the poses (n, 3) [m], (n,): the sum of straight steps."""
     positions = np.asarray(poses, dtype=np.float64)[:, :2]
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The command line `testbed`. Commands are imported when they are called, so that `testbed --help` answers at once."""
+"""The command line `testbed`. Commands are imported when they are called, so that `testbed --help` is fast."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ for _name, _help in HELP.items():
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 well, 1 a gate failed, 2 the user can put it right, 130 interrupted.
+    """Run the command line and exit: 0 success, 1 a limit is broken, 2 an error of usage or input, 130 interrupted.
 
-    What the user can put right is one line on stderr; `TESTBED_DEBUG=1` shows where it came from.
+    Errors of usage or input are one line on stderr; `TESTBED_DEBUG=1` shows the traceback.
     """
     try:
-        status = app(arguments, exit_on_error=False, print_error=False)
+        status = app(_with_present_names(arguments), exit_on_error=False, print_error=False)
     except KeyboardInterrupt:
         _complain("interrupted")
         status = INTERRUPTED
@@ -49,6 +49,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _complain(_one_line(error))
         status = USAGE_ERROR
     sys.exit(status or 0)  # commands that measure nothing return None
+
+
+def _with_present_names(arguments: Sequence[str] | None) -> list[str]:
+    """The arguments, settings of the last release under their present names."""
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    for k, token in enumerate(tokens):
+        if token.startswith(("--filter.", "--localization.")):
+            from slam.config.renamed import present_name  # here, for `--help` to answer at once
+
+            option, equals, value = token[2:].partition("=")
+            tokens[k] = f"--{present_name(option.replace('-', '_'))}{equals}{value}"
+    return tokens
 
 
 def _one_line(error: Exception) -> str:

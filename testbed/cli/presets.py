@@ -13,12 +13,12 @@ from testbed.seeds import RunSeeds
 from testbed.simulation.robot.odometry import GRADES
 from testbed.simulation.robot.umbmark import umbmark as drive_squares
 
-app = App(name="presets", help="Robots and lidars that come with the package.")
+app = App(name="presets", help="List robots and lidars, and measure their odometry.")
 
 
 @app.command(name="list")
 def list_presets() -> None:
-    """Names and main figures of all robots and lidars.
+    """List the names and main parameters of all robots and lidars.
 
     Example: `testbed presets list`
     """
@@ -39,14 +39,14 @@ def list_presets() -> None:
 
 @app.command
 def show(name: str) -> None:
-    """All numbers of a robot or lidar, each with its source.
+    """Show all parameters of a robot or lidar, each with its source.
 
     Example: `testbed presets show create3`
 
     Parameters
     ----------
     name
-        Name of a robot or lidar, or the TOML file of a robot of your own.
+        Name of a robot or lidar, or the TOML file of a robot.
     """
     preset: RobotPreset | LidarPreset = load_lidar(name) if name in lidars() else load_robot(name)
     results.print(f"{preset.name}: {preset.title}")
@@ -58,19 +58,19 @@ def show(name: str) -> None:
 
 @app.command
 def umbmark(*robot: str, runs: int = 20, seed: int = 0) -> None:
-    """By how much odometry misses the start after Borenstein's square of 4 m, driven in both directions.
+    """Measure the error of odometry after a square of 4 m in both directions (Borenstein's UMBmark).
 
-    Root mean square over runs of newly drawn errors, for each grade of odometry.
+    The table shows the root mean square over runs with newly drawn errors, for each grade of odometry.
     Example: `testbed presets umbmark burger create3`
 
     Parameters
     ----------
     robot
-        Names or TOML files; default: all robots of the package.
+        Names or TOML files of robots; default: all robots of the package.
     runs
-        Squares in each direction.
+        Number of squares in each direction.
     seed
-        All random numbers follow from it.
+        Random seed.
     """
     if runs < 1:
         raise ValueError(f"runs must be at least 1, got {runs}")

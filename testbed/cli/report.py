@@ -11,14 +11,14 @@ from testbed.cli.shared.console import results
 
 
 def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
-    """Write the report of a run anew from its files, or compare several runs side by side.
+    """Rewrite the report of a run from its files, or compare several runs side by side.
 
     Parameters
     ----------
     runs
-        Directories of runs: one for its report.html, several for a comparison.
+        Directories of runs: one to rewrite its report.html, several to compare them.
     out
-        File of the comparison.
+        File for the comparison.
     """
     written = write_report(runs[0]) if len(runs) == 1 else write_comparison(runs, out)
     results.print(f"report: {written.resolve()}")

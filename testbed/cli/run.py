@@ -40,7 +40,7 @@ def run(
 ) -> int:
     """Simulate a robot in a world, map it with the particle filter, score map and trajectory against the truth.
 
-    The results go into a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
+    The results are written to a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def run(
     seeds = RunSeeds.from_seed(estimator.seed)
     config = simulator.simulation(seeds)
     output.check_directory()
-    filter_config = estimator.filter_config
+    filter_config = estimator.filter_config  # raises before anything takes time
     loaded = simulator.load_world(world, seeds)
     truth = grid_from_true_map(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))

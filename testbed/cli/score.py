@@ -30,25 +30,25 @@ def score(
     out: Path | None = None,
     fail_if: tuple[str, ...] = (),
 ) -> int:
-    """Score the trajectory and the map of any SLAM system by the measures that `testbed run` uses.
+    """Score the trajectory and the map of any SLAM system with the measures of `testbed run`.
 
     The measures are printed as JSON, or written to --out.
 
     Parameters
     ----------
     dataset
-        Directory with truth.tum, and truth_map.yaml where a map is scored: a dataset or a run. Which cells can be
-        asked of the map follows from the lidar of its scans, or of the run.
+        Directory of a dataset or a run, with truth.tum and, to score a map, truth_map.yaml. Cells that its lidars could
+        not see are not scored.
     trajectory
         The system's trajectory in the TUM format, `t x y z qx qy qz qw`.
     map_
-        The system's map as ROS map_server writes it (.yaml beside .pgm).
+        The system's map in the ROS map_server format (.yaml and .pgm).
     relations
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw`.
     out
         Directory for metrics.json.
     fail_if
-        Exit with 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
+        Exit with status 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
     """
     limits = [Limit.parse(text) for text in fail_if]
     metrics = score_files(dataset, trajectory, map_, relations=relations, lidars=_lidars(dataset) if map_ else ())
@@ -61,7 +61,7 @@ def score(
             aside.write_text(text, encoding="utf-8")
     console.print(headline_table(metrics))
     for note in metrics["notes"]:
-        console.print(f"mind: {note}", soft_wrap=True)
+        console.print(f"note: {note}", soft_wrap=True)
     broken = check(metrics, limits)
     for sentence in broken:
         console.print(f"limit broken: {sentence}", soft_wrap=True)
@@ -69,6 +69,6 @@ def score(
 
 
 def _lidars(dataset: Path) -> tuple[LidarView, ...]:
-    """The lidars of a dataset's recording; none where the directory holds no recording."""
+    """Return the lidars of a dataset's recording; none if the directory holds no recording."""
     recordings = [dataset] if (dataset / "metadata.yaml").is_file() else sorted(dataset.glob("*.log.gz"))
     return lidar_views(open_log(recordings[0]).frames) if len(recordings) == 1 else ()

@@ -32,12 +32,12 @@ LOCALIZATION_GROUP = Group("Localisation (with --map)", sort_key=11)
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class MapOptions:
-    """A finished map to localise in."""
+    """Map and start for a localisation."""
 
     map: Path | None = None
-    """A finished map (map_server .yaml) to localise in: the pose is tracked, the map stays as it is."""
+    """Finished map (map_server .yaml) to localise in; the map is not changed."""
     start: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
-    """Where the robot starts on it, about: X,Y,DEG in the map's frame [m, deg]; default: unknown."""
+    """Approximate start in the map's frame as X,Y,DEG [m, deg]; default: unknown."""
     localization: Annotated[LocalizationConfig, Parameter(group=LOCALIZATION_GROUP)] = field(
         default_factory=LocalizationConfig
     )
@@ -45,21 +45,21 @@ class MapOptions:
 
     def __post_init__(self) -> None:
         if self.map is None and self.start is not None:
-            raise ValueError(f"--start {self.start}: a place on a map, expected --map FILE.yaml beside it")
+            raise ValueError(f"--start {self.start}: needs a map, expected --map FILE.yaml as well")
 
     def read(self, truth: OccupancyGrid | None) -> KnownMap | None:
-        """The map and the start, checked; None where the log is to be mapped."""
+        """Read and check the map and the start; None if no map is given."""
         return None if self.map is None else KnownMap.read(self.map, self.start, self.localization, truth)
 
     def settings(self) -> dict[str, Any]:
-        """What of this belongs into `config.toml`."""
+        """Return the settings for `config.toml`."""
         if self.map is None:
             return {}
         return {"map": self.map.resolve(), "start": self.start, "localization": asdict(self.localization)}
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The map's files."""
+        """Files of the map."""
         return () if self.map is None else (self.map, self.map.with_suffix(".pgm"))
 
 
@@ -82,22 +82,21 @@ def slam(
     Parameters
     ----------
     log
-        A recorded log: CARMEN (plain or gzip), ROS 1 or ROS 2 bag, dataset directory.
+        Recorded log: CARMEN (plain or gzip), ROS 1 or ROS 2 bag, or dataset directory.
     relations
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw` (Kümmerle et al. 2009).
     truth
         True trajectory in the TUM format, `t x y z qx qy qz qw`, with the clock of the log.
     laser_offset
-        x of the laser in the robot's frame [m]; default: what the log says.
+        x of the laser in the robot's frame [m]; default: stated by the log.
     range_max
-        Readings from here on are no returns [m]; default: what the log says or shows.
+        Readings of at least this range are no returns [m]; default: stated or shown by the log.
     """
     output.check_directory()
-    filter_config = estimator.filter_config
+    filter_config = estimator.filter_config  # raises before the log is read
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
-    truth_file = log / "truth_map.yaml"  # beside the recording in a dataset of ours
-    truth_map = read_map_inside(truth_file) if truth_file.is_file() else None
-    place = known_map.read(truth_map)
+    truth_map = _truth_map(log)
+    known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
     frames = recording.frames if truth is None else with_truth(recording.frames, read_tum(truth))
     settings = {
@@ -112,7 +111,6 @@ def slam(
     inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
-    name = log.name.split(".")[0]
     job = Job(
         source=RecordedFrames(frames),
         document=document,
@@ -121,9 +119,10 @@ def slam(
         threads=estimator.threads,
         refine=estimator.refine,
         relations=known_relations,
-        known_map=place,
+        known_map=known,
         truth_map=truth_map,
     )
+    name = log.name.split(".")[0]
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
@@ -132,3 +131,9 @@ def slam(
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
     return run_and_report(job, output.directory(name), scene, output)
+
+
+def _truth_map(log: Path) -> OccupancyGrid | None:
+    """Return the true map of a dataset directory; None for other logs."""
+    path = log / "truth_map.yaml"
+    return read_map_inside(path) if path.is_file() else None

@@ -17,7 +17,7 @@ def view(run: Path, *, serve: bool = False) -> None:
     run
         Directory of a run.
     serve
-        Serve it to a web browser on this machine instead of opening a window.
+        Serve the recording to a web browser on this machine instead of opening a window.
     """
     viewer = open_run(run, serve=serve)
     if viewer.address is not None:

@@ -8,7 +8,7 @@ from testbed.kernels import is_compiled
 
 
 def warmup() -> None:
-    """Compile the kernels now instead of in the first run, for instance while a container image is built.
+    """Compile the kernels now instead of in the first run, for instance in the build of a container image.
 
     The machine code is kept in `~/.cache/slam-testbed` (or `$TESTBED_CACHE`) until the kernels change.
     """

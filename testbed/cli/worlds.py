@@ -15,12 +15,12 @@ from testbed.cli.shared.console import results
 from worlds import World, catalogue, dumps, generate, import_map, load, true_map
 from worlds.generate.generators import Kind
 
-app = App(name="worlds", help="The catalogue of worlds.")
+app = App(name="worlds", help="List, draw, generate and import worlds.")
 
 
 @app.command(name="list")
 def list_worlds() -> None:
-    """Names, sizes and tours of the worlds that come with the package.
+    """List the names, sizes and tours of the worlds of the package.
 
     Example: `testbed worlds list`
     """
@@ -35,7 +35,7 @@ def list_worlds() -> None:
 
 @app.command
 def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> None:
-    """Draw a world with its start and its tour, and print its measures.
+    """Draw a world with its start and tour, and print its size and free space.
 
     Example: `testbed worlds show office --out office.png`
 
@@ -44,22 +44,22 @@ def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> Non
     world
         Name from the catalogue, a TOML file, or a ROS map (`.yaml`).
     out
-        Picture to write (.png, .svg, .pdf); default: the world's name with .png.
+        Picture file (.png, .svg, .pdf); default: the name of the world with .png.
     overwrite
-        Replace a picture that exists.
+        Replace an existing picture.
     """
-    place = load(world)
-    out = out or Path(f"{place.name}.png")
+    loaded = load(world)
+    out = out or Path(f"{loaded.name}.png")
     if out.exists() and not overwrite:
         raise ValueError(f"{out}: exists; choose another --out or add --overwrite")
-    _draw(place, out)
-    truth = true_map(place)
+    _draw(loaded, out)
+    truth = true_map(loaded)
     table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_row("name", place.name)
-    table.add_row("description", place.description)
-    table.add_row("size", _size(place))
+    table.add_row("name", loaded.name)
+    table.add_row("description", loaded.description)
+    table.add_row("size", _size(loaded))
     table.add_row("free space", f"{truth.free.sum() * truth.resolution**2:.0f} m²")
-    table.add_row("tour", _tour(place))
+    table.add_row("tour", _tour(loaded))
     table.add_row("picture", str(out))
     results.print(table)
 
@@ -74,24 +74,24 @@ def generate_world(
     loops: int = 2,
     seed: int = 0,
 ) -> None:
-    """Make a random world with a tour through all of it; the same options make the same world.
+    """Generate a random world with a tour through all of it; the same options give the same world.
 
     Example: `testbed worlds generate cave --size 30 20 --clutter 1.5 --seed 7 --out cave.toml`
 
     Parameters
     ----------
     kind
-        Kind of place.
+        Kind of world.
     out
-        TOML file to write.
+        TOML file for the world.
     size
         Width and depth [m].
     clutter
-        Things put up, per 10 m² of floor.
+        Objects per 10 m² of floor.
     loops
-        Ways that close a loop.
+        Number of additional openings, each of which closes a loop.
     seed
-        Another seed, another world.
+        Random seed.
     """
     if seed < 0:
         raise ValueError(f"seed must not be negative, got {seed}")
@@ -100,16 +100,16 @@ def generate_world(
 
 @app.command(name="import")
 def import_world(map_: Annotated[Path, Parameter(name="map")], *, out: Path) -> None:
-    """Turn a ROS map_server map into a world: walls along the edges of occupied cells. It has no tour: `run` plans one.
+    """Convert a ROS map_server map to a world with walls along the edges of occupied cells and no tour.
 
     Example: `testbed worlds import floor.yaml --out floor.toml`
 
     Parameters
     ----------
     map_
-        The map's .yaml file, beside its .pgm.
+        The map's .yaml file; its image is next to it.
     out
-        TOML file to write.
+        TOML file for the world.
     """
     _write(import_map(map_), out)
 
@@ -133,7 +133,7 @@ def _tour(world: World) -> str:
 
 
 def _draw(world: World, out: Path) -> None:
-    """Walls black, tour blue with the start as an arrow; the picture's format follows from the name."""
+    """Draw walls in black, the tour in blue, the start as an arrow; the name decides the format of the picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`testbed/Drive-v0`: one robot with a lidar drives about without a map."""
+"""`testbed/Drive-v0`: one robot with a lidar drives without a map."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from numpy.typing import NDArray
 
-from testbed.envs.drive_task import DriveReward, DriveTask, StepOutcome
+from testbed.envs.drive_task import DriveTask, StepOutcome
 from testbed.envs.observation.rendering import MODES, Screen, check_render_mode
+from testbed.envs.rewards import DriveReward
 from testbed.envs.settings import EnvironmentSettings
 
 Observation = dict[str, NDArray[np.float32]]
 
 
 class DriveEnv(gym.Env[Observation, NDArray[np.float32]]):
-    """See docs/gymnasium.md."""
+    """The environment `testbed/Drive-v0`, described in docs/gymnasium.md."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(MODES), "render_fps": 10}  # type: ignore[misc]
 
@@ -35,22 +36,22 @@ class DriveEnv(gym.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; options `world` and `start`, see `Scenario.parse_reset_options`, hold for this one."""
+        """Begin an episode; the options `world` and `start` (`Scenario.parse_reset_options`) hold for this one."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
-        wish = self._task.scenario.parse_reset_options(options)
+        parsed = self._task.scenario.parse_reset_options(options)
         super().reset(seed=seed)
-        self._task.place(0, self.np_random, wish)
+        self._task.place(0, self.np_random, parsed)
         outcome = self._task.step(np.zeros((1, 2)))
         self._running = True
-        place = self._task.places[0]
-        assert place is not None
-        self._screen.begin(place, outcome.pose[0])
+        world = self._task.worlds[0]
+        assert world is not None
+        self._screen.begin(world, outcome.pose[0])
         self._show()
         return self._observation(outcome), self._task.info(outcome, 0)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for one period, the time of a scan."""
+        """Drive for one period, the duration of a scan."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
         if not self._running:
@@ -63,11 +64,11 @@ class DriveEnv(gym.Env[Observation, NDArray[np.float32]]):
         return self._observation(outcome), float(outcome.reward[0]), terminated, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The world from above, (height, width, 3), for "rgb_array"; None otherwise."""
+        """Return a picture of the world from above, (height, width, 3), for "rgb_array"; None otherwise."""
         return self._screen.picture()
 
     def close(self) -> None:
-        """Free the physics client, complete the live view; may be called twice."""
+        """Free the physics client and complete the live view; may be called twice."""
         if not self._closed:
             self._task.close()
             self._screen.close()

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The task of `testbed/Drive-v0` for any number of robots: go far, do not collide. No map, no goal."""
+"""The task of `testbed/Drive-v0` for any number of robots: drive far without a collision."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from slam.se2 import Pose, between
+from testbed.envs.rewards import DriveReward
 from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.scenario.scenario import PreparedWorld, ResetOptions
 from testbed.envs.settings import EnvironmentSettings
@@ -20,24 +20,11 @@ from testbed.seeds import RunSeeds
 from testbed.simulation.fleet.robot_group import Readings
 
 
-@dataclass(frozen=True, kw_only=True)
-class DriveReward:
-    """Weights of the reward, by the truth. Driving ahead is good, turning costs, as in Zamora et al. (2016), "Extending
-    the OpenAI Gym for robotics", whose TurtleBot gets 5 for a step ahead, 1 for a turn, -200 for a collision."""
-
-    ahead: float = 1.0
-    """Per metre driven forward [1/m]; backward counts negative."""
-    turn: float = 0.05
-    """Cost per radian turned [1/rad]."""
-    collision: float = 5.0
-    """Cost of a collision, which ends the episode."""
-
-
 class StepOutcome(NamedTuple):
-    """What a period brought; rows are robots."""
+    """The result of one period; rows are robots."""
 
     observation: dict[str, NDArray[np.float32]]
-    """Arrays (robots, …), made for this period."""
+    """Arrays (robots, …)."""
     reward: NDArray[np.float64]
     """(robots,)"""
     terminated: NDArray[np.bool_]
@@ -47,33 +34,35 @@ class StepOutcome(NamedTuple):
 
 
 class DriveTask:
-    """Robots that drive for a reward, each in an episode of its own."""
+    """Robots that drive for a reward, each in its own episode."""
 
     def __init__(self, robots: int, settings: EnvironmentSettings, reward: DriveReward) -> None:
         setup = settings.robot_setup()
         self.io = RobotIO(setup)
         self.observation_space = spaces.Dict(self.io.observation_spaces)
-        """Of one robot."""
+        """Space of the observations of one robot."""
         self.scenario = settings.scenario(setup)
-        self.places: list[PreparedWorld | None] = [None] * robots
-        """Where each robot is."""
+        self.worlds: list[PreparedWorld | None] = [None] * robots
+        """The world of each robot; None before its first episode."""
         self.readings: Readings | None = None
-        """The last ones."""
+        """Readings of the last period; None before the first."""
         self._group = settings.group(robots, setup)
         self._reward = reward
         self._robots = robots
         self._odometry, self._truth = np.zeros((robots, 3)), np.zeros((robots, 3))
 
-    def place(self, robot: int, rng: Generator, wish: ResetOptions) -> None:
-        """Begin an episode of one robot; it stands still in the first period, which gives it its first scan."""
-        place, start = self.scenario.draw(rng, wish)
-        self._group.place(robot, place.terrain, start, RunSeeds.from_seed(int(rng.integers(2**63))))
-        self.places[robot] = place
+    def place(self, robot: int, rng: Generator, options: ResetOptions) -> None:
+        """Begin an episode of one robot; it stands still in the first period, which gives its first scan."""
+        world, start = self.scenario.draw(rng, options)
+        self._group.place(robot, world.terrain, start, RunSeeds.from_seed(int(rng.integers(2**63))))
+        self.worlds[robot] = world
         self._odometry[robot], self._truth[robot] = 0.0, start
 
     def step(self, targets: NDArray[np.float64], which: Sequence[int] | NDArray[np.intp] | None = None) -> StepOutcome:
-        """Steer robots of these indices (default: all) to speeds [m/s] and turn rates [rad/s], (robots, 2), for one
-        period. Rows of others mean nothing."""
+        """Steer robots to speeds [m/s] and turn rates [rad/s], (robots, 2), for one period.
+
+        which: indices of these robots, default: all; the rows of all others are undefined
+        """
         moved = np.arange(self._robots) if which is None else np.asarray(which, dtype=np.intp)
         readings = self._group.step(targets, moved)
         observation = self.io.observe(readings, self._odometry)
@@ -86,7 +75,7 @@ class DriveTask:
         return StepOutcome(observation, reward, readings.contact, readings.truth)
 
     def info(self, outcome: StepOutcome, robot: int) -> dict[str, Any]:
-        """The info of one robot."""
+        """Return the info of one robot."""
         return {"pose": outcome.pose[robot].copy(), "collided": bool(outcome.terminated[robot])}
 
     def close(self) -> None:

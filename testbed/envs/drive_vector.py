@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`testbed/Drive-v0` for many robots in one process: what `gymnasium.make_vec` makes. The same bits as single ones."""
+"""`testbed/Drive-v0` for many robots in one process, as `gymnasium.make_vec` makes it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from testbed.envs.drive import Observation
-from testbed.envs.drive_task import DriveReward, DriveTask, StepOutcome
+from testbed.envs.drive_task import DriveTask, StepOutcome
 from testbed.envs.observation.rendering import MODES, Screen, check_render_mode
+from testbed.envs.rewards import DriveReward
 from testbed.envs.scenario.scenario import ResetOptions
 from testbed.envs.settings import EnvironmentSettings
 
@@ -24,7 +25,7 @@ Stepped = tuple[Observation, NDArray[np.float64], Flags, Flags, dict[str, Any]]
 
 
 class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
-    """See docs/gymnasium.md. Steps, resets and infos are those of a `SyncVectorEnv` of `DriveEnv`s."""
+    """Many `testbed/Drive-v0` at once; steps, resets and infos equal those of a `SyncVectorEnv`, bit for bit."""
 
     def __init__(
         self,
@@ -76,15 +77,15 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         self._check_open()
         options = dict(options or {})
         mask = self._reset_mask(options.pop("reset_mask", None))
-        wish = self._task.scenario.parse_reset_options(options)
+        parsed = self._task.scenario.parse_reset_options(options)
         seeded = [None if own is None else seeding.np_random(own) for own in self._seeds(seed)]
         for robot in np.flatnonzero(mask).tolist():
             self._generators[robot] = seeded[robot] or self._generators[robot]
-        outcome = self._begin(mask, wish)
+        outcome = self._begin(mask, parsed)
         return self._observations(outcome, mask), self._infos(outcome, mask)
 
     def step(self, actions: NDArray[np.float32]) -> Stepped:
-        """Drive all robots for one period; what happens to episodes that are over, the autoreset mode says."""
+        """Drive all robots for one period; the autoreset mode decides what happens to episodes that are over."""
         self._check_open()
         if not self._begun.all():
             raise ResetNeeded("call reset() before step()")
@@ -101,13 +102,13 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         self._over = terminated | truncated
         self._show(anew)
         everyone = np.ones(self.num_envs, np.bool_)
-        told, infos = self._observations(outcome, everyone), self._infos(outcome, everyone)
+        observation, infos = self._observations(outcome, everyone), self._infos(outcome, everyone)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
-            told, infos = self._reset_ended(outcome)
-        return told, reward, terminated, truncated, infos
+            observation, infos = self._reset_ended(outcome)
+        return observation, reward, terminated, truncated, infos
 
     def _reset_ended(self, outcome: StepOutcome) -> tuple[Observation, dict[str, Any]]:
-        """Begin new episodes in place of those that have just ended; their last words go into the infos."""
+        """Begin new episodes in place of those that have just ended, whose last observations go into the infos."""
         ended = self._over.copy()
         infos = self._final_infos(outcome)
         begun = self._begin(ended, ResetOptions())
@@ -117,7 +118,7 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return self._observations(begun, ended), infos | self._infos(mixed, np.ones(self.num_envs, np.bool_))
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A picture of each world from above, (height, width, 3), for "rgb_array"; None otherwise."""
+        """Return a picture of each world from above, (height, width, 3), for "rgb_array"; None otherwise."""
         if self.render_mode is None:
             return None
         return tuple(picture for screen in self._screens if (picture := screen.picture()) is not None)
@@ -126,22 +127,22 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         """Nothing to free but the pictures."""
         self._task.close()
 
-    def _begin(self, which: Flags, wish: ResetOptions) -> StepOutcome:
+    def _begin(self, which: Flags, options: ResetOptions) -> StepOutcome:
         """Begin episodes of some robots with the period in which they stand still."""
-        self._place(which, wish)
+        self._place(which, options)
         outcome = self._task.step(np.zeros((self.num_envs, 2)), np.flatnonzero(which))
         self._over &= ~which
         self._show(which, only=which)
         return outcome
 
-    def _place(self, which: Flags, wish: ResetOptions) -> None:
+    def _place(self, which: Flags, options: ResetOptions) -> None:
         for robot in np.flatnonzero(which).tolist():
-            self._task.place(robot, self._generator(robot)[0], wish)
+            self._task.place(robot, self._generator(robot)[0], options)
         self._elapsed[which] = 0
         self._begun |= which
 
     def _observations(self, outcome: StepOutcome, which: Flags) -> Observation:
-        """The newest observations of all robots, after these robots' rows have changed."""
+        """Return the newest observations of all robots; only the rows of `which` have changed."""
         if which.all():
             self._observation = outcome.observation
         else:
@@ -153,7 +154,7 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
 
     @staticmethod
     def _infos(outcome: StepOutcome, which: Flags) -> dict[str, Any]:
-        """Infos as gymnasium batches them: an array for each key, and a mask of the environments that have it."""
+        """Return infos as gymnasium batches them: an array per key, and a mask of the environments that have it."""
         return {
             "pose": np.where(which[:, None], outcome.pose, 0.0),
             "_pose": which.copy(),
@@ -162,7 +163,7 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         }
 
     def _final_infos(self, outcome: StepOutcome) -> dict[str, Any]:
-        """Last observations and infos of the episodes that are over."""
+        """Return the last observations and infos of the episodes that are over."""
         infos: dict[str, Any] = {}
         for robot in np.flatnonzero(self._over).tolist():
             last = {name: rows[robot].copy() for name, rows in outcome.observation.items()}
@@ -179,7 +180,7 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return np.array(mask)
 
     def _seeds(self, seed: int | list[int | None] | None) -> list[int | None]:
-        """The seed of each environment; None = go on with the random numbers."""
+        """Return the seed of each environment; None = the random numbers go on."""
         seeds = seed if isinstance(seed, list) else [None if seed is None else seed + k for k in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise ValueError(f"expected {self.num_envs} seeds, one for each environment, got {len(seeds)}")
@@ -197,9 +198,9 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         for robot in range(self.num_envs):
             if only is not None and not only[robot]:
                 continue
-            place = self._task.places[robot]
-            if begun[robot] and place is not None:
-                self._screens[robot].begin(place, self._task.readings.truth[robot])
+            world = self._task.worlds[robot]
+            if begun[robot] and world is not None:
+                self._screens[robot].begin(world, self._task.readings.truth[robot])
             self._screens[robot].show(self._task.readings, robot)
 
     def _check_open(self) -> None:

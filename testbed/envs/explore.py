@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -22,6 +22,7 @@ from testbed.envs.drive import Observation
 from testbed.envs.observation.egocentric import Crop
 from testbed.envs.observation.map_score import Mapped, MapScore
 from testbed.envs.observation.rendering import MODES, Screen, check_render_mode, scan_of
+from testbed.envs.rewards import ExploreReward
 from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.settings import EnvironmentSettings
 from testbed.exploration.belief import Belief
@@ -32,23 +33,11 @@ from testbed.simulation.fleet.robot_group import Readings, RobotSetup
 from worlds import TrueMap
 
 _MAX_DEVIATION = np.array([10.0, 10.0, np.pi])
-"""Standard deviations are told up to this [m, m, rad]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExploreReward:
-    """Weights of the reward, by the truth."""
-
-    area: float = 1.0
-    """Per square metre of floor and walls newly and correctly mapped [1/m²]; what is lost again counts negative."""
-    collision: float = 20.0
-    """Cost of a collision, which ends the episode."""
-    time: float = 0.05
-    """Cost of a second [1/s]."""
+"""Largest standard deviations that an observation states [m, m, rad]."""
 
 
 class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
-    """See docs/gymnasium.md."""
+    """The environment `testbed/Explore-v0`, described in docs/gymnasium.md."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(MODES), "render_fps": 10}  # type: ignore[misc]
 
@@ -63,8 +52,8 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        """particles: of the filter, whose other settings are `filter`'s;  crop: the square of the map that is
-        observed;  coverage: share of the floor that must be mapped for the episode to end well;  settings: as in
+        """particles: number of particles of the filter, whose other settings are `filter`;  crop: the square of the map
+        that is observed;  coverage: share of the floor whose mapping ends the episode;  settings: those of
         `EnvironmentSettings`"""
         check_render_mode(render_mode)
         if not 0.0 < coverage <= 1.0:
@@ -77,7 +66,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._filter = replace(filter or FilterConfig(), particles=particles)
         self._crop, self._target, self._reward = crop or Crop(), coverage, reward or ExploreReward()
         self.io = RobotIO(self._setup)
-        """Between actions and velocities."""
+        """Converts actions to velocities and readings to observations."""
         self.action_space = self.io.action_space
         limit = _MAX_DEVIATION.astype(np.float32)
         self.observation_space = spaces.Dict(  # type: ignore[assignment]
@@ -94,24 +83,24 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode with an empty map; options `world` and `start`, see `Scenario.parse_reset_options`, hold for this one."""
+        """Begin an episode with an empty map; options: see `Scenario.parse_reset_options`."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
-        wish = self._scenario.parse_reset_options(options)
+        parsed = self._scenario.parse_reset_options(options)
         super().reset(seed=seed)
-        place, start = self._scenario.draw(self.np_random, wish)
-        self._group.place(0, place.terrain, start, RunSeeds.from_seed(int(self.np_random.integers(2**63))))
+        world, start = self._scenario.draw(self.np_random, parsed)
+        self._group.place(0, world.terrain, start, RunSeeds.from_seed(int(self.np_random.integers(2**63))))
         self._mapper = GMapping(self._filter, seed=int(self.np_random.integers(2**63)), threads=1)
-        self._place, self._score, self._T_world_map = place, MapScore(place.true_map), start
+        self._world, self._score, self._T_world_map = world, MapScore(world.true_map), start
         self._odometry, self._stamp = np.zeros((1, 3)), 0.0
         self._mapped = Mapped(0.0, 0.0, 0.0)
-        self._screen.begin(place, start)
+        self._screen.begin(world, start)
         observation, readings = self._period(np.zeros((1, 2)))
         self._running = True
         return observation, self._info(readings)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for one period, the time of a scan, and take its scan into the filter."""
+        """Drive for one period, the duration of a scan, and process the scan with the filter."""
         if self._closed:
             raise ClosedEnvironmentError("the environment is closed")
         if not self._running:
@@ -128,14 +117,14 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     @property
     def belief(self) -> Belief:
-        """What an explorer of `testbed.exploration` steers by: the estimate, not the truth."""
+        """The estimate, by which an explorer of `testbed.exploration` steers."""
         if not self._running:
             raise ResetNeeded("call reset() first")
         return Belief(stamp=self._stamp, pose=self._pose, scans=(self._scan,), map=lambda: self._map)
 
     def action(self, speed: float, turn_rate: float) -> NDArray[np.float32]:
-        """The action for a speed [m/s] and a turn rate [rad/s], cut to what the robot can do."""
-        shares = np.array([speed, turn_rate]) / self.io.fastest
+        """Return the action for a speed [m/s] and a turn rate [rad/s], clipped to the robot's limits."""
+        shares = np.array([speed, turn_rate]) / self.io.max_velocity
         action: NDArray[np.float32] = np.clip(shares, -1.0, 1.0).astype(np.float32)
         return action
 
@@ -146,13 +135,13 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     @property
     def T_world_map(self) -> Pose:
-        """Where that frame truly is, (3,): for scores, not for policies."""
+        """True pose of the map's frame, (3,): for scores, not for policies."""
         return self._T_world_map.copy()
 
     @property
     def true_map(self) -> TrueMap:
-        """The world of this episode: for scores, not for policies."""
-        return self._place.true_map
+        """The true map of this episode: for scores, not for policies."""
+        return self._world.true_map
 
     @property
     def robot_setup(self) -> RobotSetup:
@@ -165,18 +154,18 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         return self._setup
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The estimated map from above, (height, width, 3), for "rgb_array"; None otherwise."""
+        """Return a picture of the estimated map, (height, width, 3), for "rgb_array"; None otherwise."""
         return self._screen.picture(self._map if self.render_mode == "rgb_array" else None, self._T_world_map)
 
     def close(self) -> None:
-        """Free the physics client, complete the live view; may be called twice."""
+        """Free the physics client and complete the live view; may be called twice."""
         if not self._closed:
             self._group.close()
             self._screen.close()
         self._closed, self._running = True, False
 
     def _period(self, targets: NDArray[np.float64]) -> tuple[Observation, Readings]:
-        """Drive, scan, filter, look."""
+        """Drive for one period, update the filter, return the observation and the readings."""
         before = self._odometry[0]
         readings = self._group.step(targets)
         observation = {name: rows[0] for name, rows in self.io.observe(readings, self._odometry).items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What `gymnasium.make` can be told about any environment."""
+"""Keyword arguments of `gymnasium.make` that all environments share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from testbed.simulation.robot.odometry import OdometryConfig
 from worlds import World
 
 MAX_BEAMS = 10_000
-"""In one observation."""
+"""Largest number of beams of an observation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,15 +25,15 @@ class EnvironmentSettings:
     """Keyword arguments that all environments take."""
 
     world: str | World | GeneratedWorlds = "office"
-    """Name from the catalogue, file, a world, or generated ones."""
+    """Name from the catalogue, file, a world, or generated worlds."""
     start: Start = "random"
-    """Where episodes begin: anywhere with room for the robot, or at the world's own start."""
+    """Start of the episodes: anywhere with room for the robot, or at the world's own start."""
     robot: str | RobotPreset = "create3"
     """Preset by name, file or value."""
     lidar: str | LidarPreset = "rplidar_a2"
     """Preset by name, file or value."""
     beams: int | None = 180
-    """Beams of the lidar; None = as many as the preset says."""
+    """Beams of the lidar; None = those of the preset."""
     odometry: OdometryConfig | None = None
     """Errors of the wheel odometry; None = typical ones."""
     lidar_layers: LidarLayers | None = None
@@ -42,7 +42,7 @@ class EnvironmentSettings:
     """fast: exact arcs and rays; pybullet: physics, for single environments."""
 
     def robot_setup(self) -> RobotSetup:
-        """The robot and its sensors."""
+        """Return the robot and its sensors."""
         lidar = load_lidar(self.lidar) if isinstance(self.lidar, str) else self.lidar
         if self.beams is not None:
             if not 1 <= self.beams <= MAX_BEAMS:
@@ -56,11 +56,11 @@ class EnvironmentSettings:
         )
 
     def scenario(self, setup: RobotSetup) -> Scenario:
-        """Where episodes take place."""
+        """Return the worlds and start poses of the episodes."""
         return Scenario(self.world, self.start, setup.robot)
 
     def group(self, robots: int, setup: RobotSetup) -> RobotGroup:
-        """Robots on the backend. Raises `PyBulletMissingError` where PyBullet is asked for but not installed."""
+        """Return robots on the backend. Raises `PyBulletMissingError` where PyBullet is asked for but not installed."""
         if self.backend == "fast":
             return Fleet(robots, setup)
         if self.backend != "pybullet":

@@ -90,7 +90,7 @@ class WallFollower(_Reactive):
         return self._limiter.limited(slow * self._speed, obstacles), turn_rate
 
     def _distance_right(self, obstacles: NDArray[np.float64]) -> float:
-        """Return the distance from footprint to the nearest obstacle on the right or ahead [m]; inf if there is none."""
+        """Return the distance from the footprint to the nearest obstacle on the right or ahead [m]; inf if none."""
         x, y = obstacles[:, 0], obstacles[:, 1]
         seen = (x > -0.5 * self._radius) & (x < self._radius + _LOOK_AHEAD) & (y < 0.3 * self._radius)
         distances = np.hypot(x, y)[seen] - self._radius

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Real robots and lidars as numbers, each with its source, in TOML files."""
+"""Parameters of real robots and lidars in TOML files, each number with its source."""
 
 from testbed.presets.files import PresetError, filter_settings, filters, lidars, load_lidar, load_robot, robots
 from testbed.presets.models import LidarPreset, Mount, RobotPreset

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Presets from the package or from a user's own TOML file."""
+"""Loading of presets from the package or from a TOML file."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ from pydantic import ValidationError
 from testbed.presets.models import LidarPreset, RobotPreset
 
 MAX_FILE_BYTES = 100_000
-"""Larger preset files are refused."""
+"""Largest size of a preset file."""
 
 _Preset = TypeVar("_Preset", RobotPreset, LidarPreset)
 
 
 class PresetError(ValueError):
-    """A preset cannot be used; the message is one line that names the file, the key and what was expected."""
+    """A preset cannot be used; the message names file, key and what was expected, in one line."""
 
 
 def robots() -> list[str]:
-    """Names of the robots that come with the package, sorted."""
+    """Return the names of the robots of the package, sorted."""
     return _names("robots")
 
 
 def lidars() -> list[str]:
-    """Names of the lidars that come with the package, sorted."""
+    """Return the names of the lidars of the package, sorted."""
     return _names("lidars")
 
 
 def filters() -> list[str]:
-    """Names of the filter settings that come with the package, sorted."""
+    """Return the names of the filter settings of the package, sorted."""
     return _names("filters")
 
 
 def filter_settings(name: str) -> Path:
-    """The TOML file of filter settings of that name."""
+    """Return the TOML file of the filter settings of that name."""
     return Path(str(_folder("filters") / f"{name}.toml"))
 
 
 def load_robot(name_or_path: str | Path) -> RobotPreset:
-    """The robot of that name or TOML file. Raises `PresetError`: unknown name, unreadable or wrong file."""
+    """Return the robot of that name or TOML file. Raises `PresetError` for unknown names and invalid files."""
     return _load(RobotPreset, "robot", str(name_or_path))
 
 
 def load_lidar(name_or_path: str | Path) -> LidarPreset:
-    """The lidar of that name or TOML file. Raises `PresetError`: unknown name, unreadable or wrong file."""
+    """Return the lidar of that name or TOML file. Raises `PresetError` for unknown names and invalid files."""
     return _load(LidarPreset, "lidar", str(name_or_path))
 
 
@@ -89,7 +89,7 @@ def _load(model: type[_Preset], kind: str, name: str) -> _Preset:
 
 
 def _read(kind: str, name: str) -> tuple[str, str]:
-    """Text of a preset file and how to call it in messages."""
+    """Return the text of a preset file and its name in messages."""
     known = _names(f"{kind}s")
     if name in known:
         return (_folder(f"{kind}s") / f"{name}.toml").read_text(encoding="utf-8"), f"{kind} {name!r}"

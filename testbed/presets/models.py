@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What is known about a robot or a lidar. Every number that a preset sets must name its source, or say "assumed"."""
+"""Models of robots and lidars. Every number that a preset sets must name its source, or say "assumed"."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 MAX_BEAMS = 100_000
-"""Of one scan."""
+"""Largest number of beams of one scan."""
 
 Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
@@ -20,7 +20,7 @@ Degrees = Annotated[float, Field(strict=True, ge=-360.0, le=360.0)]
 
 
 class _Preset(BaseModel):
-    """A device: frozen, no unknown keys, a source for each number that was set."""
+    """A device: immutable, no unknown keys, a source for each number."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -29,7 +29,7 @@ class _Preset(BaseModel):
     title: str
     """Manufacturer and product."""
     sources: dict[str, str]
-    """Where the value of each key comes from: a document, or "assumed" with the reason."""
+    """Source of the value of each key: a document, or "assumed" with the reason."""
 
     @model_validator(mode="after")
     def _every_number_has_a_source(self) -> Self:
@@ -47,15 +47,15 @@ class Mount(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=50)] = "laser"
-    """Of the lidar's coordinate frame; tells several lidars apart."""
+    """Name of the lidar's coordinate frame, different for each lidar of a robot."""
     x: Annotated[float, Field(strict=True, ge=-2.0, le=2.0)] = 0.0
-    """Forward of the wheel axle's middle [m]."""
+    """Position ahead of the centre of the wheel axle [m]."""
     y: Annotated[float, Field(strict=True, ge=-2.0, le=2.0)] = 0.0
-    """To the left [m]."""
+    """Position to the left of it [m]."""
     theta_deg: Degrees = 0.0
     """Counter-clockwise rotation [degrees]."""
     height: Positive = 0.2
-    """Of the beams above the floor [m]."""
+    """Height of the beams above the floor [m]."""
     error: NotNegative = 0.0
     """Standard deviation of x and y of the true mount about these numbers [m]."""
     error_deg: NotNegative = 0.0
@@ -68,34 +68,34 @@ class Mount(BaseModel):
 
 
 class RobotPreset(_Preset):
-    """A robot on two driven wheels. Its frame (base_link) lies on the floor below the middle of the axle."""
+    """A robot with two driven wheels; its frame (base_link) lies on the floor below the centre of the axle."""
 
     wheel_radius: Positive
     """Radius of the driven wheels [m]."""
     track: Positive
     """Distance between the contact points of the wheels [m] (wheel separation)."""
     length: Positive
-    """Of the body [m]."""
+    """Size of the body [m]."""
     width: Positive
-    """Of the body [m]."""
+    """Size of the body [m]."""
     height: Positive
-    """Of the body above its ground clearance [m]."""
+    """Height of the body without its ground clearance [m]."""
     mass: Positive
-    """With battery [kg]."""
+    """Mass with battery [kg]."""
     max_speed: Positive
-    """Forward [m/s]."""
+    """Largest speed [m/s]."""
     max_turn_rate: Positive
-    """On the spot [rad/s]."""
+    """Largest turn rate [rad/s]."""
     max_acceleration: Positive
-    """Forward [m/s²]."""
+    """Largest acceleration [m/s²]."""
     max_turn_acceleration: Positive
-    """About the vertical axis [rad/s²]."""
+    """Largest turn acceleration [rad/s²]."""
     ticks_per_turn: Positive
     """Encoder ticks in one turn of a wheel."""
     lidar_mount: Mount
-    """Where the lidar sits."""
+    """Mount of the main lidar."""
     further_lidar_mounts: tuple[Mount, ...] = ()
-    """Where a second lidar can sit, a third …"""
+    """Mounts of a second lidar, a third and so on."""
 
     @model_validator(mode="after")
     def _lidars_have_names_of_their_own(self) -> Self:
@@ -106,16 +106,16 @@ class RobotPreset(_Preset):
 
     @property
     def lidar_mounts(self) -> tuple[Mount, ...]:
-        """All places for lidars, the main one first."""
+        """All mounts, the main one first."""
         return (self.lidar_mount, *self.further_lidar_mounts)
 
     @property
     def footprint_radius(self) -> float:
-        """Radius of the circle about the axle's middle that holds the body and the wheels [m]."""
+        """Radius of the circle around the centre of the axle that contains body and wheels [m]."""
         return max(math.hypot(self.length, self.width) / 2.0 if not self.round else self.width / 2.0, self.track / 2.0)
 
     round: bool = False
-    """The body is a disc of diameter `width`, not a rectangle."""
+    """Whether the body is a disc of diameter `width` instead of a rectangle."""
 
 
 class LidarPreset(_Preset):
@@ -124,22 +124,22 @@ class LidarPreset(_Preset):
     beams: Annotated[int, Field(strict=True, ge=1, le=MAX_BEAMS)]
     """Beams in one scan."""
     field_of_view_deg: Annotated[float, Field(strict=True, gt=0.0, le=360.0)]
-    """From the first to the last beam [degrees], symmetric about forward; 360 = a full turn, whose last beam comes
-    one step before the first one's direction."""
+    """Angle from the first to the last beam [degrees], symmetric to the forward direction; with 360 the last beam lies
+    one step before the first."""
     scan_rate: Positive
-    """Scans in a second [Hz]."""
+    """Scans per second [Hz]."""
     range_min: NotNegative
     """Shortest range [m]; nearer surfaces give no valid reading."""
     range_max: Positive
     """Longest range [m]."""
     noise_floor: NotNegative
-    """Standard deviation of a range near by [m]."""
+    """Standard deviation of short ranges [m]."""
     noise_share: Share = 0.0
-    """Standard deviation of a range far away, as a share of the range; the larger of the two counts."""
+    """Standard deviation of long ranges, as a share of the range; the larger of the two applies."""
     bias_floor: NotNegative = 0.0
-    """Largest constant error of a device [m], drawn evenly once a run."""
+    """Largest constant error of a device [m]; it is drawn uniformly once per run."""
     bias_share: Share = 0.0
-    """Largest scale error of a device, drawn evenly once a run."""
+    """Largest scale error of a device; it is drawn uniformly once per run."""
     angle_noise_deg: NotNegative = 0.0
     """Standard deviation of the direction of a beam [degrees]."""
     range_step: NotNegative = 0.0
@@ -147,14 +147,14 @@ class LidarPreset(_Preset):
     dropout: Share = 0.0
     """Share of the beams that are lost at random."""
     grazing_deg: Annotated[float, Field(strict=True, ge=0.0, lt=90.0)] = 0.0
-    """Surfaces met at a smaller angle than this send nothing back [degrees]."""
+    """Surfaces at a smaller angle to the beam give no return [degrees]."""
     short_return_rate: NotNegative = 0.0
-    """Readings before the surface (dust, insects, cross-talk), per metre of beam [1/m]."""
+    """Rate of readings in front of the surface (dust, insects, crosstalk), per metre of beam [1/m]."""
     spot_deg: NotNegative = 0.0
-    """Width of the beam [degrees]: at an edge it meets two surfaces, and reads a range between them."""
+    """Width of the beam [degrees]; at an edge it meets two surfaces, and the range lies between them."""
     beam_jitter: Annotated[float, Field(strict=True, ge=0.0, le=0.5)] = 0.0
-    """Standard deviation of the number of beams, as a share of `beams` (motor speed that varies, sampling that does
-    not)."""
+    """Standard deviation of the number of beams, as a share of `beams`: the motor speed varies, the sampling does not.
+    """
 
     @model_validator(mode="after")
     def _limits_in_order(self) -> Self:
@@ -163,7 +163,7 @@ class LidarPreset(_Preset):
         return self
 
     def angles(self, beams: int | None = None) -> NDArray[np.float64]:
-        """Directions of the beams in the lidar's frame [rad], first beam first, (beams,)."""
+        """Return the directions of the beams in the lidar's frame [rad], in their order, (beams,)."""
         n = self.beams if beams is None else beams
         view = math.radians(self.field_of_view_deg)
         full_turn = self.field_of_view_deg == 360.0
@@ -173,5 +173,5 @@ class LidarPreset(_Preset):
 
     @property
     def sweep_time(self) -> float:
-        """From the first to the last beam of a full view [s]: the mirror turns once per scan."""
+        """Time from the first to the last beam [s]; the mirror turns once per scan."""
         return self.field_of_view_deg / 360.0 / self.scan_rate

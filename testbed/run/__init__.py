@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""One run: frames go through an estimator into a run directory, and are scored."""
+"""One run: an estimator processes frames, and the result is scored and written into a run directory."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Poses at every frame of a recording, from poses at some of them: odometry fills the gaps."""
+"""Poses at every frame of a recording, interpolated by odometry between frames with known poses."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from slam import se2
 from slam.se2 import Pose
 
 TURN_LENGTH = 0.5
-"""Metres that one radian of turning counts as, when the way between two known poses is divided."""
+"""Length that one radian of turning counts as, when the residual between two known poses is distributed [m]."""
 
 
 def interpolate_with_odometry(odometry: Pose, known: NDArray[np.intp], poses: Pose) -> Pose:
-    """Poses (m, 3) at all frames: between two known ones by odometry from both sides, beyond them from the nearest.
+    """Return poses (m, 3) at all frames, which equal `poses` at `known`.
 
-    odometry (m, 3) of all frames, in its own drifting frame;  known (k,) increasing indices of the frames whose pose
-    is known, k >= 1;  poses (k, 3) there. The result equals `poses` at `known`. Between two known poses the odometry's
-    motion is followed from the first, and what it misses at the second is spread over the way in proportion to the
-    distance travelled (turning included, see `TURN_LENGTH`).
+    odometry (m, 3): of all frames, in its own drifting frame; known (k,): increasing indices of the frames whose pose
+    is known, k >= 1; poses (k, 3): those poses
+
+    Between two known poses the result follows the odometry from the first one, and the residual at the second one is
+    distributed in proportion to the distance travelled, where turning counts by `TURN_LENGTH`. Before the first and
+    after the last known pose it follows the odometry.
     """
     if len(known) == 0 or len(known) != len(poses):
         raise ValueError(f"expected one pose for each known frame and at least one, got {len(known)} and {len(poses)}")
@@ -40,7 +42,7 @@ def interpolate_with_odometry(odometry: Pose, known: NDArray[np.intp], poses: Po
 
 
 def _blend(a: Pose, b: Pose, share: NDArray[np.float64]) -> Pose:
-    """Poses between a and b (m, 3): a where share (m,) is 0, b where it is 1; headings the short way round."""
+    """Return poses (m, 3) between a, where share (m,) is 0, and b, where it is 1; headings turn the short way."""
     blended = a.copy()
     blended[:, :2] += share[:, None] * (b[:, :2] - a[:, :2])
     blended[:, 2] = se2.wrap_angle(a[:, 2] + share * se2.wrap_angle(b[:, 2] - a[:, 2]))

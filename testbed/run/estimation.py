@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From frames to an estimate: the filter is fed frame by frame, its answers are kept, gaps filled by odometry."""
+"""Estimation over a whole recording: the filter processes all frames, odometry fills the gaps in the path."""
 
 from __future__ import annotations
 
@@ -29,38 +29,38 @@ from testbed.seeds import Stream
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimate:
-    """What is believed of a whole recording at its end; poses are `T_map_robot`."""
+    """The estimate of a whole recording; poses are `T_map_robot`."""
 
     dense: Trajectory
-    """At every frame, in the order of the recording."""
+    """Poses at every frame, in the order of the recording."""
     scan_frames: NDArray[np.intp]
-    """Which frames carry a scan, (scans,)."""
+    """Indices of the frames with a scan, (scans,)."""
     map: OccupancyGrid
     """The map that belongs to the poses."""
 
     @property
     def at_scans(self) -> Trajectory:
-        """At every scan."""
+        """Poses at every scan."""
         return self.dense[self.scan_frames]
 
 
 @dataclass
 class Estimation:
-    """Runs the filter over a recording, one frame after the other, and remembers what its files will need."""
+    """Runs the filter frame by frame and keeps what the files of a run need."""
 
     config: FilterConfig
     seed: int | Stream
     threads: int | None = None
     """Threads of the filter; None = all cores. The result does not depend on it."""
     known_map: KnownMap | None = None
-    """The map to localise in; None = the map is to be made."""
+    """The map to localise in; None = a map is made."""
     mapper: GMapping | Localization = field(init=False)
     steps: StepTable = field(init=False)
     frames: list[Frame] = field(init=False, default_factory=list)
     _online: list[Pose] = field(init=False, default_factory=list)
     """The pose that was reported at each scan, (3,) each."""
     _waiting: dict[str, tuple[Pose, Scan]] = field(init=False, default_factory=dict)
-    """The newest scan of each lidar since the filter last took scans in, and the odometry (3,) of its time."""
+    """Newest scan of each lidar since the last update of the filter, with the odometry (3,) of its time."""
 
     def __post_init__(self) -> None:
         known = self.known_map
@@ -73,10 +73,10 @@ class Estimation:
         self.steps = StepTable(aligned=known is None or not known.has_frame_of_truth)
 
     def process(self, frame: Frame) -> StepReport | None:
-        """Take in one frame: its scan goes to the filter; None where it has no scan.
+        """Process one frame; returns None if it has no scan.
 
-        Where a robot has several lidars, the newest scan of each other one goes with it, unless the filter had it
-        before: its update gates would otherwise leave most of the lidars out.
+        If a robot has several lidars, the newest unused scan of each other lidar goes to the filter too: the update
+        gates would otherwise skip most of the lidars.
         """
         self.frames.append(frame)
         if frame.scan is None:
@@ -98,7 +98,7 @@ class Estimation:
 
     @property
     def scan_frames(self) -> NDArray[np.intp]:
-        """Which frames carry a scan, (scans,)."""
+        """Indices of the frames with a scan, (scans,)."""
         return np.flatnonzero([frame.scan is not None for frame in self.frames])
 
     @property
@@ -112,7 +112,7 @@ class Estimation:
         return np.array([frame.stamp for frame in self.frames])
 
     def trajectory_at_scans(self, source: Literal["odometry", "truth"]) -> Trajectory | None:
-        """Odometry or truth at every scan where it is known; None where it is known at no scan."""
+        """Return odometry or truth at every scan where it is known; None if it is known at no scan."""
         known = [
             (frame.stamp, pose)
             for frame in self.frames
@@ -128,14 +128,14 @@ class Estimation:
         return Trajectory(self.stamps[self.scan_frames], np.array(self._online))
 
     def filtered(self) -> Estimate:
-        """The best particle's path and map; needs at least one scan."""
+        """Return the path and map of the best particle; at least one scan is needed."""
         scan_frames = self.scan_frames
         updates = scan_frames[np.asarray(self.mapper.update_scans)]
         dense = interpolate_with_odometry(self.odometry, updates, self.mapper.path())
         return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
 
     def refined(self, estimate: Estimate) -> Estimate:
-        """The estimate after the final pass over all frames, see `slam.refinement.refine`."""
+        """Return the estimate after the final pass over all frames, see `slam.refinement.refine`."""
         scans: list[Scan | None] = [frame.scan for frame in self.frames]
         twists = [frame.twist for frame in self.frames]
         result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
@@ -144,6 +144,6 @@ class Estimation:
 
 
 def _seen_from(frame: Frame, odometry: Pose, scan: Scan) -> Scan:
-    """A scan that was taken earlier, at `odometry` (3,), as if its lidar had been mounted there at the frame's time."""
+    """Return an earlier scan, taken at `odometry` (3,), with its mount moved to the pose at the frame's time."""
     x, y, theta = se2.compose(se2.between(frame.odometry, odometry), scan.mount).tolist()
     return replace(scan, mount=(x, y, theta), stamp=frame.stamp)

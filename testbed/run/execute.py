@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One run: frames go through the filter into a run directory, scored, with a view of it beside."""
+"""One run: frames go through the filter, the estimate is scored, all files are written."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 from eval.estimates import PathAndMap, named, score_estimate
-from eval.files.failure_json import write_finding
-from eval.first_failure import find
+from eval.files.failure_json import write_failure
+from eval.first_failure import find_failure
 from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
 from slam.gmapping import GMapping
@@ -31,22 +31,26 @@ from testbed.views import NullView, View
 
 
 class RunProgress(Protocol):
-    """Who is told how the run goes, such as a progress line."""
+    """Shows the progress of a run, such as a progress line."""
 
     def stage(self, text: str) -> None:
-        """A new stage of the job begins."""
+        """Show that a new stage of the job begins."""
         ...
 
     def step(self, stamp: float, share: float | None, error: float | None) -> None:
-        """One scan is done: its stamp [s], the share of the job behind us, the position error where known [m]."""
+        """Show that one scan is done.
+
+        stamp: that of the scan [s]; share: the part of the job that is done, None = unknown; error: of the position
+        [m], None = unknown
+        """
         ...
 
 
 def execute_job(job: Job, directory: RunDirectory, watcher: RunProgress, view: View | None = None) -> dict[str, Any]:
-    """Run the job, write all files but the report, return what is in `metrics.json`.
+    """Run the job, write all files except the report, and return the content of `metrics.json`.
 
-    Ctrl-C ends the run after the frame at hand: the outcome is `interrupted`, and what was there is kept. If anything
-    else breaks, the outcome is `failed` and the exception goes on to the caller.
+    Ctrl-C ends the run after the current frame: the outcome is `interrupted`, and the estimate so far is kept. After
+    any other exception the outcome is `failed`, and the exception is raised again.
     """
     with directory.marked():
         directory.write_config(job.document)
@@ -82,7 +86,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
 
 
 def _feed(job: Job, estimation: Estimation, watcher: RunProgress, view: View) -> bool:
-    """Feed all frames; True if the user interrupted it."""
+    """Process all frames; returns whether the user interrupted it."""
     with deferred_interruption() as interruption:
         for frame in job.source:
             report = estimation.process(frame)
@@ -97,7 +101,7 @@ def _feed(job: Job, estimation: Estimation, watcher: RunProgress, view: View) ->
 
 
 def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: Estimate, estimate: Estimate) -> None:
-    """All files but the metrics and the report."""
+    """Write all files except metrics and report."""
     directory.write_trajectory("estimate.tum", estimate.at_scans)
     directory.write_trajectory("estimate_dense.tum", estimate.dense)
     directory.write_trajectory("online.tum", estimation.online())
@@ -113,24 +117,24 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     if job.truth_map is not None:
         directory.write_map("truth_map", job.truth_map)
     estimation.steps.write(directory / "steps.parquet")
-    _write_finding(job, directory, estimation, estimate)
+    _write_failure(job, directory, estimation, estimate)
 
 
-def _write_finding(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
+def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
     """Where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
-    finding = find(
+    failure = find_failure(
         estimate.at_scans,
         truth=estimation.trajectory_at_scans("truth"),
         relations=job.relations,
         dense=estimate.dense,
         steps=estimation.steps.columns(),
     )
-    if finding is None:
+    if failure is None:
         return
-    frame = estimation.frames[estimate.scan_frames[finding.scan]]
+    frame = estimation.frames[estimate.scan_frames[failure.scan]]
     assert frame.scan is not None
     rays = make_rays([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
-    write_finding(directory / "finding.json", finding, rays.ends)
+    write_failure(directory / "finding.json", failure, rays.ends)
 
 
 def metrics_of(
@@ -176,7 +180,7 @@ def metrics_of(
 
 
 def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
-    """What `metrics.json` says of a localisation; the outcome where it is not to be trusted."""
+    """Return the group `localization`, and the outcome if the localisation failed."""
     assert isinstance(estimation.mapper, Localization)
     truth = estimation.trajectory_at_scans("truth")
     found = localization_metrics(known, estimation.mapper.status, estimation.frames, estimate.at_scans, truth)
@@ -187,7 +191,7 @@ def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ende
 
 
 def lidar_views(frames: Iterable[Frame]) -> tuple[LidarView, ...]:
-    """One view for each lidar that took a scan with a beam, in the order in which they appear."""
+    """Return the view of each lidar that took a scan with a beam, in the order in which they appear."""
     scans: dict[str, list[Scan]] = defaultdict(list)
     for frame in frames:
         if frame.scan is not None and len(frame.scan.angles):
@@ -196,6 +200,6 @@ def lidar_views(frames: Iterable[Frame]) -> tuple[LidarView, ...]:
 
 
 def peak_memory_mb() -> float:
-    """Largest resident set of this process so far [MB]."""
+    """Return the largest resident set of this process so far [MB]."""
     unit = 1 if sys.platform == "darwin" else 1024  # macOS counts bytes, Linux kibibytes
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6

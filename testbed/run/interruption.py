@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Ctrl-C and SIGTERM during a run: the frame at hand is finished, then the run ends and keeps what it has."""
+"""Ctrl-C and SIGTERM during a run, which finish the current frame, then end the run and keep the result so far."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interruption:
-    """Set by the first signal; the second one raises KeyboardInterrupt at once."""
+    """A flag that the first signal sets; the second signal raises KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -26,7 +26,7 @@ class Interruption:
 
 @contextmanager
 def sigterm_interrupts() -> Iterator[None]:
-    """Let SIGTERM, as batch systems send it, raise KeyboardInterrupt as Ctrl-C does; in the main thread only."""
+    """Make SIGTERM, which batch systems send, raise KeyboardInterrupt as Ctrl-C does; only in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -39,9 +39,9 @@ def sigterm_interrupts() -> Iterator[None]:
 
 @contextmanager
 def deferred_interruption() -> Iterator[Interruption]:
-    """Note signals instead of raising KeyboardInterrupt, so that no half-processed frame is left behind.
+    """Set a flag on signals instead of raising KeyboardInterrupt, so that no frame is left half processed.
 
-    In other threads than the main one, where Python allows no signal handlers, nothing is changed.
+    Other threads than the main one allow no signal handlers; nothing changes there.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a run is given: the frames and where they come from, the filter's settings, what is known of the truth."""
+"""The input of a run: source of the frames, settings of the filter, references."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from eval.trajectory.relations import Relations
-from slam.config.filter import FilterConfig
+from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.step.step_report import StepReport
@@ -18,7 +18,7 @@ from testbed.seeds import RunSeeds
 
 
 class FrameSource(Protocol):
-    """A recording, or a robot that drives while the run goes on."""
+    """The source of the frames: a recording, or a robot that drives during the run."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Give the frames in the order in which they are to be processed."""
@@ -40,17 +40,17 @@ class FrameSource(Protocol):
         ...
 
     def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
-        """Take in what the mapper made of a scan, before the next frame is given: a robot may be steered by it."""
+        """Process the mapper's report on a scan before the next frame is given; it may steer a robot."""
         ...
 
 
 @dataclass
 class RecordedFrames:
-    """Frames that are all there already; nothing is steered."""
+    """The frames of a recording."""
 
     frames: Sequence[Frame]
     ended: str | None = None
-    """Why the recorded drive did not end as planned, where that is known; None = it did."""
+    """Why the recorded drive did not end as planned, if known; None = it did."""
     collided = False
     _taken: int = field(init=False, default=0)
 
@@ -66,7 +66,7 @@ class RecordedFrames:
         return self._taken / len(self.frames)
 
     def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
-        """Do nothing: a recording goes on as it was."""
+        """Do nothing, because a recording cannot be steered."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +74,7 @@ class Job:
     """Everything that a run needs, except the directory that it writes to."""
 
     source: FrameSource
-    """Where the frames come from."""
+    """Source of the frames."""
     document: Mapping[str, Any]
     """Content of `config.toml`."""
     seeds: RunSeeds

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A finished map to localise in, and what came of it: the part of a run that only localisation has."""
+"""The part of a run that only localisation has: the known map and the measures."""
 
 from __future__ import annotations
 
@@ -26,24 +26,23 @@ from testbed.frame import Frame
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownMap:
-    """What a localisation is given besides its log."""
+    """The map to localise in, the start and the settings."""
 
     grid: OccupancyGrid
     """The map."""
     start: Pose | None
-    """Where the robot starts, about, `T_map_robot` (3,); None = unknown."""
+    """Approximate start `T_map_robot` (3,); None = unknown."""
     settings: LocalizationConfig
     """Settings of the localisation."""
     has_frame_of_truth: bool = False
-    """Whether true poses are poses in this map, so that errors need no alignment."""
+    """Whether true poses are in the frame of this map, so that errors need no alignment."""
 
     @classmethod
     def read(cls, path: Path, start: str | None, settings: LocalizationConfig, truth: OccupancyGrid | None) -> KnownMap:
-        """Read a map_server map, and a start "X,Y,DEG" in its frame [m, m, deg].
+        """Read a map_server map and a start "X,Y,DEG" in its frame [m, m, deg].
 
-        truth: the true map; where it is the very map to localise in, true poses are in its frame
-        Raises:
-            ValueError: the map cannot be read, has no walls or no free space, or the start is not on it.
+        truth: the true map; if it equals the map, true poses are in the map's frame. Raises ValueError if the map
+        cannot be read, has no walls or no free space, or the start is not on it.
         """
         grid = read_map(path)
         try:
@@ -56,7 +55,7 @@ class KnownMap:
 
 
 def parse_start(text: str) -> tuple[float, float, float]:
-    """Pose (x, y, theta) [m, m, rad] of "X,Y,DEG"."""
+    """Return the pose (x, y, theta) [m, m, rad] of "X,Y,DEG". Raises ValueError for other text."""
     try:
         x, y, degrees = map(float, text.split(","))
     except ValueError:
@@ -75,9 +74,9 @@ def _equal(a: OccupancyGrid, b: OccupancyGrid) -> bool:
 def localization_metrics(
     known: KnownMap, found: LocalizationStatus, frames: Sequence[Frame], estimate: Trajectory, truth: Trajectory | None
 ) -> dict[str, Any]:
-    """The group `localization` of `metrics.json`.
+    """Return the group `localization` of `metrics.json`.
 
-    estimate: one pose per scan of `frames`;  truth: the true path, None where it is unknown
+    estimate: one pose per scan of `frames`; truth: the true path, None = unknown
     """
     scans = [frame for frame in frames if frame.scan is not None]
     odometry = np.array([frame.odometry for frame in scans])
@@ -107,18 +106,18 @@ def localization_metrics(
 
 
 def failure_reason(metrics: dict[str, Any]) -> str | None:
-    """Why a localisation with these `localization_metrics` is not to be trusted; None where it is."""
+    """Return why a localisation with these `localization_metrics` failed; None if it did not."""
     if metrics["losses"]:
         return _why_lost(metrics)
     if metrics["state"] == "searching":
-        return "the robot was not found: after all scans it may still be nearly anywhere in the map"
+        return "the robot was not found: after all scans its position in the map is still unknown"
     if metrics["state"] == "ambiguous":
         if metrics["places"] > 1:
-            return f"ambiguous: {metrics['places']} places of the map explain the scans alike"
-        return "the robot was not found: too few scans were taken in to be sure of the place"
+            return f"ambiguous: {metrics['places']} positions in the map explain the scans equally well"
+        return "the robot was not found: too few scans were processed to be sure of its position"
     error = metrics.get("error_median_m")
     if error is not None and error > LOCAL_M:
-        return f"the robot was found in a wrong place: it was {error:.2f} m from there (median)"
+        return f"the robot was localised in a wrong position: the median error is {error:.2f} m"
     return None
 
 
@@ -126,10 +125,10 @@ def _why_lost(metrics: dict[str, Any]) -> str:
     times = f"{metrics['losses']} times" if metrics["losses"] > 1 else "once"
     if metrics["found_after_m"] is None:
         return (
-            f"the robot was not found: even where the scans fitted best, the map did not explain them (tried {times}); "
-            "it may be the map of another place"
+            f"the robot was not found: no position in the map explains the scans (tried {times}); "
+            "the map may be of another place"
         )
     return (
-        f"the scans ceased to fit the map {times}, first after {metrics['lost_at_s'][0]:.1f} s: the robot was carried "
-        "away, or the map is not of this place"
+        f"the scans stopped fitting the map {times}, first after {metrics['lost_at_s'][0]:.1f} s: the robot was moved, "
+        "or the map is not of this place"
     )

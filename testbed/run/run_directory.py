@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The run directory (docs/run-directory.md), which reports and other tools read."""
+"""The run directory, see docs/run-directory.md."""
 
 from __future__ import annotations
 
@@ -40,26 +40,26 @@ RUN_FILES = (
     "recording.rrd",
     "report.html",
 )
-"""Every file that a run may hold; `--overwrite` removes these and nothing else."""
+"""Every file that a run may contain; `--overwrite` removes these and no others."""
 
 
 class RunDirectoryError(ValueError):
-    """A directory cannot take a run; the message names it and says what to do."""
+    """A directory cannot hold a run; the message names it and says what to do."""
 
 
 @dataclass(frozen=True)
 class RunDirectory:
-    """A directory that takes one run. A run is finished when `metrics.json` is there: it is written last."""
+    """The directory of one run, which is complete when `metrics.json` exists: that is written last."""
 
     path: Path
 
     @classmethod
     def create(cls, path: str | Path, *, overwrite: bool = False) -> RunDirectory:
-        """Make the directory, or empty it of an older run.
+        """Create the directory, or remove the files of an older run from it.
 
-        Raises RunDirectoryError where `path` is a file, or is not empty and `overwrite` is not set; then nothing has
-        been changed. With `overwrite` the files of an older run go (metrics first, so that a crash in between leaves
-        no run that looks finished), files that no run writes stay.
+        Raises RunDirectoryError, and changes nothing, if `path` is a file, or is not empty and `overwrite` is not set.
+        With `overwrite` the files of the older run are removed, metrics first, so that a crash leaves no run that looks
+        complete; files that no run writes are kept.
         """
         path = Path(path)
         cls.check(path, overwrite=overwrite)
@@ -77,7 +77,7 @@ class RunDirectory:
             raise RunDirectoryError(f"{path}: is not empty; choose another --out or add --overwrite")
 
     def __truediv__(self, name: str) -> Path:
-        """Path of one of the files in `RUN_FILES`."""
+        """Return the path of one of the files in `RUN_FILES`."""
         if name not in RUN_FILES:
             raise RunDirectoryError(f"{name} is no file of a run: expected one of {', '.join(RUN_FILES)}")
         return self.path / name
@@ -96,14 +96,16 @@ class RunDirectory:
         write_map(self / f"{name}.yaml", grid)
 
     def write_metrics(self, metrics: Mapping[str, Any]) -> None:
-        """Write `metrics.json`, which makes the run complete; `metrics` is JSON-ready, as `eval.scoring` gives it."""
+        """Write `metrics.json`, which completes the run; `metrics` are JSON-ready, as `eval.scoring` returns them."""
         with atomic_write(self / "metrics.json") as aside:
             aside.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
     @contextmanager
     def marked(self, known: Mapping[str, Any] | None = None) -> Iterator[None]:
-        """Whatever ends the block early is told by `metrics.json`, beside what is `known`: the outcome is
-        `interrupted` (Ctrl-C) or `failed`, with the reason. The exception goes on to the caller."""
+        """Write the outcome to `metrics.json`, with the measures in `known`, if an exception ends the block.
+
+        The outcome is `interrupted` (Ctrl-C) or `failed`, with the reason. The exception is raised again.
+        """
         try:
             yield
         except BaseException as error:
@@ -118,7 +120,7 @@ class RunDirectory:
 
 
 def default_directory(name: str, now: datetime) -> Path:
-    """A new directory below `runs/` of the working directory: name and local time, numbered if it exists."""
+    """Return a new directory below `runs/` of the working directory: name and local time, numbered if it exists."""
     base = Path("runs") / f"{name}-{now:%Y%m%d-%H%M%S}"
     path, number = base, 2
     while path.exists():
@@ -127,7 +129,7 @@ def default_directory(name: str, now: datetime) -> Path:
 
 
 def result_hash(trajectory: Trajectory, grid: OccupancyGrid) -> str:
-    """SHA-256 of the bits of a trajectory (stamps and poses) and a map: equal hashes are equal results."""
+    """Return the SHA-256 of the bits of a trajectory (stamps and poses) and a map; equal results have equal hashes."""
     digest = hashlib.sha256()
     for array in (
         np.asarray(trajectory.stamps, dtype="<f8"),

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""What a view is shown of one scan."""
+"""The data of one scan for a view."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from slam.gmapping import GMapping
-from slam.localization.localizer import Localization
+from slam.localization import Localization
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
 from testbed.views.view import Snapshot
@@ -15,7 +15,7 @@ from testbed.views.view import Snapshot
 def take_snapshot(
     frame: Frame, report: StepReport, mapper: GMapping | Localization, *, collided: bool = False
 ) -> Snapshot:
-    """Return what a view is shown of a scan that the filter has just taken in."""
+    """Return the data of a scan that the filter has just processed."""
     samples = None if report.proposed is None else report.proposed.samples[report.best]
     if samples is not None and np.isnan(samples).any():  # none were drawn: matching failed, or another proposal
         samples = None

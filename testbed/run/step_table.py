@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The table of a run: one row per scan, the columns of docs/run-directory.md."""
+"""The table of a run, one row per scan, with the columns of docs/run-directory.md."""
 
 from __future__ import annotations
 
@@ -25,11 +25,14 @@ TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
 
 @dataclass
 class StepTable:
-    """Rows in the order of the scans; errors are those of the online pose, in the frame of the first pose where truth
-    has another frame than the map."""
+    """Rows in the order of the scans.
+
+    Errors are those of the online pose. If truth is in another frame than the map, both paths are aligned at the first
+    pose.
+    """
 
     aligned: bool = True
-    """Whether truth is in a frame of its own; if not, it is in the map's."""
+    """Whether truth is in its own frame and must be aligned; otherwise it is in the map's frame."""
     rows: list[dict[str, Any]] = field(default_factory=list)
     _first: tuple[Pose, Pose] | None = None
 
@@ -80,17 +83,17 @@ class StepTable:
 
     @property
     def last_error(self) -> float | None:
-        """Position error of the last row [m]; None where truth is unknown."""
+        """Position error of the last row [m]; None if truth is unknown."""
         error = self.rows[-1]["error_m"] if self.rows else math.nan
         return None if math.isnan(error) else error
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """The table as arrays (scans,); what is unknown is NaN."""
+        """Return the table as arrays (scans,); unknown values are NaN."""
         names = self.rows[0] if self.rows else ()
         return {name: np.array([row[name] for row in self.rows]) for name in names}
 
     def write(self, path: Path) -> None:
-        """Write the table as parquet, aside and renamed; unknown truth is null."""
+        """Write the table as parquet under a temporary name and rename it; unknown truth is null."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 

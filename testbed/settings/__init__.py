@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Settings of the simulator and of the estimator as people give them, on a command line or in a file."""
+"""Settings of the simulator and of the estimator, as the command line and files state them."""

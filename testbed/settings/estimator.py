@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Options that `run` and `slam` share."""
+"""Settings of the estimator."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ FILTER_GROUP = Group("Filter", sort_key=10)
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class EstimatorOptions:
-    """The estimator."""
+    """Settings of the estimator."""
 
     particles: int | None = None
     """Number of particles (short for --filter.particles)."""
     seed: int = 0
-    """All random numbers follow from it."""
+    """Random seed."""
     threads: int | None = None
-    """Threads of the filter; default: all cores. The result does not depend on it."""
+    """Threads of the filter; default: all cores. They do not change the result."""
     refine: bool = True
-    """Go over the whole recording once more at the end; the filter's own path stays in filter.tum."""
+    """Refine all poses and the map after the run (final pass); filter.tum keeps the filter's own path."""
     config: Path | None = None
     """TOML file with settings, such as the config.toml of an earlier run, or the preset `gmapping` (the classic
-    parameter values); the command line wins."""
+    parameter values); options on the command line take precedence."""
     filter: Annotated[FilterConfig, Parameter(group=FILTER_GROUP)] = field(default_factory=FilterConfig)
     """Settings of the filter."""
 
@@ -39,11 +39,11 @@ class EstimatorOptions:
 
     @property
     def filter_config(self) -> FilterConfig:
-        """Settings of the filter with the number of particles asked for."""
+        """Settings of the filter, with the number of particles of `particles`."""
         return self.filter if self.particles is None else replace(self.filter, particles=self.particles)
 
     def settings(self) -> dict[str, Any]:
-        """What of this belongs into `config.toml`: whatever decides the result."""
+        """Return the settings that decide the result, for `config.toml`."""
         return {"seed": self.seed, "refine": self.refine, "filter": asdict(self.filter_config)}
 
 

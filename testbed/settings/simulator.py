@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Options that `run` and `simulate` share."""
+"""Settings of the simulator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from worlds import World, add_clutter, is_map, load, map_image, plan_tour, rando
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
 CLUTTER_CLEARANCE = 0.1
-"""Further room between the robot and what --clutter puts up [m]."""
+"""Additional distance between the robot and the objects of --clutter [m]."""
 
 
 @Parameter(name="*")
@@ -32,24 +32,24 @@ class SimulatorOptions:
     """The simulated robot and its sensors."""
 
     robot: str = DEFAULT.robot.name
-    """Name of a robot, or a TOML file."""
+    """Name of a robot preset, or a TOML file."""
     lidar: str = DEFAULT.lidar.name
-    """Name of a lidar, or a TOML file; several, separated by commas, for robots with room for them."""
+    """Name of a lidar preset, or a TOML file; several are separated by commas, if the robot has mounts for them."""
     beams: int | None = None
     """Beams in a scan; default: those of the lidar."""
     noise: float = 1.0
-    """Factor of the random error of ranges."""
+    """Factor on the random error of ranges."""
     route: Literal["fixed", "random"] = "fixed"
     """fixed: the tour of the world, the same for every seed; random: the whole tour in another order and direction from
     another start, drawn from the seed. Only for --driver tour."""
     clutter: float = 0.0
-    """Things put up beside the tour, per 10 m² of floor."""
+    """Objects added off the tour, per 10 m² of floor."""
     backend: Literal["pybullet", "fast"] = "pybullet"
-    """pybullet: physics and rays of PyBullet; fast: exact arcs and a ray caster of ours."""
+    """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics."""
     duration: float | None = None
     """Longest simulated time [s]; default: until the tour is finished."""
     driver: Annotated[DriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=DriverConfig)
-    """Who drives, and how."""
+    """The driver and its limits."""
     commands: Path | None = None
     """Commands for --driver recorded: a dataset, a log with /cmd_vel, or a CSV table `stamp,speed,turn_rate`."""
     odometry: Annotated[OdometryConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=OdometryConfig)
@@ -84,11 +84,11 @@ class SimulatorOptions:
 
     @property
     def lidars(self) -> list[str]:
-        """Names or files of the lidars, the main one first."""
+        """Names or files of the lidars; the first is the main one."""
         return [name.strip() for name in self.lidar.split(",")]
 
     def _changed(self, lidar: LidarPreset) -> LidarPreset:
-        """The lidar with the number of beams and the noise asked for."""
+        """Return the lidar with `beams` and `noise` applied."""
         return lidar.model_copy(
             update={
                 "beams": lidar.beams if self.beams is None else self.beams,
@@ -112,11 +112,11 @@ class SimulatorOptions:
         return world
 
     def recorded_commands(self) -> list[Command] | None:
-        """The commands to repeat, where that is asked for."""
+        """Return the commands of `commands`; None if no file is given."""
         return None if self.commands is None else read_commands(self.commands)
 
     def files(self, world: str) -> list[Path]:
-        """Which of world, robot, lidars and commands are files of the user's own; with the image of a ROS map."""
+        """Return the user's files among world, robot, lidars and commands, with the image of a ROS map."""
         named = [Path(name) for name in (world, self.robot, *self.lidars, self.commands) if name is not None]
         files = [path for path in named if path.is_file()]
         return files + [map_image(path) for path in files[:1] if path == Path(world) and is_map(path)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The simulator: a robot drives the tour of a world; its lidar and wheels give frames."""
+"""The simulator: a robot drives through a world, and its lidar and wheels produce frames."""
 
 from testbed.simulation.config import SimulationConfig
 from testbed.simulation.drivers.driver import DriverConfig

@@ -21,17 +21,17 @@ CONTROL_PERIOD = CONTROL_STEPS / STEP_RATE
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationConfig:
-    """Everything about a simulation but the world."""
+    """Everything that a simulation needs except the world."""
 
     robot: RobotPreset = field(default_factory=lambda: load_robot("create3"))
     """The robot."""
     lidar: LidarPreset = field(default_factory=lambda: load_lidar("rplidar_a2"))
     """The lidar."""
     further_lidars: tuple[LidarPreset, ...] = ()
-    """More lidars, at the robot's `further_lidar_mounts`. Each scans on its own: their first beams are spread evenly
-    over a scan's time."""
+    """Further lidars at the robot's `further_lidar_mounts`. Each scans on its own; their first beams are spread evenly
+    over the duration of a scan."""
     driver: DriverConfig = field(default_factory=DriverConfig)
-    """How the tour is driven."""
+    """The driver and its settings."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Errors of the wheel odometry."""
     lidar_layers: LidarLayers = field(default_factory=LidarLayers)
@@ -39,9 +39,9 @@ class SimulationConfig:
     backend: Literal["pybullet", "fast"] = "pybullet"
     """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics."""
     duration: float = 1800.0
-    """The simulation ends here at the latest [s]."""
+    """Longest simulated time [s]."""
     seeds: RunSeeds = field(default_factory=lambda: RunSeeds.from_seed(0))
-    """All random numbers follow from them."""
+    """Seeds of all random numbers."""
 
     def __post_init__(self) -> None:
         if not self.duration > 0.0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Recent poses at a constant rate, readable at any time between them."""
+"""Recent poses at a constant rate, with interpolation between them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slam.se2 import Pose
 
 _ROOM = 1024
-"""Poses that the buffer first has room for."""
+"""First size of the buffer [poses]."""
 
 
 class History:
@@ -49,7 +49,7 @@ class History:
         self._end += count
 
     def _make_room(self, count: int) -> None:
-        """Move what is kept to the front of the buffer, or of a larger one where it would be more than half full."""
+        """Move the kept poses to the front of the buffer, or of a larger one if it would be more than half full."""
         kept = self._buffer[self._begin : self._end]
         room = len(self._buffer) if 2 * (len(kept) + count) <= len(self._buffer) else 4 * (len(kept) + count)
         buffer = np.empty((room, 3))
@@ -57,9 +57,9 @@ class History:
         self._buffer, self._begin, self._end = buffer, 0, len(kept)
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """The pose `(x, y, theta)` at `time` [s], linear between its two neighbours.
+        """Return the pose `(x, y, theta)` at `time` [s], interpolated linearly.
 
-        Raises `ValueError` if it is not kept.
+        Raises `ValueError` if the poses around it are not kept.
         """
         position = self._position(time, time)
         index = min(int(position), self._end - self._begin - 1)
@@ -80,7 +80,7 @@ class History:
         return self._buffer[self._begin : self._end], positions
 
     def _position(self, first: float, last: float) -> float:
-        """Fractional index of time `first` [s], once both are known to be kept."""
+        """Return the fractional index of time `first` [s]; raise ValueError unless `first` and `last` are kept."""
         position = first / self._period - self._first_index
         end = last / self._period - self._first_index
         if position < -1e-6 or end > self._end - self._begin - 1 + 1e-6:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The sensors of one simulated robot: they make frames of what the robot did."""
+"""The sensors of one simulated robot: true motion in, frames out."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _INSTANT = 1e-6
 
 
 class Device:
-    """One lidar on the robot, and when it scans."""
+    """One lidar on the robot and the times of its scans."""
 
     def __init__(self, number: int, config: SimulationConfig, stream: Stream) -> None:
         self.preset = (config.lidar, *config.further_lidars)[number]
@@ -39,27 +39,28 @@ class Device:
 
     @property
     def stamp(self) -> float:
-        """Of the next scan's first beam [s]."""
+        """Time of the first beam of the next scan [s]."""
         return (self._scans + self._phase) / self.preset.scan_rate
 
     @property
     def complete(self) -> float:
-        """When the next scan's last beam has been fired, and the command after its first one is known [s]."""
+        """Time at which the next scan is complete: its last beam was fired, and the command after its first is known
+        [s]."""
         return self.stamp + self._settled
 
     def advance(self) -> None:
-        """The next scan has been taken."""
+        """Go on to the next scan."""
         self._scans += 1
 
 
 def _devices(config: SimulationConfig) -> list[Device]:
-    """All lidars; the stream of the first does not depend on whether there are more."""
+    """Return all lidars; the stream of the first does not depend on the others."""
     streams = [config.seeds.lidar, *children(config.seeds.lidar, len(config.further_lidars))]
     return [Device(number, config, stream) for number, stream in enumerate(streams)]
 
 
 class Sensors:
-    """Truth in, frames out: keeps what the robot did until the scan that was being taken meanwhile is complete."""
+    """Makes frames of the true motion, which is kept until the scans taken during it are complete."""
 
     def __init__(self, backend: Backend, movers: Movers, config: SimulationConfig) -> None:
         self._backend, self._movers = backend, movers
@@ -75,23 +76,23 @@ class Sensors:
         self._keep = max(p.sweep_time + 2.0 / p.scan_rate for p in presets) + 2.0 * CONTROL_PERIOD
 
     def read_wheels(self, left: float, right: float) -> None:
-        """Take an odometry reading: angles turned by the wheels since the beginning [rad]."""
+        """Process the wheel angles since the beginning [rad]."""
         self._odometry.extend(self._odometer.advance(left, right)[None])
 
     def frames_until(self, time: float) -> Iterator[Frame]:
-        """Frames that are complete at `time` [s]: scans whose last beam was fired, and odometry up to then."""
+        """Yield the frames that are complete at `time` [s]: scans whose last beam was fired, odometry up to then."""
         while (device := min(self._devices, key=lambda d: d.stamp)).complete <= time + 1e-9:
             stamp = device.stamp
             yield from self.odometry_frames(before=stamp)
             yield self._scan_frame(device)
             device.advance()
-            if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has told it
+            if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has stated it
                 self._next_odometry += 1
             for history in (self.truth, self._odometry, self._movers):
                 history.forget_before(time - self._keep)
 
     def odometry_frames(self, before: float) -> Iterator[Frame]:
-        """Frames without a scan that were not given yet, up to a time [s]."""
+        """Yield the remaining frames without a scan up to the time `before` [s]."""
         while (stamp := self._next_odometry * CONTROL_PERIOD) < before - 1e-9:
             yield self._frame(stamp, CONTROL_PERIOD, None)
             self._next_odometry += 1
@@ -115,7 +116,7 @@ class Sensors:
         return self._frame(stamp, max(device.sweep_time, CONTROL_PERIOD), scan, lidar=device.name)
 
     def _frame(self, stamp: float, seconds: float, scan: Scan | None, lidar: str = Frame.lidar) -> Frame:
-        """The frame of `stamp` [s], with the mean velocity by odometry over `seconds` from then on."""
+        """Return the frame of `stamp` [s], with the mean velocity by odometry over the next `seconds`."""
         odometry = self._odometry.at(stamp)
         return Frame(
             stamp=stamp,
@@ -128,8 +129,10 @@ class Sensors:
         )
 
     def _twist(self, stamp: float, odometry: tuple[float, float, float], seconds: float) -> Pose:
-        """Mean velocity in the robot's frame over `seconds` from `stamp` on, or as far as odometry was read; over the
-        last period read if there is none since."""
+        """Return the mean velocity in the robot's frame over `seconds` from `stamp` on, (3,).
+
+        It ends with the last odometry reading; if there is none after `stamp`, it is that of the last period.
+        """
         end = min(stamp + seconds, self._odometry.end)
         if end - stamp < 0.5 * CONTROL_PERIOD:
             stamp = end - CONTROL_PERIOD

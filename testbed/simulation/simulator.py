@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A robot with wheels and a lidar drives the tour of a world: an iterator of frames."""
+"""A drive of a simulated robot through a world, as an iterator of frames."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from testbed.simulation.sensors import Sensors
 from worlds import World, WorldError, check_world
 
 TOUR_CLEARANCE = 0.05
-"""Room that a tour must leave beside the robot's footprint, since pure pursuit cuts corners [m]."""
+"""Least distance between a tour and walls in addition to the footprint, since pure pursuit cuts corners [m]."""
 
 
 class Simulation(Iterator[Frame]):
-    """Frames of one drive, in the order of their stamps; made by `simulate`.
+    """Frames of one drive in the order of their stamps, made by `simulate`.
 
     Scans come at the lidar's rate, odometry-only frames in between (20 Hz). Use it as a context manager, or call
-    `close`, where it is not read to its end.
+    `close` if it is not read to its end.
     """
 
     def __init__(self, world: World, config: SimulationConfig, driver: Driver | None = None) -> None:
-        """Raises `WorldError` if the robot does not fit through the world's tour, or if there is none to follow."""
+        """Raise `WorldError` if the robot does not fit through the world's tour, or if there is no tour to follow."""
         check_fits(world, config.robot)
         if driver is None and world.tour is None:
             raise WorldError(f"world {world.name!r} has no tour, expected [tour] with way points")
         self.world = world
         self.config = config
         self.driver = driver if driver is not None else TourDriver(world.path(), config.robot, config.driver)
-        """Tells how the drive goes: `finished`, `stuck`, `recoveries`, `share`."""
+        """The driver, which knows the progress: `finished`, `stuck`, `recoveries`, `share`."""
         self.collided = False
-        """The robot has touched something."""
+        """Whether the robot has touched something."""
         self._periods = 0
         self.movers = Movers(world, config.robot.footprint_radius, CONTROL_PERIOD, config.seeds.movers)
         """People and doors."""
@@ -49,12 +49,12 @@ class Simulation(Iterator[Frame]):
 
     @property
     def finished(self) -> bool:
-        """The drive has come to its end as planned."""
+        """Whether the drive has ended as planned."""
         return self.driver.finished
 
     @property
     def stuck(self) -> bool:
-        """The drive was given up."""
+        """Whether the drive was given up."""
         return self.driver.stuck
 
     def ended(self, duration: float | None) -> str | None:
@@ -99,7 +99,7 @@ class Simulation(Iterator[Frame]):
             backend.close()
 
     def _command(self, x: float, y: float, theta: float) -> tuple[float, float]:
-        """What the driver wants, within the limits of the robot."""
+        """Return the driver's command, clipped to the limits of the robot."""
         driver, robot = self.config.driver, self.config.robot
         if self.movers and self.movers.in_the_way(x, y, theta, 0.5 * driver.speed**2 / driver.acceleration):
             speed, turn_rate = self.driver.wait(self.time)
@@ -109,16 +109,16 @@ class Simulation(Iterator[Frame]):
 
 
 def simulate(world: World, config: SimulationConfig | None = None, driver: Driver | None = None) -> Simulation:
-    """Drive through `world` and yield frames; by default TurtleBot 4's base with an RPLidar A2 in PyBullet.
+    """Return the frames of a drive; the default is a TurtleBot 4 base with an RPLidar A2 in PyBullet.
 
-    driver: who steers; None = along the tour of the world. Raises `WorldError` if the robot does not fit through the
-    world's tour or there is none to follow, `PyBulletMissingError` where PyBullet is asked for but not installed.
+    driver: steers the robot; None = along the tour of the world. Raises `WorldError` if the robot does not fit through
+    the tour or there is none, and `PyBulletMissingError` if PyBullet is not installed.
     """
     return Simulation(world, config if config is not None else SimulationConfig(), driver)
 
 
 def check_fits(world: World, robot: RobotPreset) -> None:
-    """Raise `WorldError` unless the world is a sound place, and the robot has room at its start and along its tour."""
+    """Raise `WorldError` unless the world is valid and has room for the robot at its start and along its tour."""
     check_world(world)
     try:
         check_world(world, footprint_radius=robot.footprint_radius + TOUR_CLEARANCE)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from eval.files.atomic_write import atomic_write
-from eval.report.run_report import flat
+from eval.report.page import flat
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.command import command_of

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a run shows of itself: plain data, the small interface that takes it, and its do-nothing twin."""
+"""The data that a run shows, the interface of a view that takes them, and a view that does nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from slam.se2 import Pose
 from slam.step.step_report import StepReport
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
-"""Of the addresses of Rerun's viewers and servers."""
+"""Schemes of the addresses of Rerun's viewers and servers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,14 +94,14 @@ class ViewOptions:
 
 
 class View(Protocol):
-    """Something that watches a run. A context manager that closes itself."""
+    """A view of a run; a context manager that closes itself."""
 
     @property
     def address(self) -> str | None:
         """Address of the web page, where one is served."""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Take in one scan's news; its callables are called before this returns, those of the last one in `close`."""
+        """Show one scan. The snapshot's callables are called before this returns; those of the last one in `close`."""
 
     def finish(self, path: Pose, grid: OccupancyGrid) -> None:
         """Replace path (scans, 3) and map by the result of a final pass, once all snapshots were shown."""
@@ -120,7 +120,7 @@ class View(Protocol):
 
 
 class NullView:
-    """A view that looks away, so that no caller has to ask whether there is one."""
+    """A view that does nothing, so that no caller has to check whether there is one."""
 
     address: str | None = None
 

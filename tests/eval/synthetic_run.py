@@ -13,10 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
-from eval.files.failure_json import write_finding
+from eval.files.failure_json import write_failure
 from eval.files.map_server import write_map
 from eval.files.tum import write_tum
-from eval.first_failure import find
+from eval.first_failure import find_failure
 from eval.map.grids import cell_centres
 from eval.map.lidar_view import LidarView
 from eval.map.observability import observable_cells
@@ -106,12 +106,12 @@ def write_run(
         steps=steps,
         facts={"seed": seed, "wall_s": 12.3, "peak_rss_mb": 312.0, "result_hash": "0" * 64},
     )
-    finding = find(trajectories["estimate"], truth=true, relations=known, steps=steps)
-    if finding is not None:
+    failure = find_failure(trajectories["estimate"], truth=true, relations=known, steps=steps)
+    if failure is not None:
         seen = cell_centres(
-            true_map, true_map.occupied & observable_cells(true_map, poses[finding.scan], lidar=LidarView())
+            true_map, true_map.occupied & observable_cells(true_map, poses[failure.scan], lidar=LidarView())
         )
-        write_finding(folder / "finding.json", finding, transform_points(inverse(poses[finding.scan]), seen))
+        write_failure(folder / "finding.json", failure, transform_points(inverse(poses[failure.scan]), seen))
     (folder / "metrics.json").write_text(json.dumps(metrics, allow_nan=False))
     return folder
 

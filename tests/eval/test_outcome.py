@@ -6,6 +6,7 @@ import pytest
 
 from eval.files.tum import read_tum
 from eval.outcome import (
+    MIN_LOOP_POSES,
     evidence_from_relations,
     evidence_from_truth,
     judge,
@@ -106,10 +107,21 @@ def test_loop_pairs_are_visits_of_one_place_with_path_between():
 
 
 def test_many_visits_are_thinned_out():
+    angle = np.linspace(0.0, 2.0 * np.pi * 100, 10_000)  # 100 rounds of 31 m
+    rounds = Trajectory(angle, 5.0 * np.column_stack([np.cos(angle), np.sin(angle), angle]))
+    matched = associate(rounds, rounds)
+    every = len(loop_pairs(matched, max_pairs=10**9)[0])
+    first, last = loop_pairs(matched, max_pairs=10_000)
+    assert 1_000 < len(first) <= 10_000 < 0.02 * every
+    assert np.hypot(*(rounds.poses[first, :2] - rounds.poses[last, :2]).T).max() <= 1.0
+
+
+def test_few_poses_are_not_thinned_out():
     standing = np.column_stack([0.3 * np.sin(np.arange(4000)), np.zeros(4000), np.zeros(4000)])
     there = Trajectory(np.arange(4000.0), standing)
-    first, _ = loop_pairs(associate(there, there), limit=1000)
-    assert 0 < len(first) <= 20_000
+    first, _ = loop_pairs(associate(there, there), max_pairs=10)
+    candidates = len(np.unique(first)) + 1
+    assert MIN_LOOP_POSES / 2 <= candidates < MIN_LOOP_POSES
 
 
 @pytest.mark.parametrize(

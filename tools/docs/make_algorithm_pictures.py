@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of docs/algorithm.md, each from a real run over the Intel log with the default settings and seed 0.
+"""Draw the pictures of docs/algorithm.md, each from a real run over the Intel log with default settings and seed 0.
 
-    python tools/measure/measure_variants.py RUNS
-    python tools/docs/make_algorithm_pictures.py RUNS
+    python -m tools.measure.measure_variants RUNS
+    python -m tools.docs.make_algorithm_pictures RUNS
 
-Writes docs/pictures/algorithm_<step>.png. RUNS gives the paths and the maps of the variants; the steps are taken
-from the first scans of the log, which are mapped twice: once to find the moments worth showing, once to show them.
+Writes: docs/pictures/algorithm_*.png
+
+RUNS holds the paths and the maps of the variants. The other pictures show steps of the filter on the first scans of the
+log, which are mapped twice: the first time to find the steps to show, the second time to draw them.
 """
 
 from __future__ import annotations
@@ -19,7 +21,6 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from measure_variants import TABLES, recording
 from numpy.typing import NDArray
 
 from eval.map.grids import cell_centres
@@ -36,21 +37,22 @@ from slam.se2 import Pose
 from slam.sensor.rays import make_rays
 from testbed.frame import Frame
 from testbed.seeds import RunSeeds
+from tools.measure.measure_variants import TABLES, recording
 
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 SCANS = 900
-"""How many scans of the log are looked through."""
+"""Steps are chosen from this many scans at the start of the log."""
 SEED = 0
-FOUNDERS = (ESTIMATE, ODOMETRY, GOOD, BAD, TRUTH, "#862e9c", "#0b7285", QUIET)
-"""Colours of families of particles."""
+FAMILY_COLOURS = (ESTIMATE, ODOMETRY, GOOD, BAD, TRUTH, "#862e9c", "#0b7285", QUIET)
+"""One colour for each family of particles."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One pass of Algorithm 1, with what is gone after it."""
+    """One pass of Algorithm 1, with the values that the filter does not keep."""
 
     number: int
-    """Counts the scans that were taken in; the first one is 0."""
+    """Number of the update; the first scan is update 0."""
     frame: Frame
     motion: Pose
     """Displacement by odometry since the last step, (3,)."""
@@ -64,7 +66,7 @@ class Step:
 
 
 def steps(frames: Iterable[Frame], mapper: GMapping) -> Iterator[Step]:
-    """Feed the filter; a step after each scan that it takes in but the first."""
+    """Feed the filter and yield one step for each update after the first."""
     number, odometry = 0, np.zeros(3)
     share = mapper.config.match.weight_share
     for frame in frames:
@@ -111,7 +113,7 @@ def hits(step: Step) -> NDArray[np.float64]:
 def main() -> None:
     """Draw all pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", type=Path, help="directory of measure_variants.py")
+    parser.add_argument("runs", type=Path, help="directory that tools.measure.measure_variants wrote")
     runs = parser.parse_args().runs
     frames = [frame for frame in recording("intel", SEED).frames if frame.scan is not None]
     looked_at = list(steps(frames[:SCANS], new_filter()))
@@ -159,7 +161,7 @@ def around(points: NDArray[np.float64], margin: float) -> tuple[float, float, fl
 
 
 def odometry_picture(runs: Path) -> Figure:
-    """The path that odometry tells, and the one that the filter found, over its map."""
+    """Draw the odometry path and the filter's path over the filter's map."""
     run = np.load(runs / f"intel-1500-default-{SEED}.npz")
     figure = Figure(figsize=(6.4, 5.2))
     ax = figure.add_subplot()
@@ -174,7 +176,7 @@ def odometry_picture(runs: Path) -> Figure:
 
 
 def match_picture(step: Step, particle: int, grid: OccupancyGrid) -> Figure:
-    """The scan over a particle's map, where odometry predicts it and where it fits."""
+    """Draw the scan over a particle's map, at the predicted pose and at the matched pose."""
     figure = Figure(figsize=(8.0, 4.2))
     ends = se2.transform_points(step.proposed.mean[particle], hits(step))
     window = around(np.clip(ends, *_box(step.proposed.mean[particle], 5.0)), 0.5)
@@ -199,7 +201,7 @@ def _box(pose: Pose, reach: float) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def proposal_picture(step: Step, particle: int) -> Figure:
-    """Where odometry sees the new pose and where the scan does; the K poses and the Gaussian fitted to them."""
+    """Draw the motion model's density, the fitted Gaussian, and the K poses that it was fitted to."""
     guess, mean = step.predicted[particle], step.proposed.mean[particle]
     to_heading = 1000.0 * np.array([[np.cos(guess[2]), np.sin(guess[2])], [-np.sin(guess[2]), np.cos(guess[2])]])
     samples = (step.proposed.samples[particle, :, :2] - mean[:2]) @ to_heading.T
@@ -228,39 +230,39 @@ def ellipse(
     ax: Axes, centre: NDArray[np.float64], covariance: NDArray[np.float64], sigmas: float, colour: str,
     label: str | None = None, dashes: str = "-",
 ) -> None:  # fmt: skip
-    """The curve `sigmas` standard deviations about a centre (2,) with covariance (2, 2)."""
+    """Draw the curve `sigmas` standard deviations away from a centre (2,) with covariance (2, 2)."""
     angle = np.linspace(0.0, 2.0 * np.pi, 100)
     x, y = centre[:, None] + sigmas * np.linalg.cholesky(covariance) @ np.stack([np.cos(angle), np.sin(angle)])
     ax.plot(x, y, color=colour, ls=dashes, label=label)
 
 
 def resampling_picture(step: Step, after: Pose) -> Figure:
-    """Particles as dots, as large as their weight, before and after resampling; a colour for each that has heirs."""
+    """Draw particles before and after resampling: area = weight, one colour for each particle that has offspring."""
     before = step.proposed.pose
-    heirs = (after[:, None, :2] == before[None, :, :2]).all(axis=2).sum(axis=0)
+    offspring = (after[:, None, :2] == before[None, :, :2]).all(axis=2).sum(axis=0)
     colours = np.array([QUIET] * len(before), dtype=object)
-    parents = np.flatnonzero(heirs)
-    colours[parents] = [FOUNDERS[k % len(FOUNDERS)] for k in range(len(parents))]
+    parents = np.flatnonzero(offspring)
+    colours[parents] = [FAMILY_COLOURS[k % len(FAMILY_COLOURS)] for k in range(len(parents))]
     figure = Figure(figsize=(8.0, 3.8))
     left, right = figure.subplots(1, 2)
     centre = step.weights @ before[:, :2]
     at = (before[:, :2] - centre) * 100.0
     left.scatter(at[:, 0], at[:, 1], s=2500.0 * step.weights, c=list(colours), alpha=0.75, lw=0)
-    for k in np.flatnonzero(heirs == 0):
+    for k in np.flatnonzero(offspring == 0):
         left.plot(*at[k], "x", ms=5, color=QUIET)
     right.scatter(
         at[parents, 0],
         at[parents, 1],
-        s=2500.0 * heirs[parents] / len(before),
+        s=2500.0 * offspring[parents] / len(before),
         c=list(colours[parents]),
         alpha=0.75,
         lw=0,
     )
     for k in parents:
-        right.annotate(f"{heirs[k]}", at[k], ha="center", va="center", fontsize=8.5, color="white", weight="bold")
+        right.annotate(f"{offspring[k]}", at[k], ha="center", va="center", fontsize=8.5, color="white", weight="bold")
     ess = 1.0 / np.sum(step.weights**2)
     left.set(title=f"before: weights, effective sample size {ess:.1f} of {len(before)}", ylabel="y [cm]")
-    right.set(title=f"after: {len(parents)} particles have heirs, so many each")
+    right.set(title=f"after: {len(parents)} particles have offspring (number inside)")
     edge = 1.15 * float(np.abs(at).max())
     for ax in (left, right):
         ax.set_aspect("equal")
@@ -270,20 +272,20 @@ def resampling_picture(step: Step, after: Pose) -> Figure:
 
 
 def families(paths: Pose) -> NDArray[np.int64]:
-    """Which founder each of the paths (particles, steps, 3) descends from, (particles,)."""
+    """Index of the oldest distinct ancestor of each path (particles, steps, 3), (particles,)."""
     first = next(k for k in range(paths.shape[1]) if len(np.unique(paths[:, k], axis=0)) > 1)
     return np.unique(paths[:, first], axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def loop_picture(step: Step, mapper: GMapping) -> Figure:
-    """Maps of three particles of different descent at the moment at which a loop closes."""
+    """Draw the maps of three particles from different families when a loop closes."""
     paths = np.stack([mapper.path(particle) for particle in range(mapper.config.particles)])
     family = families(paths)
-    chiefs = [int(np.flatnonzero(family == f)[np.argmax(step.weights[family == f])]) for f in np.unique(family)]
-    chiefs.sort(key=lambda particle: -step.weights[particle])
-    best = chiefs[0]
-    apart = {p: float(np.linalg.norm(mapper.poses[p, :2] - mapper.poses[best, :2])) for p in chiefs}
-    shown = [best, *sorted(chiefs[1:], key=lambda p: -apart[p])[:2]]
+    heaviest = [int(np.flatnonzero(family == f)[np.argmax(step.weights[family == f])]) for f in np.unique(family)]
+    heaviest.sort(key=lambda particle: -step.weights[particle])
+    best = heaviest[0]
+    apart = {p: float(np.linalg.norm(mapper.poses[p, :2] - mapper.poses[best, :2])) for p in heaviest}
+    shown = [best, *sorted(heaviest[1:], key=lambda p: -apart[p])[:2]]
     figure = Figure(figsize=(9.4, 3.7))
     together, *alone = figure.subplots(1, 3)
     window = around(mapper.poses[shown, :2], 6.0)
@@ -294,7 +296,7 @@ def loop_picture(step: Step, mapper: GMapping) -> Figure:
         together.plot(*mapper.poses[particle, :2], "o", ms=7, mfc="white", mec=colour, mew=1.8)
     together.set(title="walls of three particles", ylabel="y [m]", xlim=window[:2], ylim=window[2:], aspect="equal")
     together.grid(False)
-    for ax, particle, name in zip(alone, shown, ("the black one", "the orange one"), strict=False):
+    for ax, particle, name in zip(alone, shown, ("black particle", "orange particle"), strict=False):
         show_map(ax, mapper.map(particle), window)
         ax.plot(paths[particle, :, 0], paths[particle, :, 1], color=ESTIMATE, lw=1.1)
         ends = se2.transform_points(mapper.poses[particle], hits(step))
@@ -309,7 +311,7 @@ def loop_picture(step: Step, mapper: GMapping) -> Figure:
 
 
 def ancestry_picture(mapper: GMapping, resampled: Sequence[int]) -> Figure:
-    """The tree of the paths of all particles: each line is a history that somebody still shares."""
+    """Draw the ancestry tree: each line is a history that at least one particle still has."""
     paths = np.stack([mapper.path(particle) for particle in range(mapper.config.particles)])
     groups = np.stack([np.unique(poses, axis=0, return_inverse=True)[1].reshape(-1) for poses in paths.swapaxes(0, 1)])
     order = np.lexsort(groups[::-1])  # by the oldest difference first: branches do not cross
@@ -319,7 +321,7 @@ def ancestry_picture(mapper: GMapping, resampled: Sequence[int]) -> Figure:
     figure = Figure(figsize=(8.0, 3.6))
     ax = figure.add_subplot()
     for particle, family in enumerate(families(paths)):
-        ax.plot(height[:, particle], color=FOUNDERS[family % len(FOUNDERS)], lw=1.3)
+        ax.plot(height[:, particle], color=FAMILY_COLOURS[family % len(FAMILY_COLOURS)], lw=1.3)
     marks = [number for number in resampled if number < len(paths[0])]
     for number in marks:
         ax.axvline(
@@ -332,13 +334,13 @@ def ancestry_picture(mapper: GMapping, resampled: Sequence[int]) -> Figure:
 
 
 def grid_of(run: np.lib.npyio.NpzFile) -> OccupancyGrid:
-    """The map of a run of measure_variants.py."""
+    """Map of a run that tools.measure.measure_variants kept."""
     x, y, theta = run["origin"].tolist()
     return OccupancyGrid(probability=run["probability"], resolution=float(run["resolution"]), origin=(x, y, theta))
 
 
 def variants_picture(runs: Path, place: str) -> Figure:
-    """The filter's own map of every variant, in one frame."""
+    """Draw the filter's own map of every variant, all on one scale."""
     maps = {name: np.load(runs / f"{place}-{name}-{SEED}.npz") for name in TABLES["variants"].variants.split(",")}
     window = around(maps["default"]["path"][:, :2], 4.5)
     figure = Figure(figsize=(11.0, 6.2))

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Draw docs/pictures/explore.png: what the filter knows after 0, 20, 40 and 60 s of `testbed/Explore-v0`.
+"""Draw the estimated map after 0, 20, 40 and 60 s of `testbed/Explore-v0` in the apartment.
 
-Run it from the repository's root: `python tools/docs/make_exploration_picture.py`.
+    python -m tools.docs.make_exploration_picture
+
+Writes: docs/pictures/explore.png
 """
+
+import argparse
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -11,9 +16,12 @@ from matplotlib.image import imsave
 from testbed.exploration import make_explorer
 from testbed.simulation import DriverConfig
 
+PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "explore.png"
+
 
 def main() -> None:
-    """One drive in the apartment by information gain per metre."""
+    """Explore the apartment by information gain per metre and draw the map four times."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     env = gym.make("testbed/Explore-v0", world="apartment", render_mode="rgb_array")
     env.reset(seed=2)
     inner, pictures = env.unwrapped, []
@@ -23,7 +31,7 @@ def main() -> None:
         if step % 200 == 0:
             pictures.append(env.render())
         env.step(inner.action(*explorer.command(inner.belief)))
-    imsave("docs/pictures/explore.png", np.hstack(pictures))
+    imsave(PICTURE, np.hstack(pictures))
     env.close()
 
 

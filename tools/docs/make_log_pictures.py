@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Maps of the recorded logs for the docs: runs `testbed slam` on each, default settings, 30 particles, seed 0.
+"""Draw the maps of the recorded logs: runs `testbed slam` on each with default settings, 30 particles and seed 0.
 
-    python tools/docs/make_log_pictures.py [--keep DIR]
+    python -m tools.docs.make_log_pictures [--keep DIR]
 
-Writes docs/pictures/map_<log>.png. The logs are looked for in $TESTBED_DATASETS, else in ../shared/datasets.
+Writes: docs/pictures/map_*.png
+
+The logs are read from $TESTBED_DATASETS, by default ../shared/datasets.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ LOGS = {
 
 
 def picture_of(run: Path, target: Path) -> None:
-    """Draw a run's map as a grey picture: walls black, free space white, unknown grey."""
+    """Draw a run's map: walls black, free space white, unknown grey."""
     grid = read_map(run / "map.yaml")
     grey = np.where(grid.known, 1.0 - grid.probability, 0.6)[::-1]
     rows, columns = (n // 2 * 2 for n in grey.shape)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Renew the pictures of a run in docs/pictures, from a run that is made for them or from one that is there.
+"""Draw the pictures of a run in the Rerun viewer, for README.md and docs/views.md.
 
-    python tools/docs/make_pictures.py            # runs `testbed run office`, then draws it
-    python tools/docs/make_pictures.py RUN        # draws RUN/recording.rrd
+    python -m tools.docs.make_pictures            # runs `testbed run office`, then draws it
+    python -m tools.docs.make_pictures RUN        # draws RUN/recording.rrd
 
-Draws with the native Rerun viewer, without display or graphics card (Debian: apt-get install mesa-vulkan-drivers).
+Writes: docs/pictures/office.png, docs/pictures/office.gif
+
+The native viewer draws them without a display or a graphics card (Debian: apt-get install mesa-vulkan-drivers).
 """
 
 from __future__ import annotations
@@ -43,11 +45,11 @@ def main() -> None:
 
 
 def save_animation(viewer: HeadlessViewer, end: float, path: Path) -> None:
-    """The map view from the first scan to the end of the recording [s]."""
-    viewer.picture(0.0, "Map")  # draws everything once, so that the next ones are quick
+    """Write an animation of the map view from the first scan to the time `end` [s] of the recording."""
+    viewer.picture(0.0, "Map")  # the first picture is slow; draw it before the timed ones
     shots = [viewer.picture(end * k / (FRAMES - 1), "Map", settle=0.3, largest=640) for k in range(FRAMES)]
     images = [Image.open(io.BytesIO(png)).convert("RGB") for png in shots]
-    palette = images[-1].quantize(64)  # one palette for all: else colours flicker
+    palette = images[-1].quantize(64)  # one palette for all frames, or colours flicker
     frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     durations = [FRAME_MS] * (FRAMES - 1) + [LAST_FRAME_MS]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, optimize=True)

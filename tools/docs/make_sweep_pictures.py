@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""The figures of docs/study.md and its pictures from the directory of the shipped study.
+"""Write the results part of docs/study.md and draw its pictures, from the directory of the shipped study.
 
     testbed sweep --preset particles --out study
-    python tools/docs/make_sweep_pictures.py study
+    python -m tools.docs.make_sweep_pictures study
 
-What stands before and behind the marks in the page is written by hand and stays.
+Writes: docs/study.md (study), docs/pictures/study_*.png
+
+Text before and after the marks in the page is written by hand and is kept.
 """
 
 from __future__ import annotations
@@ -23,10 +25,9 @@ from eval.sweep.plots import style
 from eval.sweep.report import DRAWINGS
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import SweepSummary, summarise
+from tools.pages import DOCS, write_table
 
-HERE = Path(__file__).resolve().parents[2] / "docs"
-PAGE = HERE / "study.md"
-BEGIN, END = "<!-- study: written by tools/docs/make_sweep_pictures.py -->\n", "<!-- /study -->\n"
+PAGE = DOCS / "study.md"
 OVERCONFIDENT = 0.8
 """A filter whose 95 % ellipsoid holds the truth less often than this is called overconfident."""
 
@@ -35,7 +36,7 @@ def draw(summary: SweepSummary) -> None:
     """All figures of the report as pictures."""
     for drawing in DRAWINGS:
         with style():
-            drawing.draw(summary).savefig(HERE / "pictures" / f"study_{drawing.name}.png", dpi=140)
+            drawing.draw(summary).savefig(DOCS / "pictures" / f"study_{drawing.name}.png", dpi=140)
 
 
 def enough_table(summary: SweepSummary) -> str:
@@ -111,8 +112,7 @@ def main() -> None:
     study = parser.parse_args().study
     summary = summarise(read_sweep(study))
     draw(summary)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    PAGE.write_text(before + BEGIN + page(summary, study) + END + rest.split(END)[1], encoding="utf-8")
+    write_table(PAGE, "study", page(summary, study))
 
 
 if __name__ == "__main__":

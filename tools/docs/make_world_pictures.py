@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Draw every world of the catalogue, with its tour, as a small picture in docs/worlds/, and print the table of
-docs/worlds.md. Run it from the repository's root: `python tools/docs/make_world_pictures.py`.
+"""Draw every world of the catalogue with its tour, and print the table of the catalogue.
+
+    python -m tools.docs.make_world_pictures
+
+Writes: docs/worlds/*.png
+Prints: the table of docs/worlds.md
 """
 
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +21,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "docs" / "worlds"
 
 
 def draw(world: worlds.World, path: Path) -> None:
-    """One picture: true map, tour, start."""
+    """Draw the true map, the tour and the start of one world."""
     truth = worlds.true_map(world, 0.05, margin=0.3)
     grey = np.where(truth.occupied, 0, np.where(truth.free, 255, 170)).astype(np.uint8)
     rows, cols = grey.shape
@@ -36,7 +41,8 @@ def draw(world: worlds.World, path: Path) -> None:
 
 
 def main() -> None:
-    """Draw all, print the table."""
+    """Draw all worlds and print the table."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     FOLDER.mkdir(exist_ok=True)
     print("| | world | what it is | area m² | free | loops | tour m | observability | corridor | symmetry |")
     print("|---|---|---|---|---|---|---|---|---|---|")

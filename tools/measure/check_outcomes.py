@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Are the outcome labels right? Labelled runs against the rules of `eval.outcome`: the table of docs/metrics.md.
+"""Compare the rules of `eval.outcome` with labels that a person gave to runs.
 
-    python tools/measure/check_outcomes.py            # prints the table, and what was misjudged
-    python tools/measure/check_outcomes.py --write    # and puts it into docs/metrics.md
+    python -m tools.measure.check_outcomes            # prints the table and the cases that were misjudged
+    python -m tools.measure.check_outcomes --write    # also writes the table into docs/metrics.md
 
-Simulated and recorded runs are labelled from their figures, some also from pictures of their maps; copies of good
-estimates are broken on purpose and labelled by how. Runs are kept in --runs and made only once; recorded logs are
-looked for in $TESTBED_DATASETS, else in ../shared/datasets, estimates of other systems in `peers` beside them. About
-five minutes.
+Writes: docs/metrics.md (outcomes)
+
+Simulated and recorded runs were labelled from their figures, some also from pictures of their maps. Copies of good
+estimates are damaged on purpose, and labelled by the damage. Runs are kept in --runs and computed only once. Recorded
+logs are read from $TESTBED_DATASETS, by default ../shared/datasets; estimates of other systems from the directory
+`peers` next to it. Takes about five minutes.
 """
 
 from __future__ import annotations
@@ -30,11 +32,10 @@ from eval.trajectory.association import associate, covered_share
 from eval.trajectory.relations import read_relations, relation_error
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import between, compose
+from tools.pages import DOCS, write_table
 
 ROOT = Path(__file__).resolve().parents[2]
 DATASETS = Path(os.environ.get("TESTBED_DATASETS") or ROOT.parent / "shared" / "datasets")
-PAGE = ROOT / "docs" / "metrics.md"
-BEGIN, END = "<!-- outcomes: written by tools/measure/check_outcomes.py -->\n", "<!-- /outcomes -->\n"
 BLIND = ("--filter.proposal.kind", "motion", "--no-refine")
 """FastSLAM 1 with few particles: the path is odometry with some luck."""
 POOR = ("--odometry.grade", "poor")
@@ -42,11 +43,11 @@ POOR = ("--odometry.grade", "poor")
 
 @dataclass(frozen=True)
 class Run:
-    """A run of ours and the label that a person gives it."""
+    """A run of this testbed and the label that a person gave it."""
 
     label: str
     seen: str
-    """What its map looks like."""
+    """Description of its map, as a person saw it."""
     arguments: tuple[str, ...]
 
     @property
@@ -105,11 +106,11 @@ PEERS = (
 )
 
 
-# --- estimates that are broken on purpose
+# --- estimates that are damaged on purpose
 
 
 def moved_from(share: float, by: tuple[float, float, float]) -> Callable[[Trajectory], Trajectory]:
-    """From that share of the poses on, everything is moved by a motion in the robot's frame."""
+    """Move all poses after a share of the path by a motion in the robot's frame (x, y, theta) [m, m, rad]."""
 
     def broken(estimate: Trajectory) -> Trajectory:
         row, poses = int(share * len(estimate)), estimate.poses.copy()
@@ -120,7 +121,7 @@ def moved_from(share: float, by: tuple[float, float, float]) -> Callable[[Trajec
 
 
 def heading_bias(estimate: Trajectory, degrees_per_metre: float = 0.3) -> Trajectory:
-    """Each motion turns a little too far."""
+    """Turn each motion a little too far."""
     poses = estimate.poses
     steps = between(poses[:-1], poses[1:])
     steps[:, 2] += np.radians(degrees_per_metre) * np.hypot(steps[:, 0], steps[:, 1])
@@ -131,24 +132,24 @@ def heading_bias(estimate: Trajectory, degrees_per_metre: float = 0.3) -> Trajec
 
 
 def frozen(estimate: Trajectory) -> Trajectory:
-    """It stands still after three fifths of the time."""
+    """Stop after three fifths of the time."""
     row, poses = int(0.6 * len(estimate)), estimate.poses.copy()
     poses[row:] = poses[row]
     return Trajectory(estimate.stamps, poses)
 
 
 def cut_off(estimate: Trajectory) -> Trajectory:
-    """It ends after three fifths of the time."""
+    """End after three fifths of the time."""
     return estimate[: int(0.6 * len(estimate))]
 
 
 def stretched(estimate: Trajectory) -> Trajectory:
-    """A map that is 8 % too large."""
+    """Enlarge the path by 8 %."""
     return Trajectory(estimate.stamps, estimate.poses * [1.08, 1.08, 1.0])
 
 
 def jittered(estimate: Trajectory) -> Trajectory:
-    """Every pose is off by 2 cm and half a degree at random."""
+    """Add noise of 2 cm and half a degree to every pose."""
     noise = np.random.default_rng(0).normal(0.0, [0.02, 0.02, np.radians(0.5)], estimate.poses.shape)
     return Trajectory(estimate.stamps, estimate.poses + noise)
 
@@ -170,7 +171,7 @@ BREAKS: tuple[tuple[str, str, Callable[[Trajectory], Trajectory]], ...] = (
 
 @dataclass(frozen=True)
 class Case:
-    """A label and what the rules say."""
+    """A label and the outcome by the rules."""
 
     label: str
     name: str
@@ -178,29 +179,29 @@ class Case:
 
 
 def by_truth(estimate: Trajectory, truth: Trajectory) -> Outcome:
-    """What the rules say of an estimate whose truth is known."""
+    """Outcome by the rules of an estimate whose truth is known."""
     matched = associate(estimate, truth)
     return judge(evidence_from_truth(matched, covered_share(matched, truth)))
 
 
 def by_relations(estimate: Trajectory, relations: Path) -> Outcome:
-    """What the rules say of an estimate on a recorded log."""
+    """Outcome by the rules of an estimate on a recorded log."""
     known = read_relations(relations)
     return judge(evidence_from_relations(relation_error(estimate, known), known))
 
 
 def directory_of(run: Run, runs: Path) -> Path:
-    """Directory of the run, which is made now if it is not there."""
+    """Directory of the run; computes the run first if it is missing."""
     folder = runs / run.name
     if not (folder / "metrics.json").exists():
-        print(f"making {run.name}", file=sys.stderr)
+        print(f"computing {run.name}", file=sys.stderr)
         testbed = Path(sys.executable).with_name("testbed")
         subprocess.run([testbed, *run.arguments, "--out", folder, "--overwrite"], check=True, capture_output=True)
     return folder
 
 
 def cases(runs: Path) -> Iterator[Case]:
-    """All of them."""
+    """Yield all cases."""
     for run in SIMULATED:
         folder = directory_of(run, runs)
         estimate, truth = read_tum(folder / "estimate.tum"), read_tum(folder / "truth.tum")
@@ -209,7 +210,7 @@ def cases(runs: Path) -> Iterator[Case]:
             for label, how, broken in BREAKS:
                 yield Case(label, f"{run.name}, {how}", by_truth(broken(estimate), truth))
     if not DATASETS.is_dir():
-        print(f"recorded logs not found in {DATASETS}: left out", file=sys.stderr)
+        print(f"skipping the recorded logs: {DATASETS} does not exist", file=sys.stderr)
         return
     for run in RECORDED:
         estimate = read_tum(directory_of(run, runs) / "estimate_dense.tum")
@@ -221,7 +222,7 @@ def cases(runs: Path) -> Iterator[Case]:
 
 
 def table(judged: list[Case]) -> str:
-    """Markdown: a row for each label given, a column for each found."""
+    """Markdown table: one row for each label given, one column for each outcome found."""
     labels = ["ok", "drift", "broken loop", "lost"]
     counts = Counter((case.label, case.outcome.label) for case in judged)
     lines = [f"| is \\ judged | {' | '.join(labels)} |", "|---|" + "---|" * len(labels)]
@@ -239,8 +240,10 @@ def table(judged: list[Case]) -> str:
 def main() -> None:
     """Judge all labelled runs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "outcomes", help="where the runs are kept")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/metrics.md")
+    parser.add_argument(
+        "--runs", type=Path, default=ROOT / "runs" / "outcomes", help="directory of the runs; missing ones are computed"
+    )
+    parser.add_argument("--write", action="store_true", help="write the table into docs/metrics.md")
     options = parser.parse_args()
     judged = list(cases(options.runs))
     for case in judged:
@@ -249,9 +252,7 @@ def main() -> None:
     text = table(judged)
     print(f"\n{text}")
     if options.write:
-        page = PAGE.read_text(encoding="utf-8")
-        before, _, rest = page.partition(BEGIN)
-        PAGE.write_text(before + BEGIN + text + END + rest.partition(END)[2], encoding="utf-8")
+        write_table(DOCS / "metrics.md", "outcomes", text)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Is the filter's covariance honest? The figures and the picture of docs/consistency.md.
+"""Compare the filter's covariance with its errors (NEES), over seeds.
 
-    python tools/measure/measure_worlds.py WORLDS
-    python tools/measure/measure_consistency.py RUNS WORLDS
+    python -m tools.measure.measure_worlds WORLDS
+    python -m tools.measure.measure_consistency RUNS WORLDS
 
-Each run is kept as RUNS/<study>-<seed>.npz; what is there is not computed again. Short runs of 20 s take about 2 s of
-one core each, those through open worlds about a minute. Long runs are those of the sweep in WORLDS.
+Writes: docs/consistency.md (nees), docs/consistency.md (open), docs/pictures/consistency.png
+
+Each run is kept as RUNS/<study>-<seed>.npz and computed only once. A short run of 20 s takes about 2 s of one core, a
+run in an open world about a minute. The long runs are those of the sweep in WORLDS.
 """
 
 from __future__ import annotations
@@ -29,11 +31,12 @@ from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate
+from tools.pages import DOCS, write_table
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "consistency.md"
-PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "consistency.png"
+PAGE = DOCS / "consistency.md"
+PICTURE = DOCS / "pictures" / "consistency.png"
 PERIOD = 1.0
-"""Distance of the times at which runs are compared [s]."""
+"""Runs are compared at multiples of this time [s]."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +64,15 @@ STUDIES = {
 
 
 OPEN = ("long_corridor", "hall")
-"""Studies of places where nothing tells how far the robot has driven."""
+"""Worlds in which the lidar cannot measure how far the robot has driven."""
 
 
 LONG = {"office": ESTIMATE, "nested_loops": ODOMETRY, "maze": GOOD, "warehouse": BAD}
-"""Worlds whose whole tours are drawn, with colours."""
+"""Worlds whose whole tours are drawn, and their colours."""
 
 
 @dataclass(frozen=True, eq=False)
-class Honesty:
+class Consistency:
     """Error and covariance of the online pose at the updates of one run, in the frame of the first pose."""
 
     stamps: NDArray[np.float64]
@@ -82,8 +85,8 @@ class Honesty:
     """(n,)."""
 
 
-def run(study: Study, seed: int) -> Honesty:
-    """One drive through the filter."""
+def run(study: Study, seed: int) -> Consistency:
+    """Simulate one drive and run the filter on it."""
     seeds = RunSeeds.from_seed(seed)
     config = SimulationConfig(
         backend="fast", seeds=seeds, duration=study.duration, lidar_layers=study.lidar, odometry=study.odometry
@@ -100,35 +103,35 @@ def run(study: Study, seed: int) -> Honesty:
     errors[:, 2] = se2.wrap_angle(errors[:, 2])
     names = ("xx", "xy", "xt", "xy", "yy", "yt", "xt", "yt", "tt")
     covariances = np.stack([columns[f"cov_{name}"] for name in names], axis=-1).reshape(-1, 3, 3)
-    return Honesty(columns["stamp"][rows], errors[rows], covariances[rows], values)
+    return Consistency(columns["stamp"][rows], errors[rows], covariances[rows], values)
 
 
-def runs_of(name: str, folder: Path) -> list[Honesty]:
-    """The runs of a study; carries out what is missing."""
+def runs_of(name: str, folder: Path) -> list[Consistency]:
+    """Runs of a study; computes those that are missing."""
     found = []
     for seed in range(STUDIES[name].seeds):
         path = folder / f"{name.replace(', ', '-').replace(' ', '_')}-{seed}.npz"
         if not path.exists():
             result = run(STUDIES[name], seed)
             np.savez_compressed(path, **vars(result))
-        found.append(Honesty(**np.load(path)))
+        found.append(Consistency(**np.load(path)))
     return found
 
 
 def band(seeds: int) -> tuple[float, float]:
-    """Where the mean NEES of so many independent runs lies with 95 % chance, for an honest covariance."""
+    """95 % interval of the mean NEES of `seeds` independent runs whose covariance is right."""
     low, high = ((1.0 + sign * LEVEL) / 2.0 for sign in (-1.0, 1.0))
     return chi_square(low, 3 * seeds) / seeds, chi_square(high, 3 * seeds) / seeds
 
 
-def mean_over_time(runs: list[Honesty]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def mean_over_time(runs: list[Consistency]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times [s] up to the end of the shortest run, and the mean over the runs of the NEES last reached there."""
     times = np.arange(5.0, min(run.stamps[-1] for run in runs), PERIOD)
     values = [run.nees[np.searchsorted(run.stamps, times, side="right") - 1] for run in runs]
     return times, np.mean(values, axis=0)
 
 
-def row(name: str, runs: list[Honesty]) -> str:
+def row(name: str, runs: list[Consistency]) -> str:
     """One line of the table of NEES; errors and stated deviations are root mean squares."""
     times, curve = mean_over_time(runs)
     low, high = band(len(runs))
@@ -151,8 +154,8 @@ def row(name: str, runs: list[Honesty]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def weak_direction(name: str, runs: list[Honesty]) -> str:
-    """One line of the table of places without features: error and stated deviation where the filter is least sure."""
+def weak_direction(name: str, runs: list[Consistency]) -> str:
+    """One line of the table of open worlds: error and stated deviation along the filter's most uncertain direction."""
     errors, sigmas = [], []
     for run in runs:
         values, vectors = np.linalg.eigh(run.covariances[:, :2, :2])
@@ -168,26 +171,18 @@ def weak_direction(name: str, runs: list[Honesty]) -> str:
 
 
 def row_head() -> str:
-    """Head of the table of `row`."""
+    """Head of the table whose lines are made by `row`."""
     return (
         "| runs | seeds | mean NEES | 95 % band | times within | rms error | stated | mean error |\n" + "|---" * 8 + "|"
     )
 
 
 def weak_head() -> str:
-    """Head of the table of `weak_direction`."""
+    """Head of the table whose lines are made by `weak_direction`."""
     return "| world | rms error | rms stated | worst error | stated there | within 95 % | NEES |\n" + "|---" * 7 + "|"
 
 
-def write_table(name: str, head: str, rows: list[str]) -> None:
-    """Put a table between its two marks in the page."""
-    begin, end = f"<!-- {name}: written by tools/measure/measure_consistency.py -->\n", f"<!-- /{name} -->\n"
-    page = PAGE.read_text(encoding="utf-8")
-    before, _, rest = page.partition(begin)
-    PAGE.write_text(before + begin + "\n".join([head, *rows]) + "\n" + end + rest.partition(end)[2], encoding="utf-8")
-
-
-def picture(studies: dict[str, list[Honesty]], sweep: SweepTable) -> Figure:
+def picture(studies: dict[str, list[Consistency]], sweep: SweepTable) -> Figure:
     """Mean NEES over time in short runs, with and without errors of the lidar, and along whole tours; 95 % bands."""
     figure = Figure(figsize=(8.6, 3.4))
     left, right = figure.subplots(1, 2)
@@ -196,17 +191,17 @@ def picture(studies: dict[str, list[Honesty]], sweep: SweepTable) -> Figure:
         ("short, no noise of the lidar", "lidar without errors", ODOMETRY),
     ):
         left.plot(*mean_over_time(studies[name]), color=colour, label=label)
-    _honest(left, STUDIES["short"].seeds)
+    _draw_band(left, STUDIES["short"].seeds)
     left.set(xlabel="time in the office [s]", ylim=(0.0, None))
     for name, colour in LONG.items():
         nees_of = sweep.curves["nees"][sweep.places.index(name), 0, 0]
         right.plot(100.0 * CURVE_GRID, np.nanmean(nees_of, axis=0), color=colour, label=name)
-    _honest(right, len(sweep.seeds))
+    _draw_band(right, len(sweep.seeds))
     right.set(xlabel="share of the tour [%]", yscale="log")
     return figure
 
 
-def _honest(ax: Axes, seeds: int) -> None:
+def _draw_band(ax: Axes, seeds: int) -> None:
     ax.axhspan(*band(seeds), color="#d3f9d8", lw=0, zorder=0)
     ax.axhline(3.0, color=QUIET, lw=0.8, zorder=1)
     ax.set_ylabel("mean NEES")
@@ -214,16 +209,17 @@ def _honest(ax: Axes, seeds: int) -> None:
 
 
 def main() -> None:
-    """Carry out what is missing, write the tables into the page, draw the picture."""
+    """Compute the missing runs, write the tables into the page and draw the picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="directory of the runs")
-    parser.add_argument("worlds", type=Path, help="directory of measure_worlds.py")
+    parser.add_argument("worlds", type=Path, help="directory that tools.measure.measure_worlds wrote")
     args = parser.parse_args()
     args.runs.mkdir(parents=True, exist_ok=True)
     studies = {name: runs_of(name, args.runs) for name in STUDIES}
-    write_table("nees", row_head(), [row(name, runs) for name, runs in studies.items() if name not in OPEN])
-    open_worlds = {name: runs for name, runs in studies.items() if name in OPEN}
-    write_table("open", weak_head(), [weak_direction(name, runs) for name, runs in open_worlds.items()])
+    closed_rows = [row(name, runs) for name, runs in studies.items() if name not in OPEN]
+    write_table(PAGE, "nees", "\n".join([row_head(), *closed_rows]))
+    open_rows = [weak_direction(name, runs) for name, runs in studies.items() if name in OPEN]
+    write_table(PAGE, "open", "\n".join([weak_head(), *open_rows]))
     with rc_context(STYLE):
         picture(studies, read_sweep(args.worlds)).savefig(PICTURE, dpi=110, metadata={"Software": None})
 

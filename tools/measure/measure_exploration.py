@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Score the exploration baselines in `testbed/Explore-v0`; the table of docs/gymnasium.md.
+"""Score the exploration strategies in `testbed/Explore-v0`.
 
-Run it from the repository's root: `python tools/measure/measure_exploration.py`. Ten held-out worlds, five seeds each, the
-filter's estimate in the loop; about ten minutes on an idle core.
+    python -m tools.measure.measure_exploration [--worlds 10] [--seeds 5]
+
+Prints: the table of docs/gymnasium.md
+
+Ten held-out worlds, five seeds each; the strategies see the filter's estimate. Takes about ten minutes on an idle core.
 """
 
 import argparse
@@ -24,11 +27,11 @@ WORLDS = GeneratedWorlds(
     kinds=("rooms", "loops", "cave", "maze", "warehouse"), size=(16.0, 12.0), clutter=0.5, split="test"
 )
 TIMES = (30, 60, 100, 150)
-"""Of the rows in the table [s]."""
+"""Times of the columns in the table [s]."""
 
 
 def episode(strategy, world, seed):
-    """Coverage and wall error [m] at each of `TIMES`, and what happened on the way."""
+    """Coverage and wall error [m] at each of `TIMES`, and the events of the episode."""
     env = gym.make("testbed/Explore-v0", world=WORLDS, coverage=1.0, max_episode_steps=10**9)
     _, info = env.reset(seed=seed, options={"world": world})
     inner = env.unwrapped
@@ -52,7 +55,7 @@ def episode(strategy, world, seed):
 
 def main():
     """Run all episodes, then print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, default=10)
     parser.add_argument("--seeds", type=int, default=5)
     options = parser.parse_args()

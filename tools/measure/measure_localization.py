@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Measures the table of docs/localization.md: `python tools/measure/measure_localization.py [SEEDS]` prints it as Markdown.
+"""Measure localisation from an unknown start in the true map of every world.
 
-Each robot starts somewhere along the tour of its world, of which it knows the true map, but not where it is; it drives
-for 40 s.
+    python -m tools.measure.measure_localization [--seeds 5]
+
+Prints: the table of docs/localization.md
+
+Each robot starts at a random point of the tour, knows the true map but not its pose, and drives for 40 s.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 
 import numpy as np
 
@@ -23,13 +26,13 @@ from testbed.simulation import SimulationConfig, simulate
 from worlds import catalogue, load, true_map
 
 LATEST_BEGIN = 40.0
-"""The robot is set down after up to so much of the tour [s]."""
+"""The start is drawn from the first part of the tour, up to this time [s]."""
 DURATION = 40.0
-"""[s]."""
+"""Length of each drive [s]."""
 
 
 def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, float]:
-    """State at the end, metres driven until the robot was found (NaN: never), median error [m] of the path."""
+    """State at the end, distance driven until the robot was found [m] (NaN = never), median error of the path [m]."""
     begin = float(np.random.default_rng(seed).uniform(0.0, LATEST_BEGIN))
     config = SimulationConfig(backend="fast", seeds=RunSeeds.from_seed(seed), duration=begin + DURATION)
     localization = Localization(grid, seed=seed)
@@ -53,8 +56,10 @@ def outcome(world: str, grid: OccupancyGrid, seed: int) -> tuple[str, float, flo
 
 
 def main() -> None:
-    """Print one line a world."""
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    """Print one line for each world."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=5)
+    seeds = parser.parse_args().seeds
     print(
         "| world | found | ambiguous | searching | lost or wrong | found after: median, worst | error: median, worst |"
     )

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Measure the simulator's speed (CPU time of one core) and memory; the figures of docs/simulator.md.
+"""Measure the simulator's speed (CPU time of one core) and memory.
 
-Run it from the repository's root on an idle machine: `python tools/measure/measure_simulator.py`.
+    python -m tools.measure.measure_simulator
+
+Prints: the figures under "Speed and memory" in docs/simulator.md
+
+Use an idle machine. Takes about three minutes.
 """
 
+import argparse
 import resource
 import time
 
@@ -20,12 +25,12 @@ LIDAR = load_lidar("rplidar_a2").model_copy(update={"beams": 360})
 
 
 def world_of_500_walls() -> worlds.World:
-    """Rooms with clutter, 30 m x 24 m: 545 segments."""
+    """Generate rooms with clutter, 30 m x 24 m: 545 segments."""
     return worlds.generate("rooms", size=(30.0, 24.0), clutter=0.35, seed=1)
 
 
 def rays() -> None:
-    """Rays per second of the segment grid from places on the tour."""
+    """Print the rays per second of the segment grid, cast from points on the tour."""
     world = world_of_500_walls()
     segments = world.boundary_segments(0.2)
     grid, places = segment_grid(segments), world.path()[::3]
@@ -41,7 +46,7 @@ def rays() -> None:
 
 
 def whole_loop(backend: str, seconds: float) -> None:
-    """Simulated seconds per second, everything on."""
+    """Print the simulated seconds per second with all noise on."""
     config = SimulationConfig(backend=backend, lidar=LIDAR, duration=seconds)  # type: ignore[arg-type]
     with simulate(world_of_500_walls(), config) as simulation:
         next(simulation)
@@ -52,7 +57,7 @@ def whole_loop(backend: str, seconds: float) -> None:
 
 
 def memory(backend: str, runs: int) -> None:
-    """Growth of the process over many short simulations."""
+    """Print how much the process grows over many short simulations."""
     world, config = worlds.load("loop"), SimulationConfig(backend=backend, lidar=LIDAR, duration=0.2)  # type: ignore[arg-type]
     before = 0
     for run in range(runs + 5):
@@ -64,9 +69,15 @@ def memory(backend: str, runs: int) -> None:
     print(f"{backend}: peak memory grows by {grown:.0f} MB over {runs} simulations in one process")
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Print all figures."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rays()
     whole_loop("fast", 120.0)
     whole_loop("pybullet", 30.0)
     memory("fast", 1000)
     memory("pybullet", 1000)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""What each step of the filter is worth: variants that leave one out, on the same log; the table of docs/algorithm.md.
-And what an adaptive particle count saves: the table of docs/filter.md.
+"""Measure the effect of each step of the filter (variants without it), and the saving by an adaptive particle count.
 
-    python tools/measure/measure_variants.py RUNS [--places intel-1500,office] [--variants default,motion] [--seeds 3]
-    python tools/measure/measure_variants.py RUNS --table counts [--places aces,loop] [--variants default,adaptive] [--seeds 5]
+    python -m tools.measure.measure_variants RUNS [--places intel-1500,office] [--variants default,motion] [--seeds 3]
+    python -m tools.measure.measure_variants RUNS --table counts [--places aces,loop] [--variants default,adaptive]
 
-Each run is kept as RUNS/<place>-<variant>-<seed>.npz (error, path, map, cost); what is there is not computed again.
-Errors: mean of the hand-checked relations for Intel and FR079; root mean square after SE(2) alignment (ATE) for worlds
-and, to the published gMapping poses, for `aces`. The seeds of logs are those of the filter alone; those of worlds
-decide the noise of odometry and lidar as well. The table of counts shows all seeds that are in RUNS. The logs are
-looked for in $TESTBED_DATASETS, else in ../shared/datasets.
+Writes: docs/algorithm.md (variants), docs/filter.md (counts)
+
+Each run is kept as RUNS/<place>-<variant>-<seed>.npz (error, path, map, cost) and computed only once. Errors: mean of
+the hand-checked relations for Intel and FR079; root mean square after SE(2) alignment (ATE) for worlds; for `aces` the
+same against the published gMapping poses. For a log the seed is that of the filter; for a world it also determines the
+noise of odometry and lidar. The table of counts uses all seeds that are in RUNS. The logs are read from
+$TESTBED_DATASETS, by default ../shared/datasets.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
+from tools.pages import DOCS, write_table
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
 DATASETS = Path(os.environ.get("TESTBED_DATASETS", DOCS.parents[1] / "shared" / "datasets"))
 _INTEL = ("intel/intel-merged.clf.gz", "intel/intel-resolved.relations")
 LOGS: dict[str, tuple[str, str, int | None]] = {
@@ -48,7 +49,7 @@ LOGS: dict[str, tuple[str, str, int | None]] = {
     "intel-1500": (*_INTEL, 1500),
     "fr079": ("fr079/fr079-merged.clf.gz", "fr079/fr079.relations", None),
 }
-"""Log, relations or (`.txt`) poses at the scans, and how many scans of it are taken; None = all."""
+"""Log; relations, or poses at the scans (`.txt`); number of scans that are used, None = all."""
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
     "scan-match": {"proposal.kind": "scan-match"},
@@ -62,12 +63,12 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "fixed-20": {"particles": 20},
     "adaptive": {"adapt.count": "kld"},
 }
-"""Settings that differ from the defaults, by the name of the variant."""
+"""Changes to the default settings, by name of the variant."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Frames, and what an estimate of them is scored by: relations or the true path."""
+    """Frames, and the reference for an estimate of them: relations or the true path."""
 
     frames: list[Frame]
     relations: Relations | None = None
@@ -75,7 +76,7 @@ class Recording:
     """At the scans, (scans, 3); None = the truth of the frames."""
 
     def error(self, estimate: Estimate) -> tuple[float, float]:
-        """Error of position [m] and of heading [deg], see above."""
+        """Error of position [m] and of heading [deg]; the module's docstring says which."""
         if self.relations is not None:
             relations = relation_error(estimate.dense, self.relations).all
             return relations.translation.mean, relations.rotation.mean
@@ -89,7 +90,7 @@ class Recording:
 
 @lru_cache(maxsize=1)
 def recording(place: str, seed: int) -> Recording:
-    """A log, or a drive through the world of that name with the noise of the seed."""
+    """A log, or a simulated drive through the world of that name with the noise of the seed."""
     if place in LOGS:
         log, reference, count = LOGS[place]
         frames = list(open_log(DATASETS / log).frames)
@@ -113,7 +114,7 @@ def config_of(variant: str) -> FilterConfig:
 
 
 def run(place: str, variant: str, seed: int, target: Path) -> None:
-    """Carry out one run and keep what came of it."""
+    """Compute one run and write its results to `target`."""
     data = recording(place, seed if place not in LOGS else 0)
     estimation = Estimation(config_of(variant), RunSeeds.from_seed(seed).filter)
     for frame in data.frames:
@@ -154,8 +155,8 @@ def table_of_variants(runs: Path, places: list[str], variants: list[str], seeds:
 
 
 def table_of_counts(runs: Path, places: list[str], variants: list[str], seeds: int) -> str:
-    """Errors as above over all seeds there are, at least those asked for, and the cost: particle-updates, the count's
-    mean and range, the filter's wall time and its share in that of filter and final pass together."""
+    """Errors over all seeds in `runs` (at least `seeds` of them), and the cost: particle-updates, mean and range of the
+    count, wall time of the filter and its share in the time of filter and final pass together."""
     lines = ["| place | count | runs | filter | final pass | particle-updates | mean count | range | filter's time |"]
     lines.append("|---" * 9 + "|")
     for place in places:
@@ -174,7 +175,7 @@ def table_of_counts(runs: Path, places: list[str], variants: list[str], seeds: i
 
 
 def results(runs: Path, place: str, variant: str, seeds: int) -> list[Any]:
-    """What was kept of the runs of one variant in one place, by seed."""
+    """Results of one variant in one place, by seed."""
     return [np.load(runs / f"{place}-{variant}-{seed}.npz") for seed in range(seeds)]
 
 
@@ -186,7 +187,7 @@ def errors_of(done: list[Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the documentation, and what it shows where nothing else is asked for."""
+    """A table of the documentation, and its default content."""
 
     page: Path
     write: Callable[[Path, list[str], list[str], int], str]
@@ -210,7 +211,7 @@ TABLES = {
 
 
 def main() -> None:
-    """Carry out what is missing, then write the table into its page."""
+    """Compute the missing runs, then write the table into its page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="directory of the runs")
     parser.add_argument("--table", choices=TABLES, default="variants")
@@ -230,10 +231,7 @@ def main() -> None:
                     run(place, variant, seed, target)
                     done = np.load(target)
                     print(f"{place} {variant} {seed}: {done['own'][0]:.4f} m, {done['refined'][0]:.4f} m", flush=True)
-    begin, end = f"<!-- {args.table}: written by tools/measure/measure_variants.py -->\n", f"<!-- /{args.table} -->\n"
-    before, _, rest = table.page.read_text(encoding="utf-8").partition(begin)
-    text = before + begin + table.write(args.runs, places, variants, seeds) + "\n" + end + rest.partition(end)[2]
-    table.page.write_text(text, encoding="utf-8")
+    write_table(table.page, args.table, table.write(args.runs, places, variants, seeds))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Accuracy over all worlds of the catalogue: the table of docs/accuracy.md.
+"""Measure the accuracy in all worlds of the catalogue.
 
-    python tools/measure/measure_worlds.py RUNS [--seeds 10] [--workers 2] [--no-run]
+    python -m tools.measure.measure_worlds RUNS [--seeds 10] [--workers 2] [--no-run]
 
-Default robot, lidar, odometry and filter, 30 particles, final pass, backend `fast`, by `testbed sweep`, which goes on
-where it was when it is started again. A run takes one to three minutes of one core. With --no-run the table is made of
-the runs that are there.
+Writes: docs/accuracy.md (worlds)
+
+Default robot, lidar, odometry and filter, 30 particles, final pass, backend `fast`. The runs are those of a `testbed
+sweep`, which continues where it was stopped. A run takes one to three minutes of one core. --no-run computes nothing
+and writes the table from the runs in RUNS.
 """
 
 from __future__ import annotations
@@ -20,17 +22,16 @@ from numpy.typing import NDArray
 
 from eval.sweep.results import SweepTable, read_sweep
 from eval.sweep.statistics import wilson_interval
+from tools.pages import DOCS, write_table
 from worlds import catalogue
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "accuracy.md"
-BEGIN, END = "<!-- worlds: written by tools/measure/measure_worlds.py -->\n", "<!-- /worlds -->\n"
 PARTICLES = 30
 OPEN = ("courtyard", "hall", "long_corridor")
-"""Worlds with stretches in which the lidar sees nothing that tells how far the robot has driven."""
+"""Worlds with stretches in which the lidar cannot measure how far the robot has driven."""
 
 
 def carry_out(runs: Path, seeds: int, workers: int) -> None:
-    """Compute what is missing, by the command line, as a reader would."""
+    """Compute the missing runs with the command line, as a reader would."""
     testbed = str(Path(sys.executable).with_name("testbed"))
     options = {"worlds": ",".join(catalogue()), "particles": PARTICLES, "seeds": seeds, "workers": workers}
     flags = [f"--{name}={value}" for name, value in options.items()]
@@ -38,13 +39,13 @@ def carry_out(runs: Path, seeds: int, workers: int) -> None:
 
 
 def failed(table: SweepTable) -> NDArray[np.bool_]:
-    """Runs that were carried out and whose outcome is not `ok`, `drift` included; shape of the table's cubes."""
+    """Runs that ended with another outcome than `ok` (so `drift` too), in the shape of the table's cubes."""
     bad: NDArray[np.bool_] = table.ran & (table.columns["outcome"].astype(str) != "ok")
     return bad
 
 
 def row(name: str, table: SweepTable, places: list[int]) -> str:
-    """One line of the page's table; several places are taken together."""
+    """One line of the table; several places are pooled."""
     errors = table.error[places].ravel()
     done = np.isfinite(errors)
     runs, failures = int(table.ran[places].sum()), int(failed(table)[places].sum())
@@ -62,7 +63,7 @@ def row(name: str, table: SweepTable, places: list[int]) -> str:
 
 
 def text(table: SweepTable) -> str:
-    """The table, with a line for all worlds but the open ones."""
+    """The table, with one line that pools all worlds except the open ones."""
     known = [place for place, name in enumerate(table.places) if table.ran[place].any()]
     closed = [place for place in known if table.places[place] not in OPEN]
     head = ["world", "runs", "ATE, median", "worst", "not `ok`", "heading", "odometry's ATE", "NEES"]
@@ -82,7 +83,7 @@ def text(table: SweepTable) -> str:
 
 
 def main() -> None:
-    """Carry out the runs and write the table into the page."""
+    """Compute the missing runs and write the table into the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="directory of the sweep")
     parser.add_argument("--seeds", type=int, default=10)
@@ -91,9 +92,7 @@ def main() -> None:
     args = parser.parse_args()
     if not args.no_run:
         carry_out(args.runs, args.seeds, args.workers)
-    page = PAGE.read_text(encoding="utf-8")
-    before, rest = page.split(BEGIN)
-    PAGE.write_text(before + BEGIN + text(read_sweep(args.runs)) + END + rest.split(END)[1], encoding="utf-8")
+    write_table(DOCS / "accuracy.md", "worlds", text(read_sweep(args.runs)))
 
 
 if __name__ == "__main__":

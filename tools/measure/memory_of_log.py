@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Memory of the filter on a whole log, in a process that does nothing else; prints one JSON object.
+"""Measure the memory of the filter on a whole log, in a process of its own.
 
     python -m tools.measure.memory_of_log LOG [--particles 300]
 
-`test_engine.py` starts it, so that neither its own frames nor other benchmarks count.
+Prints: the figures of memory in docs/filter.md, as one JSON object
+
+`tests/benchmarks/test_engine.py` starts this script, so that the memory of other benchmarks is not counted.
 """
 
 import argparse
@@ -22,7 +24,7 @@ def resident_mb() -> int:
 
 
 def main() -> None:
-    """Map the log, frame by frame as they are read."""
+    """Map the log and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("log")
     parser.add_argument("--particles", type=int, default=300)
@@ -30,7 +32,7 @@ def main() -> None:
     mapper, in_use = GMapping(FilterConfig(particles=args.particles)), []
     before = resident_mb()
     frames = deque(open_log(args.log).frames)
-    while frames:  # what was read is let go: the figure is the filter's
+    while frames:  # frames are freed as they are used, so that they are not counted
         frame = frames.popleft()
         if frame.scan is not None:
             in_use.append(mapper.process(frame.odometry, frame.scan, twist=frame.twist).map_bytes)

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Accuracy on the recorded logs over seeds and particle counts: the table of docs/accuracy.md.
+"""Measure the accuracy on the recorded logs over seeds, particle counts and settings.
 
-    python tools/measure/real_logs.py --particles 5,30 --seeds 5
-    python tools/measure/real_logs.py --logs aces --particles 30 --seeds 20 --set match.beam_weight=0.2
+    python -m tools.measure.real_logs --particles 5,30 --seeds 5
+    python -m tools.measure.real_logs --logs aces --particles 30 --seeds 20 --set match.beam_weight=0.2
 
-Every log is mapped with the same settings. For logs with relations a row gives the mean error of the pairs
-(translation, rotation) of the filter's own path and after the final pass; for `aces` the root mean square distance to
-the published gMapping poses after SE(2) alignment. The logs are looked for in $TESTBED_DATASETS, else in
-../shared/datasets.
+Prints: the figures of recorded logs in docs/accuracy.md, one line for each run
+
+Every log is mapped with the same settings. A line gives the error of the filter's own path and that after the final
+pass. For logs with relations it is the mean error of the pairs (translation, rotation); for `aces` it is the root mean
+square distance to the published gMapping poses after SE(2) alignment. The logs are read from $TESTBED_DATASETS, by
+default ../shared/datasets.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ ROOT = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).resolve().parents[
 
 @dataclass(frozen=True)
 class Case:
-    """A log and what its estimate is compared with."""
+    """A log and the reference for its estimate."""
 
     log: Path
     relations: Path | None = None
@@ -54,7 +56,7 @@ CASES = {
 
 
 def error_of(case: Case, estimate: Estimate, relations: Relations | None) -> tuple[float, float]:
-    """Translation [m] and rotation [deg]; rotation is NaN where there are no relations."""
+    """Translation [m] and rotation [deg]; rotation is NaN for a log without relations."""
     if relations is not None:
         error = relation_error(estimate.dense, relations)
         return error.all.translation.mean, error.all.rotation.mean
@@ -66,7 +68,7 @@ def error_of(case: Case, estimate: Estimate, relations: Relations | None) -> tup
 
 
 def estimate(frames: list[Frame], config: FilterConfig, seed: int) -> tuple[Estimate, Estimate, float]:
-    """Filter's own estimate, refined estimate, and the seconds that both took."""
+    """The filter's own estimate, the refined estimate, and the time of both together [s]."""
     start = time.perf_counter()
     estimation = Estimation(config, RunSeeds.from_seed(seed).filter)  # as `testbed slam --seed` does
     for frame in frames:
@@ -87,7 +89,8 @@ def settings(changes: list[str], particles: int) -> FilterConfig:
     return config
 
 
-def main() -> int:
+def main() -> None:
+    """Map the logs and print one line for each run, one for each particle count."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", default="intel,fr079,aces")
     parser.add_argument("--particles", default="30")
@@ -98,7 +101,7 @@ def main() -> int:
     for name in args.logs.split(","):
         case = CASES[name]
         if not case.log.is_file():
-            print(f"{name}: {case.log} is not there: left out", file=sys.stderr)
+            print(f"skipping {name}: {case.log} does not exist", file=sys.stderr)
             continue
         frames = list(open_log(case.log).frames)
         relations = read_relations(case.relations) if case.relations else None
@@ -116,8 +119,7 @@ def main() -> int:
                 f"{failed} of {len(finals)} failed (> {case.failed} m)",
                 flush=True,
             )
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""World files: TOML or a ROS map in, `World` out, and one clear line for everything that can be wrong with a file."""
+"""Read and write world files, and name in one line what is wrong with a file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from worlds.movers import Door, Person
 from worlds.world import Difficulty, Start, Tour, World
 
 MAX_FILE_BYTES = 8_000_000
-"""Larger world files are refused."""
+"""Largest size of a world file [bytes]."""
 
 _MODEL_OF_KEY: dict[str, type[Model]] = {
     "walls": Wall,
@@ -38,48 +38,48 @@ _MODEL_OF_KEY: dict[str, type[Model]] = {
 
 
 def catalogue() -> list[str]:
-    """Names of the worlds that come with the package, sorted."""
+    """Return the names of the worlds that come with the package, sorted."""
     folder = resources.files("worlds") / "catalogue"
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
 def load(name_or_path: str | Path, *, footprint_radius: float = 0.0) -> World:
-    """The world of that catalogue name, TOML file or ROS map (`.yaml`, no tour); checked by `worlds.check_world`.
+    """Load the world of a catalogue name, a TOML file or a ROS map (`.yaml`, no tour), checked by `worlds.check_world`.
 
-    footprint_radius: outer radius of the robot that is to drive the tour [m].
+    footprint_radius: outer radius of the robot that will drive the tour [m].
     Raises `WorldError`: unknown name (with the nearest names), unreadable file, misspelt key (with the nearest key),
     wrong type or unit, start inside a wall, open outline, tour too narrow.
     """
     if is_map(name_or_path):
-        world, place = import_map(name_or_path), str(name_or_path)
+        world, source = import_map(name_or_path), str(name_or_path)
     else:
-        text, place = _read(name_or_path)
-        world = parse(text, place)
-    check_world(world, footprint_radius=footprint_radius, place=place)
+        text, source = _read(name_or_path)
+        world = parse(text, source)
+    check_world(world, footprint_radius=footprint_radius, source=source)
     return world
 
 
 def dumps(world: World) -> str:
-    """The world as the text of a file (TOML) that `load` reads back to an equal world."""
+    """Return the text of a file (TOML) that `load` reads back to an equal world."""
     return tomli_w.dumps(world.model_dump(mode="json", exclude_defaults=True))
 
 
-def parse(text: str, place: str) -> World:
-    """The world written in `text` (TOML), unchecked as a place; `place` names the source in error messages."""
+def parse(text: str, source: str) -> World:
+    """Parse a world from `text` (TOML) without `check_world`; `source` begins the error messages."""
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise WorldError(f"{place}: {error}, expected TOML") from None
+        raise WorldError(f"{source}: {error}, expected TOML") from None
     except RecursionError:
-        raise WorldError(f"{place}: nested too deeply, expected a world file") from None
+        raise WorldError(f"{source}: nested too deeply, expected a world file") from None
     try:
         return World.model_validate(table)
     except ValidationError as error:
-        raise WorldError(_first_problem(error, text, place)) from None
+        raise WorldError(_first_problem(error, text, source)) from None
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:
-    """Text of a world file and how to call it in messages."""
+    """Read the text of a world file, and its name for messages."""
     name = str(name_or_path)
     if name in catalogue():
         return (resources.files("worlds") / "catalogue" / f"{name}.toml").read_text(encoding="utf-8"), f"world {name!r}"
@@ -99,14 +99,14 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
         raise WorldError(f"{path}: byte {error.start} is not UTF-8, expected a TOML text file") from None
 
 
-def _first_problem(error: ValidationError, text: str, place: str) -> str:
-    """One line about the first problem that pydantic found."""
+def _first_problem(error: ValidationError, text: str, source: str) -> str:
+    """Describe the first problem that pydantic found in one line."""
     problems = error.errors(include_url=False)
-    # a misspelt key is unknown under its own name and missing under the right one: tell the former
+    # a misspelt key is unknown under its own name and missing under the right one: report the former
     problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     loc = problem["loc"]
     line = _line_of(text, loc)
-    where = f"{place}: {f'line {line}: ' if line else ''}{_key(loc)}".removesuffix(": ")
+    where = f"{source}: {f'line {line}: ' if line else ''}{_key(loc)}".removesuffix(": ")
     if problem["type"] == "extra_forbidden":
         known = _known_keys(loc)
         near = difflib.get_close_matches(str(loc[-1]), known, n=1, cutoff=0.5)
@@ -128,19 +128,19 @@ def _expectation(problem: Any, loc: tuple[int | str, ...]) -> str:
 
 
 def _key(loc: tuple[int | str, ...]) -> str:
-    """`("boxes", 3, "rotation")` as `boxes[3].rotation`."""
+    """Format `("boxes", 3, "rotation")` as `boxes[3].rotation`."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
 
 
 def _known_keys(loc: tuple[int | str, ...]) -> list[str]:
-    """Keys allowed beside the unknown key at `loc`."""
+    """Return the keys that are allowed where the unknown key at `loc` stands."""
     owner = next((part for part in reversed(loc[:-1]) if isinstance(part, str)), None)
     model: type[Model] = World if owner is None else _MODEL_OF_KEY[owner]
     return list(model.model_fields)
 
 
 def _line_of(text: str, loc: tuple[int | str, ...]) -> int | None:
-    """Line of the table, array item or key at `loc` in a file written the usual way; None if it is not found.
+    """Return the line of the table, array item or key at `loc`; None if it is not found.
 
     tomllib keeps no positions, so this looks for `[[boxes]]` headers, for items of `boxes = [{...}, ...]` written one
     a line, and for `key =`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Endless worlds by seed: rooms, corridors, loops, mazes, warehouses and caves, connected and drivable."""
+"""Generate worlds from a seed: rooms, corridors, loops, mazes, warehouses and caves, connected and drivable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from worlds.check import check_world
 from worlds.elements import Block, Box, Position, Wall
 from worlds.errors import WorldError
-from worlds.generate.clutter import MOST_CLUTTER, scatter
+from worlds.generate.clutter import MAX_CLUTTER, scatter
 from worlds.generate.graph import closed_walk, lattice_edges, random_graph
 from worlds.world import Start, Tour, World
 
@@ -26,22 +26,22 @@ Kind = Literal["rooms", "corridors", "loops", "maze", "warehouse", "cave"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 CLEAR = 0.5
-"""Generated tours keep at least this distance from everything [m]: robots of that outer radius can drive them."""
+"""Smallest distance of generated tours from everything [m]: robots of that outer radius can drive them."""
 _WALL = 0.2
 """Thickness of walls [m]."""
 _MIN_SIDE, _MAX_SIDE = 8.0, 200.0
-"""Of the area [m]."""
+"""Limits of the sides of the area [m]."""
 
 
 class _Plan(NamedTuple):
-    """A place before it is furnished: what stands there, and where the tour goes."""
+    """A world before clutter is added: its elements and the path of the tour."""
 
     walls: list[Wall]
     boxes: list[Box]
     blocks: list[Block]
     path: list[Position]
     floor: BaseGeometry
-    """Free floor, where things may be put."""
+    """Free floor, on which objects may be placed."""
 
 
 def generate(
@@ -52,19 +52,19 @@ def generate(
     loops: int = 2,
     seed: int | SeedSequence = 0,
 ) -> World:
-    """A random world with a tour through all of it.
+    """Make a random world with a tour through all of it.
 
-    size: width and depth [m]; clutter: things put up, per 10 m² of floor; loops: ways that close a loop (`corridors`
-    has none and `warehouse` those of its aisles, whatever is asked for). The same arguments give the same world.
+    size: width and depth [m]; clutter: objects per 10 m² of floor; loops: number of edges that close a loop
+    (`corridors` ignores it and has none, `warehouse` has those of its aisles). The same arguments give the same world.
     Raises `WorldError` for an unknown kind or a size out of range.
     """
     if kind not in KINDS:
         raise WorldError(f"unknown kind of world {kind!r}, expected one of {', '.join(KINDS)}")
     if not all(_MIN_SIDE <= side <= _MAX_SIDE for side in size):
         raise WorldError(f"size {size[0]:g} x {size[1]:g} m, expected sides of {_MIN_SIDE:g} to {_MAX_SIDE:g} m")
-    if not 0.0 <= clutter <= MOST_CLUTTER or loops < 0:
+    if not 0.0 <= clutter <= MAX_CLUTTER or loops < 0:
         raise WorldError(
-            f"clutter {clutter:g} and loops {loops}, expected clutter of 0 to {MOST_CLUTTER:g}, 0 loops or more"
+            f"clutter {clutter:g} and loops {loops}, expected clutter of 0 to {MAX_CLUTTER:g}, 0 loops or more"
         )
     rng = np.random.default_rng(seed)
     plan = _PLANS[kind](size, loops, rng)
@@ -87,19 +87,19 @@ def generate(
 def _lattice_plan(
     size: tuple[float, float], pitch: float, loops: int, rng: Generator, carve: Callable[[LineString], BaseGeometry]
 ) -> _Plan:
-    """Ways along a random graph on a lattice, each of them carved out of the solid."""
+    """Carve the edges of a random graph on a lattice out of the solid."""
     cols, rows = (max(2, int(side / pitch)) for side in size)
     graph = random_graph(cols * rows, lattice_edges(cols, rows), loops, rng)
     pitch_x, pitch_y = size[0] / cols, size[1] / rows
     at = [((k % cols + 0.5) * pitch_x, (k // cols + 0.5) * pitch_y) for k in range(cols * rows)]
-    ways = [carve(LineString([at[a], at[b]])) for a, b in graph.tree + graph.extra]
-    floor = shapely.union_all(ways)
-    path = _merged([at[k] for k in closed_walk(graph)])
+    parts = [carve(LineString([at[a], at[b]])) for a, b in graph.tree + graph.extra]
+    floor = shapely.union_all(parts)
+    path = _without_straight_corners([at[k] for k in closed_walk(graph)])
     return _Plan([], [], _carved(floor), path, floor)
 
 
 def _maze(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
-    return _lattice_plan(size, 2.0, loops, rng, lambda way: way.buffer(0.9, cap_style="square", join_style="mitre"))
+    return _lattice_plan(size, 2.0, loops, rng, lambda edge: edge.buffer(0.9, cap_style="square", join_style="mitre"))
 
 
 def _corridors(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
@@ -108,18 +108,18 @@ def _corridors(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
 
 
 def _loops(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
-    def corridor(way: LineString) -> BaseGeometry:
-        return way.buffer(float(rng.uniform(0.9, 1.3)), cap_style="square", join_style="mitre")
+    def corridor(edge: LineString) -> BaseGeometry:
+        return edge.buffer(float(rng.uniform(0.9, 1.3)), cap_style="square", join_style="mitre")
 
     return _lattice_plan(size, 5.0, loops, rng, corridor)
 
 
 def _cave(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
-    def gallery(way: LineString) -> BaseGeometry:
-        """Overlapping blobs along the way, none narrower than the robot needs."""
-        steps = np.arange(0.0, way.length + 0.3, 0.6)
-        blobs = [way.interpolate(s).buffer(float(rng.uniform(0.9, 1.6)), quad_segs=3) for s in steps]
-        return shapely.union_all([*blobs, way.buffer(0.8)])
+    def gallery(edge: LineString) -> BaseGeometry:
+        """Draw overlapping circles along the edge, none narrower than the robot needs."""
+        steps = np.arange(0.0, edge.length + 0.3, 0.6)
+        blobs = [edge.interpolate(s).buffer(float(rng.uniform(0.9, 1.6)), quad_segs=3) for s in steps]
+        return shapely.union_all([*blobs, edge.buffer(0.8)])
 
     plan = _lattice_plan(size, 5.0, loops, rng, gallery)
     rough = plan.floor.simplify(0.1)
@@ -127,16 +127,16 @@ def _cave(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
 
 
 def _carved(floor: BaseGeometry) -> list[Block]:
-    """Solids about and within a floor: an outer shell, and one block for each hole of the floor."""
+    """Return the solids around and within a floor: an outer shell, and one block for each hole of the floor."""
     if not isinstance(floor, Polygon):
-        raise WorldError("the floor fell apart, expected one connected piece")
+        raise WorldError("the generated floor has several pieces, expected one connected piece")
     shell = Polygon(floor.buffer(_WALL, join_style="mitre").exterior)
     blocks = [Block(name="outline", points=_corners(shell.exterior), holes=[_corners(floor.exterior)])]
     return blocks + [Block(name=f"core {k + 1}", points=_corners(hole)) for k, hole in enumerate(floor.interiors)]
 
 
 def _warehouse(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
-    """Rows of racks between aisles of 2 m; the uprights of the racks are all that a lidar sees, and the pallets."""
+    """Place rows of racks between aisles of 2 m; a lidar sees only the uprights of the racks, and pallets."""
     del loops
     width, depth = size
     aisle, rack = 2.0, 1.0
@@ -148,12 +148,12 @@ def _warehouse(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
     ends = [(x, y) for y in aisles for x in (1.1, width - 1.1)]
     graph = random_graph(len(ends), lattice_edges(2, rows + 1), len(ends), rng)
     walls = [Wall(name="outline", points=_rectangle(0.0, 0.0, width, depth), closed=True, thickness=_WALL)]
-    path = _merged([ends[k] for k in closed_walk(graph)])
+    path = _without_straight_corners([ends[k] for k in closed_walk(graph)])
     return _Plan(walls, boxes, [], path, shapely.box(_WALL, _WALL, width - _WALL, depth - _WALL))
 
 
 def _rack(name: str, y: float, width: float, rng: Generator) -> list[Box]:
-    """Pairs of uprights about every 2.7 m, the bays of European racks, and a pallet of 1.2 m x 0.8 m in most bays."""
+    """Return pairs of uprights about every 2.7 m, as in European racks, and a pallet of 1.2 m x 0.8 m in most bays."""
     margin = 2.2  # room to turn at both ends
     bays = max(1, round((width - 2.0 * margin) / 2.7))
     xs = np.linspace(margin, width - margin, bays + 1).tolist()
@@ -170,31 +170,31 @@ def _rack(name: str, y: float, width: float, rng: Generator) -> list[Box]:
 
 
 def _rooms(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
-    """A rectangle cut into rooms again and again, with doors between neighbours."""
+    """Divide a rectangle into rooms, recursively, with doors between neighbours."""
     rooms = _split((0.0, 0.0, *size), rng)
     doors = {(a, b): door for a in range(len(rooms)) for b in range(a) if (door := _door(rooms[a], rooms[b], rng))}
     graph = random_graph(len(rooms), list(doors), loops, rng)
-    used = {(max(way), min(way)) for way in graph.tree + graph.extra}
+    used = {(max(edge), min(edge)) for edge in graph.tree + graph.extra}
     partitions = shapely.union_all([shapely.box(*room).boundary for room in rooms])
     walls: BaseGeometry = partitions.buffer(_WALL / 2, join_style="mitre")
-    for way in used:
-        walls = walls.difference(LineString(doors[way]).buffer(0.65, cap_style="flat"))
+    for edge in used:
+        walls = walls.difference(LineString(doors[edge]).buffer(0.65, cap_style="flat"))
     blocks = [
         Block(name=f"wall {k + 1}", points=_corners(part.exterior), holes=[_corners(hole) for hole in part.interiors])
         for k, part in enumerate(shapely.get_parts(walls))
     ]
-    middles = [(0.5 * (x0 + x1), 0.5 * (y0 + y1)) for x0, y0, x1, y1 in rooms]
+    centres = [(0.5 * (x0 + x1), 0.5 * (y0 + y1)) for x0, y0, x1, y1 in rooms]
     walk = closed_walk(graph)
-    path = [middles[walk[0]]]
+    path = [centres[walk[0]]]
     for a, b in pairwise(walk):
         through = doors[max(a, b), min(a, b)]
-        path += [*(through if a > b else reversed(through)), middles[b]]
+        path += [*(through if a > b else reversed(through)), centres[b]]
     floor = shapely.union_all([shapely.box(*room).buffer(-_WALL / 2, join_style="mitre") for room in rooms])
-    return _Plan([], [], blocks, _merged(path), floor)
+    return _Plan([], [], blocks, _without_straight_corners(path), floor)
 
 
 def _split(room: tuple[float, float, float, float], rng: Generator) -> list[tuple[float, float, float, float]]:
-    """Rooms `(x0, y0, x1, y1)` [m] of at least 3 m a side."""
+    """Divide a room `(x0, y0, x1, y1)` [m] into rooms with sides of at least 3 m."""
     x0, y0, x1, y1 = room
     width, depth = x1 - x0, y1 - y0
     if max(width, depth) < 6.0 or (max(width, depth) < 9.0 and rng.random() < 0.4):
@@ -210,7 +210,7 @@ def _split(room: tuple[float, float, float, float], rng: Generator) -> list[tupl
 def _door(
     a: tuple[float, float, float, float], b: tuple[float, float, float, float], rng: Generator
 ) -> tuple[Position, Position] | None:
-    """Way points on both sides of a door from room a to room b; None if they share less than 2 m of wall."""
+    """Return way points on both sides of a door from room a to room b; None if they share less than 2 m of wall."""
     low_x, high_x = max(a[0], b[0]), min(a[2], b[2])
     low_y, high_y = max(a[1], b[1]), min(a[3], b[3])
     if abs(high_x - low_x) < 1e-9 and high_y - low_y >= 2.0:
@@ -224,8 +224,8 @@ def _door(
     return None
 
 
-def _merged(path: list[Position]) -> list[Position]:
-    """The path without corners at which it goes straight on."""
+def _without_straight_corners(path: list[Position]) -> list[Position]:
+    """Return the path without corners at which it goes straight on."""
     kept = path[:1]
     for here, after in pairwise(path[1:]):
         before = kept[-1]
@@ -238,7 +238,7 @@ def _merged(path: list[Position]) -> list[Position]:
 
 
 def _corners(ring: BaseGeometry) -> list[Position]:
-    """Corners of a ring, rounded to a tenth of a millimetre, without the repeated last one."""
+    """Return the corners of a ring, rounded to a tenth of a millimetre, without the repeated last one."""
     return [(round(x, 4), round(y, 4)) for x, y in shapely.get_coordinates(ring)[:-1].tolist()]
 
 

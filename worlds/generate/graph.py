@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Graphs of places: a random one on a lattice, and a closed walk through all its edges, from which tours are made."""
+"""Make random graphs on a lattice, and closed walks through all their edges, which become tours."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ Edge = tuple[int, int]
 
 
 class Graph(NamedTuple):
-    """Places 0, 1, … and the ways between them."""
+    """Nodes 0, 1, … and the edges between them."""
 
     nodes: int
-    """How many places."""
+    """Number of nodes."""
     tree: list[Edge]
-    """Ways that connect all places without a loop; each from a place already connected to a new one, from place
-    `tree[0][0]` on."""
+    """Edges that connect all nodes without a loop, each from a connected node to a new one, beginning at node
+    `tree[0][0]`."""
     extra: list[Edge]
-    """Ways that close loops, one each."""
+    """Edges that close loops, one loop each."""
 
 
 def random_graph(nodes: int, possible: list[Edge], loops: int, rng: Generator) -> Graph:
-    """A random spanning tree of the `possible` ways (randomized depth-first search), and up to `loops` ways more.
+    """Draw a random spanning tree of the `possible` edges (randomized depth-first search), and up to `loops` more.
 
-    Raises `ValueError` if the possible ways do not connect all places.
+    Raises `ValueError` if the possible edges do not connect all nodes.
     """
     neighbours = _neighbours(possible)
     start = int(rng.integers(nodes))
@@ -43,7 +43,7 @@ def random_graph(nodes: int, possible: list[Edge], loops: int, rng: Generator) -
         seen.add(there)
         stack.append(there)
     if len(seen) < nodes:
-        raise ValueError(f"only {len(seen)} of {nodes} places are connected")
+        raise ValueError(f"only {len(seen)} of {nodes} nodes are connected")
     used = {frozenset(edge) for edge in tree}
     unused = [edge for edge in possible if frozenset(edge) not in used]
     chosen = rng.permutation(len(unused))[:loops]
@@ -51,7 +51,7 @@ def random_graph(nodes: int, possible: list[Edge], loops: int, rng: Generator) -
 
 
 def lattice_edges(cols: int, rows: int) -> list[Edge]:
-    """Ways between neighbours on a lattice; place (row, col) has the number row * cols + col."""
+    """Return the edges between neighbours on a lattice; node (row, col) has the number row * cols + col."""
     number = np.arange(rows * cols).reshape(rows, cols)
     across = np.stack([number[:, :-1], number[:, 1:]], axis=-1).reshape(-1, 2)
     up = np.stack([number[:-1], number[1:]], axis=-1).reshape(-1, 2)
@@ -59,37 +59,37 @@ def lattice_edges(cols: int, rows: int) -> list[Edge]:
 
 
 def closed_walk(graph: Graph) -> list[int]:
-    """Places of a walk that goes every way at least once, none more than twice, and ends where it began.
+    """Return the nodes of a closed walk that uses every edge once or twice.
 
-    Every loop is driven round: ways that close a loop are gone once, and a way of the tree is gone once if that makes
-    the number of ways even at all places beyond it, otherwise there and back (a minimal T-join on the tree). The rest
-    is Hierholzer's algorithm for a walk that uses every way of such a multigraph once.
+    The walk goes round every loop: edges that close a loop are used once. An edge of the tree is used once if that
+    makes the degree of all nodes beyond it even, otherwise twice (a minimal T-join on the tree). Hierholzer's algorithm
+    then finds a walk that uses every edge of this multigraph once.
     """
     odd = np.zeros(graph.nodes, dtype=np.int64)
     for a, b in graph.extra:
         odd[a] ^= 1
         odd[b] ^= 1
-    ways = list(graph.extra)
+    edges = list(graph.extra)
     for parent, child in reversed(graph.tree):  # children first
-        ways += [(parent, child)] * (1 if odd[child] else 2)
+        edges += [(parent, child)] * (1 if odd[child] else 2)
         if odd[child]:
             odd[parent] ^= 1
-    open_ways: dict[int, list[int]] = defaultdict(list)
-    for k, (a, b) in enumerate(ways):
-        open_ways[a].append(k)
-        open_ways[b].append(k)
-    gone = [False] * len(ways)
+    unused: dict[int, list[int]] = defaultdict(list)
+    for k, (a, b) in enumerate(edges):
+        unused[a].append(k)
+        unused[b].append(k)
+    done = [False] * len(edges)
     stack, walk = [graph.tree[0][0] if graph.tree else 0], []
     while stack:
         here = stack[-1]
-        while open_ways[here] and gone[open_ways[here][-1]]:
-            open_ways[here].pop()
-        if not open_ways[here]:
+        while unused[here] and done[unused[here][-1]]:
+            unused[here].pop()
+        if not unused[here]:
             walk.append(stack.pop())
             continue
-        k = open_ways[here].pop()
-        gone[k] = True
-        a, b = ways[k]
+        k = unused[here].pop()
+        done[k] = True
+        a, b = edges[k]
         stack.append(b if here == a else a)
     return walk
 

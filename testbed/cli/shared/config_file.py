@@ -5,9 +5,12 @@ the command line wins."""
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from cyclopts import App, ArgumentCollection
 from cyclopts.config import Toml
+
+from slam.config.renamed import with_present_names
 
 MAX_CONFIG_BYTES = 1_000_000
 """Bytes."""
@@ -34,12 +37,22 @@ def apply_config_file(app: App, commands: tuple[str, ...], arguments: ArgumentCo
         )
     if path.stat().st_size > MAX_CONFIG_BYTES:
         raise ValueError(f"{path}: larger than {MAX_CONFIG_BYTES} bytes, expected the settings of a run (config.toml)")
-    Toml(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
+    _Settings(path, root_keys=("settings",), must_exist=True, use_commands_as_keys=False)(app, commands, arguments)
+
+
+class _Settings(Toml):
+    """A TOML file in which settings may have their names of the last release."""
+
+    def _load_config(self, path: Path) -> dict[str, Any]:
+        document = super()._load_config(path)
+        return {name: with_present_names(part) if name == "settings" else part for name, part in document.items()}
 
 
 def _settle_values_of_groups(arguments: ArgumentCollection) -> None:
-    """`--driver recorded` means `--driver.kind recorded`, since a kind is what that group is. Of other groups a value
-    would set the first of their settings: only `--odometry.grade good` says what is meant."""
+    """Accept `--driver recorded` for `--driver.kind recorded`, because the kind decides what that group means.
+
+    Other groups take no value of their own: only `--odometry.grade good` is clear.
+    """
     for argument in arguments:
         own = [token for token in argument.tokens if token.keyword == argument.name and not token.keys]
         kind = next((child for child in argument.children if child.name == f"{argument.name}.kind"), None)

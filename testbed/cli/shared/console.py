@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a person sees while a command works: a progress line and news. Results go to stdout, all else to stderr, so that
-results can be piped."""
+"""Output of the commands: results on stdout, progress and messages on stderr, so that results can be piped."""
 
 from __future__ import annotations
 
@@ -14,13 +13,13 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from testbed.kernels import compile_kernels, is_compiled
 
 console = Console(stderr=True, highlight=False)
-"""For news."""
+"""Console for progress and messages."""
 results = Console(highlight=False, soft_wrap=True)
-"""For what a command was asked for."""
+"""Console for results."""
 
 
 def announce_compilation() -> None:
-    """Compile the kernels if that has not been done yet, and tell so: it takes a while."""
+    """Compile the kernels if they are not compiled yet, and say so, because it takes a while."""
     if is_compiled():
         return
     console.print("Compiling the kernels: once per version, about a minute …")
@@ -41,11 +40,11 @@ class ProgressLine:
         self._first_stamp: float | None = None
 
     def stage(self, text: str) -> None:
-        """A new stage of the job begins."""
+        """Show that a new stage of the job begins."""
         self._progress.update(self._task, description=text, status="")
 
     def step(self, stamp: float, share: float | None, error: float | None) -> None:
-        """One frame is done: its stamp [s], the share of the job behind us, the position error where known [m]."""
+        """Show that one scan is done, see `RunProgress.step`."""
         if self._first_stamp is None:
             self._first_stamp, self._started = stamp, time.perf_counter()
         seconds = stamp - self._first_stamp
@@ -56,7 +55,7 @@ class ProgressLine:
 
 @contextmanager
 def progress_line() -> Iterator[ProgressLine]:
-    """Show a progress line while the block runs; where stderr is no terminal nothing is drawn."""
+    """Show a progress line during the block, if stderr is a terminal."""
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description:<14}"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What `run` and `slam` do once their job is put together: carry it out, report, choose the exit status."""
+"""The common end of `run` and `slam`: run the job, write the report, choose the exit status."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from testbed.views import Scene, open_view
 
 
 def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
-    """Compile the kernels if need be, run the job under a progress line, write the report, print the headline figures.
+    """Run the job with a progress line, write the report, print the headline figures.
 
     Returns the exit status.
     """

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""What `--help` says of each command, in one place that loads nothing: the first line is the command's summary.
+"""Help texts of the commands, in a module that imports nothing. The first line is the summary.
 
-Parameters are described where they are declared, in the module of the command.
+Parameters are described in the modules of the commands.
 """
 
 HELP = {
     "run": """Simulate a robot in a world, map it, score the result.
 
-A robot drives a tour of the world; its lidar and wheel odometry feed the particle filter; map and trajectory are scored
-against the truth. The results go into a directory: report.html, recording.rrd, maps, trajectories, metrics.json.
+A robot drives a tour of the world. The particle filter maps the world from its lidar and wheel odometry. Map and
+trajectory are scored against the truth. The results are written to a directory: report.html, recording.rrd, maps,
+trajectories, metrics.json.
 
 ```
 testbed run office
@@ -18,8 +19,8 @@ testbed run --config runs/office-20250101-120000/config.toml
 """,
     "simulate": """Write synthetic datasets.
 
-Each is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for byte. Those
-that are there already are kept, so that a job that was cut off can be started again. The default backend is `fast`.
+Each dataset is a directory with the recording, its truth, the world, and a config.toml that reproduces it byte for
+byte. Complete datasets are kept, so that an interrupted command can be repeated. The default backend is `fast`.
 
 ```
 testbed simulate office --out datasets --count 100 --workers 2
@@ -30,8 +31,8 @@ testbed slam datasets/office-0000
 """,
     "slam": """Map a recorded log, or localise in a finished map; score it where truth is known.
 
-The format is recognised from the content: CARMEN logs (plain or gzip), ROS 1 and ROS 2 bags. The results go into a
-directory, as those of `testbed run`.
+The format is detected from the content: CARMEN logs (plain or gzip), ROS 1 and ROS 2 bags. The results are written to
+a directory, as by `testbed run`.
 
 ```
 testbed slam intel.clf.gz --relations intel.relations
@@ -39,7 +40,7 @@ testbed slam robot.log --truth mocap.tum --particles 50 --view
 testbed slam robot.log --map office.yaml --start 1.5,-2,90
 ```
 """,
-    "score": """Score the output of any SLAM system by the same measures.
+    "score": """Score the output of any SLAM system with the measures of `testbed run`.
 
 The measures are printed as JSON, or written to `--out`.
 
@@ -48,17 +49,17 @@ testbed score runs/office-20250101-120000 --trajectory other.tum --map other.yam
 testbed score runs/office-20250101-120000 --trajectory other.tum --fail-if 'trajectory.ate_rmse_m > 0.05'
 ```
 """,
-    "report": """Write the report of a run anew, or compare several runs.
+    "report": """Rewrite the report of a run, or compare several runs.
 
 ```
 testbed report runs/office-20250101-120000
 testbed report runs/a runs/b runs/c --out comparison.html
 ```
 """,
-    "sweep": """How many particles? Accuracy over worlds, seeds, variants and particle counts, with intervals.
+    "sweep": """Measure accuracy over worlds, seeds, variants and particle counts: how many particles are needed?
 
-Every count and variant of a world and seed gets the same data, so differences are paired. The results go into a
-directory: sweep.html, figures, tables. A sweep that was killed goes on where it was by the same command.
+All particle counts and variants of a world and seed get the same data, so differences are paired. The results are
+written to a directory: sweep.html, figures, tables. The same command continues a sweep that was interrupted.
 
 ```
 testbed sweep --worlds office,loop --particles 1,2,5,10,20,50,100 --seeds 10 --out sweep
@@ -67,9 +68,9 @@ testbed sweep --preset particles --out study
 testbed sweep study.toml --out study --shard 0/8
 ```
 """,
-    "gather": """Tables and report of a sweep from its cells.
+    "gather": """Write the tables and the report of a sweep from its finished runs.
 
-Names the cells that are missing or have failed, and exits with 1 if there are any.
+Runs that are missing or have failed are listed; the exit status is then 1.
 
 ```
 testbed gather sweep
@@ -81,16 +82,16 @@ testbed gather sweep
 testbed view runs/office-20250101-120000
 ```
 """,
-    "convert": """Turn a recorded log into another format.
+    "convert": """Convert a recorded log to another format.
 
-What both formats can hold is kept to the last digit.
+The conversion is lossless for all data that both formats support.
 
 ```
 testbed convert robot.bag robot.log.gz --to carmen
 testbed convert robot.log.gz robot --to rosbag2
 ```
 """,
-    "worlds": """The catalogue of worlds, generators, floor plans.
+    "worlds": """List, draw, generate and import worlds.
 
 ```
 testbed worlds list
@@ -99,7 +100,7 @@ testbed worlds generate maze --seed 7 --out maze.toml
 testbed worlds import floor.yaml --out floor.toml
 ```
 """,
-    "presets": """Robots and lidars, and how good their odometry is.
+    "presets": """List robots and lidars, and measure their odometry.
 
 ```
 testbed presets list
@@ -109,7 +110,8 @@ testbed presets umbmark
 """,
     "warmup": """Compile the kernels now instead of in the first run.
 
-Useful while a container image is built. The machine code is kept in `~/.cache/slam-testbed`, or `$TESTBED_CACHE`.
+This is useful in the build of a container image. The machine code is kept in `~/.cache/slam-testbed` or
+`$TESTBED_CACHE`.
 
 ```
 testbed warmup

@@ -21,31 +21,31 @@ FLAG = Parameter(negative=())
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """Where the results go and what is shown on the way."""
+    """Directory of the results, limits and views."""
 
     out: Path | None = None
     """Directory of the run; default: a new one below runs/."""
     overwrite: Annotated[bool, FLAG] = False
     """Replace the run in --out."""
     fail_if: tuple[str, ...] = ()
-    """Exit with 1 if this holds, e.g. 'trajectory.ate_rmse_m > 0.05'; keys of metrics.json; may be repeated."""
+    """Exit with status 1 if this holds, e.g. 'trajectory.ate_rmse_m > 0.05' (keys of metrics.json); may be repeated."""
     view: Annotated[bool, FLAG] = False
-    """Open the Rerun viewer and watch live."""
+    """Open the Rerun viewer and show the run live."""
     serve: Annotated[bool, FLAG] = False
     """Serve the live view to a web browser on this machine."""
     connect: str | None = None
-    """Address of a Rerun viewer that is running already (rerun+http://…)."""
+    """Address of a running Rerun viewer (rerun+http://…)."""
 
     def __post_init__(self) -> None:
         _ = self.limits, self.view_options  # complain before the run, not after it
 
     def check_directory(self) -> None:
-        """Complain about --out before anything takes time."""
+        """Check --out before anything takes time; raises RunDirectoryError."""
         if self.out is not None:
             RunDirectory.check(self.out, overwrite=self.overwrite)
 
     def directory(self, name: str) -> RunDirectory:
-        """The directory of this run, made or emptied now."""
+        """Create the directory of this run, or empty it."""
         return RunDirectory.create(self.out or default_directory(name, datetime.now()), overwrite=self.overwrite)
 
     @property
@@ -55,7 +55,7 @@ class OutputOptions:
 
     @property
     def view_options(self) -> ViewOptions:
-        """How the run is shown live."""
+        """Live views of the run."""
         return ViewOptions(window=self.view, serve=self.serve, connect=self.connect)
 
 

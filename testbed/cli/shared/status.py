@@ -4,6 +4,6 @@
 GATE_FAILED = 1
 """A limit of `--fail-if` is broken, or the run failed."""
 USAGE_ERROR = 2
-"""The user can put it right: usage, input files, settings, disk space."""
+"""Error that the user can fix: usage, input files, settings, disk space."""
 INTERRUPTED = 130
-"""Ctrl-C, as shells have it: 128 + SIGINT."""
+"""Interrupted by Ctrl-C: 128 + SIGINT, as in shells."""

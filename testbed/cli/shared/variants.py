@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """`--vary KEY=A,B,C`: the same drive with other sensors, so that differences between results have one cause.
 
-Only settings that leave the robot's path alone may vary. The streams of random numbers of all else stay as they are.
+Only settings that do not change the robot's path may vary. All other random numbers stay the same.
 """
 
 from __future__ import annotations
@@ -23,20 +23,23 @@ KEYS = {
     **dict.fromkeys(("lidar", "beams", "noise", "clutter"), SimulatorOptions),
     **{f"{group}.{field.name}": owner for group, owner in GROUPS.items() for field in fields(owner)},
 }
-"""What may vary, and the class whose field it is."""
+"""Settings that may vary, and the class of each."""
 
 
 class Variant(NamedTuple):
-    """One way to take the data of a drive."""
+    """One variant of the sensors of a drive."""
 
     name: str
     """Part of the names of its datasets; empty without `--vary`."""
     simulator: SimulatorOptions
-    """Its settings."""
+    """Settings of the variant."""
 
 
 def variants(simulator: SimulatorOptions, vary: Sequence[str]) -> list[Variant]:
-    """All combinations of what varies; ValueError for keys that are unknown or change the path, and for bad values."""
+    """Return all combinations of the values.
+
+    Raises ValueError for keys that are unknown or change the path, and for invalid values.
+    """
     axes = [_axis(text) for text in vary]
     if len({key for key, _ in axes}) < len(axes):
         raise ValueError(f"--vary names a key twice: {', '.join(key for key, _ in axes)}")
@@ -66,7 +69,7 @@ def _axis(text: str) -> tuple[str, list[str]]:
 
 
 def _with(simulator: SimulatorOptions, key: str, value: str) -> SimulatorOptions:
-    """The settings with another value, given as text."""
+    """Return the settings with one value replaced, given as text."""
     owner, name = KEYS[key], key.rpartition(".")[2]
     try:
         converted: Any = TypeAdapter(get_type_hints(owner)[name]).validate_python(value)

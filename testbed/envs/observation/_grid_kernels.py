@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""What environments read from grid maps at every step."""
+"""Kernels that environments call on grid maps at every step."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from slam._jit import kernel
 
 @kernel
 def cut_square(probability, T_cells_robot, cells, cell, per_side):
-    """P(occupied), 0.5 where unknown, and whether known (0 or 1), (2, cells, cells), of a square about the robot.
+    """Return P(occupied), 0.5 where unknown, and whether known (0 or 1), (2, cells, cells), of a square around it.
 
     probability (rows, cols), NaN = unknown;  T_cells_robot (3,): the robot in the map's cells [cells, cells, rad];
     cell: side of a cell of the square [cells of the map], which takes the highest of per_side² points in it
@@ -36,7 +36,7 @@ def cut_square(probability, T_cells_robot, cells, cell, per_side):
 
 @kernel
 def count_agreeing(shown, true, T_true_shown, scale):
-    """Number of cells of `shown` (rows, cols) whose middle lies in a cell of `true` that is true as well.
+    """Return the number of cells of `shown` (rows, cols) whose centre lies in a cell of `true` that is true as well.
 
     T_true_shown (3,): the shown map's corner in the cells of the true one [cells, cells, rad];  scale: side of a shown
     cell [true cells]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The estimated map as the robot sees it: a square about it, its heading to the right."""
+"""The square of the estimated map around the robot, with the robot's heading to the right."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from slam.se2 import Pose, compose, inverse
 from testbed.envs.observation._grid_kernels import cut_square
 
 _PER_SIDE = 2
-"""A cell of the crop takes the highest of so many times so many points: a thin wall must not fall between them."""
+"""A cell of the crop takes the highest of this many times this many map points, so that thin walls are not missed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Crop:
-    """Size of the square that is cut from the map."""
+    """Size of the square."""
 
     cells: int = 64
-    """Along each side."""
+    """Cells along each side."""
     cell: float = 0.1
     """Side of a cell [m]."""
 
@@ -34,12 +34,14 @@ class Crop:
 
     @property
     def space(self) -> spaces.Box:
-        """Of what `cut` gives."""
+        """Space of the arrays that `cut` returns."""
         return spaces.Box(0.0, 1.0, (2, self.cells, self.cells), np.float32)
 
     def cut(self, grid: OccupancyGrid, pose: Pose) -> NDArray[np.float32]:
-        """P(occupied), 0.5 where unknown, and whether known (0 or 1), (2, cells, cells), about a robot at `T_map_robot`
-        (3,); column = ahead, row = to the left, the robot in the middle."""
+        """Return P(occupied), 0.5 where unknown, and whether known (0 or 1), (2, cells, cells).
+
+        The robot at `T_map_robot` (3,) is in the centre; columns go ahead, rows to the left.
+        """
         robot = compose(inverse(grid.origin), pose)
         robot[:2] /= grid.resolution
         square: NDArray[np.float32] = cut_square(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How much of a world an estimated map shows correctly: what `testbed/Explore-v0` rewards. It knows the truth."""
+"""Area of a world that an estimated map shows correctly, by the true map: the reward of `testbed/Explore-v0`."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from testbed.envs.observation._grid_kernels import count_agreeing
 from worlds import TrueMap
 
 _TOLERANCE = 1
-"""Walls may be off by so many cells of the true map."""
+"""Walls count as correct up to this far from a true wall [cells of the true map]."""
 
 
 _EVEN = 0.5
-"""P(occupied) of a cell of which the map says nothing."""
+"""Cells with a lower P(occupied) count as mapped free."""
 
 
 class Mapped(NamedTuple):
-    """What a map shows correctly."""
+    """Correctly mapped area."""
 
     floor: float
-    """Cells that are rather free than not, and are floor [m²]."""
+    """Area of the cells that are mapped free and truly are floor [m²]."""
     walls: float
-    """Occupied cells beside or on a wall [m²]."""
+    """Area of the cells that are mapped occupied within `_TOLERANCE` of a true wall [m²]."""
     coverage: float
-    """Floor shown as a share of all floor."""
+    """`floor` as a share of all true floor."""
 
 
 class MapScore:
@@ -43,14 +43,14 @@ class MapScore:
         self._floor_area = float(truth.free.sum()) * truth.resolution**2
 
     def mapped(self, grid: OccupancyGrid, T_world_map: Pose) -> Mapped:
-        """What `grid` shows correctly when its frame stands at `T_world_map` (3,), where the robot truly began."""
+        """Return the correctly mapped area; `T_world_map` (3,) is the true pose of the grid's frame."""
         cell = grid.resolution**2
         floor = self._count(grid, grid.probability < _EVEN, self._truth.free, T_world_map) * cell
         walls = self._count(grid, grid.occupied, self._near_walls, T_world_map) * cell
         return Mapped(floor, walls, min(floor / self._floor_area, 1.0))
 
     def _count(self, grid: OccupancyGrid, shown: NDArray[np.bool_], true: NDArray[np.bool_], T_world_map: Pose) -> int:
-        """Cells of the map that are shown so, and truly are."""
+        """Return the number of map cells in `shown` (map cells) that are in `true` (cells of the true map)."""
         resolution = self._truth.resolution
         corner = compose(inverse(self._truth.origin), compose(T_world_map, grid.origin))
         corner[:2] /= resolution

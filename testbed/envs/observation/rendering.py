@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How an episode is shown: a picture of the world from above, drawn in numpy, or the Rerun viewer."""
+"""Rendering of an episode: pictures of the world from above, drawn in numpy, or the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from testbed.views import NullView, Scene, Snapshot, View, ViewOptions, open_vie
 
 MODES = ("rgb_array", "human")
 MAX_SIDE = 480
-"""Longer side of a picture [pixels], at most."""
+"""Largest side of a picture [pixels]."""
 UNKNOWN, WALL, FLOOR, TRAIL, BEAM, ROBOT, NOSE = (
     np.array(colour, dtype=np.uint8)
     for colour in (
@@ -33,13 +33,13 @@ UNKNOWN, WALL, FLOOR, TRAIL, BEAM, ROBOT, NOSE = (
 
 
 def check_render_mode(mode: str | None, allowed: tuple[str | None, ...] = (None, *MODES)) -> None:
-    """Raises gymnasium's `UnsupportedMode` for a render mode that is not allowed."""
+    """Raise gymnasium's `UnsupportedMode` for a render mode that is not allowed."""
     if mode not in allowed:
         raise UnsupportedMode(f"render_mode must be one of {', '.join(map(repr, allowed))}, got {mode!r}")
 
 
 class Canvas:
-    """A map in grey, seen from above, on which points and discs are drawn; made for one picture."""
+    """A picture of a map from above, on which points and robots are drawn."""
 
     def __init__(self, grid: OccupancyGrid) -> None:
         rows, cols = grid.probability.shape
@@ -76,27 +76,27 @@ class Canvas:
 
 
 class Screen:
-    """Shows one robot's episodes in the mode that was asked for; does nothing where none was."""
+    """Shows the episodes of one robot in a render mode; mode None shows nothing."""
 
     def __init__(self, mode: str | None, setup: RobotSetup) -> None:
         self._mode, self._setup = mode, setup
         self._view: View = NullView()
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._place: PreparedWorld | None = None
+        self._world: PreparedWorld | None = None
         self._trail: list[Pose] = []
         self._truth, self._ranges = np.zeros(3), np.empty(0)
         self._periods = 0
 
-    def begin(self, place: PreparedWorld, start: Pose) -> None:
-        """A new episode of a robot that stands at `T_world_robot` (3,)."""
-        self._place, self._trail, self._start, self._periods = place, [], start, 0
+    def begin(self, world: PreparedWorld, start: Pose) -> None:
+        """Begin a new episode of a robot at `T_world_robot` (3,)."""
+        self._world, self._trail, self._start, self._periods = world, [], start, 0
         if self._mode != "human":
             return
         self._view.close()
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix="testbed-episode-")
         scene = Scene(
-            title=place.terrain.world.name,
-            true_map=grid_from_true_map(place.true_map),
+            title=world.terrain.world.name,
+            true_map=grid_from_true_map(world.true_map),
             robot_urdf=robot_urdf(self._setup.robot),
             robot_radius=self._setup.robot.footprint_radius,
         )
@@ -106,7 +106,7 @@ class Screen:
             raise DependencyNotInstalled(f"render_mode 'human': {error}") from error
 
     def show(self, readings: Readings, robot: int, snapshot: Callable[[Scan], Snapshot] | None = None) -> None:
-        """Take in a period; snapshot: makes more of a scan than truth and odometry, for the viewer."""
+        """Show one period; snapshot: makes the viewer's data of a scan, default: truth and odometry only."""
         if self._mode is None:
             return
         self._truth, self._ranges = readings.truth[robot], readings.ranges[robot]
@@ -121,14 +121,14 @@ class Screen:
         return Snapshot(stamp=scan.stamp, estimate=odometry, odometry=odometry, truth=self._truth, scan=scan)
 
     def picture(self, grid: OccupancyGrid | None = None, T_world_grid: Pose | None = None) -> NDArray[np.uint8] | None:
-        """A map with trail, beams and robot from above, (height, width, 3), for "rgb_array"; None otherwise.
+        """Return a picture of a map with trail, beams and robot, (height, width, 3), for "rgb_array"; None otherwise.
 
-        grid: the map to show, whose frame is at `T_world_grid` (3,); None = the true one. Pictures of one world have
-        one size.
+        grid: the map to show, whose frame is at `T_world_grid` (3,); None = the true map. All pictures of one world
+        have the same size.
         """
-        if self._mode != "rgb_array" or self._place is None:
+        if self._mode != "rgb_array" or self._world is None:
             return None
-        shown = grid_from_true_map(self._place.true_map)
+        shown = grid_from_true_map(self._world.true_map)
         if grid is not None and T_world_grid is not None:
             shown = resample(grid, shown, T_world_grid)
         canvas = Canvas(shown)
@@ -142,7 +142,7 @@ class Screen:
         return canvas.pixels
 
     def close(self) -> None:
-        """Complete the viewer's recording and remove it; may be called twice."""
+        """Complete and remove the viewer's recording; may be called twice."""
         self._view.close()
         if self._folder is not None:
             self._folder.cleanup()
@@ -150,7 +150,7 @@ class Screen:
 
 
 def scan_of(setup: RobotSetup, ranges: NDArray[np.float64], stamp: float) -> Scan:
-    """The scan of ranges (beams,) [m] whose first beam was fired at `stamp` [s]."""
+    """Return the scan of ranges (beams,) [m] whose first beam was fired at `stamp` [s]."""
     lidar = setup.steady_lidar
     return Scan(
         ranges=ranges,

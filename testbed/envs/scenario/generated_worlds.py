@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Endless worlds to train in, and others that training never sees."""
+"""Generated worlds, split into worlds to train in and worlds to test in."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from worlds import KINDS, World, generate
 
 Split = Literal["train", "test"]
 MAX_WORLDS = 2**31
-"""Worlds in a split where their count is not limited."""
+"""Number of worlds in a split whose count is not limited."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,13 +25,13 @@ class GeneratedWorlds:
     size: tuple[float, float] = (12.0, 10.0)
     """Width and depth [m]."""
     clutter: float = 0.5
-    """Things per 10 m² of floor."""
+    """Objects per 10 m² of floor."""
     loops: int = 2
-    """Ways that close a loop."""
+    """Number of additional openings, each of which closes a loop."""
     split: Split = "train"
-    """Which worlds."""
+    """The split that the worlds are taken from."""
     count: int | None = None
-    """How many worlds the split has; None = endless."""
+    """Number of worlds in the split; None = `MAX_WORLDS`."""
 
     def __post_init__(self) -> None:
         if not self.kinds or not set(self.kinds) <= set(KINDS):
@@ -43,11 +43,11 @@ class GeneratedWorlds:
         self.world(0)  # complains about size, clutter and loops
 
     def draw(self, rng: Generator) -> int:
-        """The number of a random world."""
+        """Return the number of a random world."""
         return int(rng.integers(self.count or MAX_WORLDS))
 
     def world(self, number: int) -> World:
-        """The world of that number; the same number gives the same world. Raises `ValueError` for one out of range."""
+        """Return the world of that number, always the same. Raises `ValueError` for a number out of range."""
         if not 0 <= number < (self.count or MAX_WORLDS):
             raise ValueError(f"world number must be 0 to {(self.count or MAX_WORLDS) - 1}, got {number}")
         world = generate(

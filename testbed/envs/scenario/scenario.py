@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where an episode takes place: a world and a start pose, fixed, drawn at random, or asked for at reset."""
+"""World and start pose of an episode: fixed, drawn at random, or given at reset."""
 
 from __future__ import annotations
 
@@ -22,71 +22,75 @@ from worlds import TrueMap, World, WorldError, check_world, load, true_map
 
 Start = Literal["random", "world"]
 _CELL = 0.1
-"""Side of the cells in whose middles random starts lie [m]."""
+"""Side of the cells whose centres are the random start positions [m]."""
 _ROOM = 0.15
-"""Random starts have this much room beside the footprint [m]."""
+"""Least distance between the footprint at a random start and the walls [m]."""
 MAX_PREPARED_WORLDS = 256
+"""Generated worlds that are kept in memory."""
 
 
 class PreparedWorld(NamedTuple):
-    """A world ready for robots."""
+    """A world with all that an episode needs."""
 
     terrain: Terrain
-    """What bodies and beams meet."""
+    """Surfaces that stop bodies and beams."""
     true_map: TrueMap
-    """Of the world at the lidar's height, cells of 0.05 m."""
+    """True map at the lidar's height, cells of 0.05 m."""
     starts: NDArray[np.float64]
     """Positions [m] with room for the robot, (n, 2)."""
 
 
 class ResetOptions(NamedTuple):
-    """What the options of a reset ask for; None = as usual."""
+    """World and start given by the options of a reset; None = drawn or fixed as usual."""
 
-    place: PreparedWorld | None = None
+    world: PreparedWorld | None = None
     start: Pose | None = None
 
 
 class Scenario:
-    """Chooses world and start of each episode. Worlds have no movers here: people and doors are left out."""
+    """Chooses world and start of each episode; people and doors are removed from all worlds."""
 
     def __init__(self, world: str | World | GeneratedWorlds, start: Start, robot: RobotPreset) -> None:
         """Raises `WorldError` for an unknown world or one that the robot does not fit into."""
         if start not in ("random", "world"):
             raise ValueError(f"start must be 'random' or 'world', got {start!r}")
         self._robot, self._start = robot, start
-        self._places = lru_cache(MAX_PREPARED_WORLDS)(self._generate)
+        self._generated = lru_cache(MAX_PREPARED_WORLDS)(self._generate)
         self._world, self._fixed = world, None
         if not isinstance(world, GeneratedWorlds):
             self._fixed = self._prepare(load(world) if isinstance(world, str) else world)
 
     def parse_reset_options(self, options: Mapping[str, Any] | None) -> ResetOptions:
-        """Check the options of a reset: `world` (name, file, `World`, or number of a generated one) and `start`
-        `(x, y, theta)` [m, m, rad]. Raises gymnasium's `Error` for anything else."""
+        """Check the options of a reset.
+
+        They are `world` (name, file, `World`, or number of a generated one) and `start` `(x, y, theta)` [m, m, rad].
+        Raises gymnasium's `Error` for anything else.
+        """
         options = options or {}
         if unknown := sorted(set(options) - {"world", "start"}):
             raise Error(f"unknown reset options {', '.join(unknown)}, expected world or start")
-        place = self._prepared_world(options["world"]) if options.get("world") is not None else None
+        world = self._prepared_world(options["world"]) if options.get("world") is not None else None
         if options.get("start") is None:
-            return ResetOptions(place)
+            return ResetOptions(world)
         start = _pose(options["start"])
-        if place is None and isinstance(self._world, GeneratedWorlds):
+        if world is None and isinstance(self._world, GeneratedWorlds):
             raise Error("start needs the option world too: the number of a generated one")
-        self._check_start(place or self._fixed, start)
-        return ResetOptions(place, start)
+        self._check_start(world or self._fixed, start)
+        return ResetOptions(world, start)
 
-    def draw(self, rng: Generator, wish: ResetOptions) -> tuple[PreparedWorld, Pose]:
-        """World and start `T_world_robot` (3,) of an episode."""
-        place = wish.place or self._fixed
-        if place is None:
+    def draw(self, rng: Generator, options: ResetOptions) -> tuple[PreparedWorld, Pose]:
+        """Return the world and the start `T_world_robot` (3,) of an episode."""
+        world = options.world or self._fixed
+        if world is None:
             assert isinstance(self._world, GeneratedWorlds)
-            place = self._places(self._world.draw(rng))
-        if wish.start is not None:
-            return place, wish.start
+            world = self._generated(self._world.draw(rng))
+        if options.start is not None:
+            return world, options.start
         if self._start == "world":
-            at = place.terrain.world.start
-            return place, np.array([at.x, at.y, at.theta])
-        position = place.starts[rng.integers(len(place.starts))]
-        return place, np.append(position, rng.uniform(-math.pi, math.pi))
+            at = world.terrain.world.start
+            return world, np.array([at.x, at.y, at.theta])
+        position = world.starts[rng.integers(len(world.starts))]
+        return world, np.append(position, rng.uniform(-math.pi, math.pi))
 
     def _prepared_world(self, world: Any) -> PreparedWorld:
         try:
@@ -95,14 +99,14 @@ class Scenario:
             if isinstance(world, str):
                 return self._prepare(load(world))
             if isinstance(self._world, GeneratedWorlds) and isinstance(world, int | np.integer):
-                return self._places(int(world))
+                return self._generated(int(world))
         except ValueError as error:
             raise Error(f"option world: {error}") from error
         raise Error(f"option world must be a name, a World, or the number of a generated one, got {world!r}")
 
-    def _check_start(self, place: PreparedWorld | None, start: Pose) -> None:
-        assert place is not None
-        world = place.terrain.world
+    def _check_start(self, prepared: PreparedWorld | None, start: Pose) -> None:
+        assert prepared is not None
+        world = prepared.terrain.world
         moved = world.model_copy(update={"start": world.start.model_copy(update={"x": start[0], "y": start[1]})})
         try:
             check_world(moved, footprint_radius=self._robot.footprint_radius)
@@ -121,13 +125,13 @@ class Scenario:
         room = ndimage.distance_transform_edt(np.pad(floor.free, 1))[1:-1, 1:-1] * _CELL
         rows, cols = np.nonzero(room > self._robot.footprint_radius + _ROOM)
         if len(rows) == 0:
-            raise WorldError(f"world {world.name!r}: no place with room for the robot {self._robot.name!r}")
+            raise WorldError(f"world {world.name!r}: no free spot has room for the robot {self._robot.name!r}")
         starts = (np.column_stack([cols, rows]) + 0.5) * _CELL + np.array(floor.origin[:2])
         return PreparedWorld(Terrain(still, height), true_map(still, height=height), starts)
 
 
 def _pose(start: Any) -> Pose:
-    """A pose (3,) from what a user gave; raises gymnasium's `Error` for anything else."""
+    """Return the pose (3,) that a user gave; raises gymnasium's `Error` for anything else."""
     try:
         pose = np.array(start, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""What decides where the simulated robot drives."""
+"""Drivers, which decide where the simulated robot drives."""

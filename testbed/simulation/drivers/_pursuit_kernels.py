@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Pure pursuit of a polyline: where along it a robot is, and which arc leads back to it."""
+"""Pure pursuit of a polyline: the position along it and the arc that leads back to it."""
 
 from typing import NamedTuple
 
@@ -15,13 +15,13 @@ class Path(NamedTuple):
     """A polyline whose neighbouring corners differ."""
 
     corners: NDArray[np.float64]
-    """(n, 2) [m]"""
+    """Corners (x, y), (n, 2) [m]."""
     starts: NDArray[np.float64]
     """Distance of each corner from the beginning, along the path [m], (n,)."""
 
 
 class PursuitLimits(NamedTuple):
-    """How a path is driven; see `DriverConfig`."""
+    """Limits of the motion along a path; see `DriverConfig`."""
 
     speed: float
     turn_rate: float
@@ -34,14 +34,14 @@ class PursuitLimits(NamedTuple):
 
 @kernel
 def _leg(path, along):
-    """Number of the leg that holds the point at that distance from the beginning of the path [m]."""
+    """Return the number of the leg that holds the point `along` [m] from the beginning of the path."""
     return min(np.searchsorted(path.starts, along, side="right") - 1, path.starts.shape[0] - 2)
 
 
 @kernel
 def progress(path, along, reach, x, y):
-    """Distance from the beginning [m] of the point of the path that is nearest to (x, y) [m], at least `along` and at
-    most `reach` beyond it."""
+    """Return the distance from the beginning [m] of the path point nearest to (x, y) [m], at least `along` and at most
+    `reach` beyond it."""
     best, best_along = np.inf, along
     for k in range(_leg(path, along), _leg(path, along + reach) + 1):
         begin, length = path.starts[k], path.starts[k + 1] - path.starts[k]
@@ -57,9 +57,9 @@ def progress(path, along, reach, x, y):
 
 @kernel
 def pursue(path, along, pose, limits):
-    """Speed [m/s], turn rate [rad/s] for a robot at `pose` (3,), and how far along the path it is [m].
+    """Return speed [m/s], turn rate [rad/s] and position along the path [m] of a robot at `pose` (3,).
 
-    It was `along` [m] before, and is looked for up to twice the lookahead from there.
+    along: the previous position along the path [m]; the new one is searched up to twice the lookahead from there
     """
     x, y, theta = pose
     along = progress(path, along, 2.0 * limits.lookahead, x, y)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Who steers the robot: what the simulator asks of a driver, and the settings of all drivers."""
+"""The interface between the simulator and a driver, and the settings of all drivers."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ Strategy = Literal["information", "nearest", "wall", "random"]
 
 @dataclass(frozen=True, kw_only=True)
 class DriverConfig:
-    """Who drives, and how; the robot's own limits apply besides."""
+    """The driver and its limits; the robot's own limits apply too."""
 
     kind: Literal["tour", "explore", "recorded", "teleop"] = "tour"
-    """tour: along the tour of the world; explore: to the borders of what is mapped; recorded: the commands of
-    --commands; teleop: by keyboard, in real time."""
+    """Short: --driver. tour: follow the tour of the world; explore: drive to the frontiers of the map; recorded: repeat
+    the commands of --commands; teleop: drive by keyboard in real time."""
     strategy: Strategy = "information"
-    """Where explore goes: to the border of the known that promises most news per metre, to the nearest one, along
-    walls, or anywhere."""
+    """Strategy of explore: drive to the frontier with the largest information gain per metre, to the nearest frontier,
+    along walls, or at random."""
     speed: float = 0.45
     """Cruising speed [m/s]."""
     turn_rate: float = 1.0
-    """Fastest turn [rad/s]."""
+    """Largest turn rate [rad/s]."""
     acceleration: float = 0.5
-    """[m/s²]; harder braking makes the simulated body pitch."""
+    """Largest acceleration [m/s²]; with harder braking the simulated body pitches."""
     turn_acceleration: float = 3.0
-    """[rad/s²]."""
+    """Largest turn acceleration [rad/s²]."""
     lookahead: float = 0.4
-    """Distance of the point on the path that the robot steers to [m]."""
+    """Lookahead of pure pursuit: distance of the path point that the robot steers to [m]."""
     turn_on_spot_above: float = 0.9
-    """With the point farther to the side than this the robot turns without driving [rad]."""
+    """If that point is farther to the side than this angle, the robot turns on the spot [rad]."""
     patience: float = 5.0
-    """Without progress for so long the robot counts as stuck and backs off [s]."""
+    """The robot backs off if it has made no progress for this time [s]."""
     max_recoveries: int = 5
-    """After so many tries to back off the drive is given up."""
+    """The drive is given up after this many tries to back off."""
 
     def __post_init__(self) -> None:
         if self.strategy not in get_args(Strategy):
@@ -48,40 +48,41 @@ class Command(NamedTuple):
     """Velocities that a robot is commanded to keep from a time on."""
 
     stamp: float
-    """[s]"""
+    """Time from which on it holds [s]."""
     speed: float
-    """Forward [m/s]."""
+    """Forward speed [m/s]."""
     turn_rate: float
-    """Counter-clockwise [rad/s]."""
+    """Turn rate, counter-clockwise [rad/s]."""
 
 
 class Driver(Protocol):
-    """Asked for a command once in every control period."""
+    """Gives the command for each control period."""
 
     @property
     def finished(self) -> bool:
-        """The drive has come to its end as planned."""
+        """Whether the drive has ended as planned."""
         ...
 
     @property
     def stuck(self) -> bool:
-        """The drive is given up."""
+        """Whether the drive was given up."""
         ...
 
     @property
     def share(self) -> float | None:
-        """Share of the drive that is behind the robot, 0 to 1; None where nobody knows its end."""
+        """Share of the drive that is done, 0 to 1; None = unknown."""
         ...
 
     @property
     def recoveries(self) -> int:
-        """How often the robot had to free itself."""
+        """Number of times that the robot backed off."""
         ...
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] for the robot that truly is at this pose at this time [s]."""
+        """Return speed [m/s] and turn rate [rad/s] for the robot at its true pose (x, y, theta) at the time `stamp`
+        [s]."""
         ...
 
     def wait(self, stamp: float) -> tuple[float, float]:
-        """The command where someone stands in the robot's way: 0, 0. Time spent so does not count as being stuck."""
+        """Return the command 0, 0, because someone stands in the way; the time does not count as lack of progress."""
         ...

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Following a path by pure pursuit.
+"""Path following by pure pursuit.
 
 Source: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
 """
@@ -14,7 +14,7 @@ from testbed.simulation.drivers._pursuit_kernels import Path, PursuitLimits, pur
 from testbed.simulation.drivers.driver import DriverConfig
 
 _ARRIVED = 0.05
-"""Distance to the end of the path at which it is finished [m]."""
+"""The path is finished within this distance of its end [m]."""
 
 
 class PurePursuit:
@@ -26,7 +26,7 @@ class PurePursuit:
         differs = np.append(True, (np.diff(corners, axis=0) != 0.0).any(axis=1))
         corners = np.ascontiguousarray(corners[differs])
         if len(corners) < 2:
-            raise ValueError("a path needs at least one way point besides the start")
+            raise ValueError("a path needs at least two different corners")
         lengths = np.hypot(*np.diff(corners, axis=0).T)
         self._path = Path(corners, np.append(0.0, np.cumsum(lengths)))
         self._limits = PursuitLimits(
@@ -43,15 +43,15 @@ class PurePursuit:
 
     @property
     def share(self) -> float:
-        """Share of the path that is behind the robot, 0 to 1."""
+        """Share of the path that is done, 0 to 1."""
         return self._along / self.length
 
     @property
     def finished(self) -> bool:
-        """The end of the path is reached."""
+        """Whether the end of the path is reached."""
         return self.length - self._along < _ARRIVED
 
     def command(self, x: float, y: float, theta: float) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] for the robot at this pose, in the path's frame; 0, 0 at the end."""
+        """Return speed [m/s] and turn rate [rad/s] for the robot at this pose in the path's frame; 0, 0 at the end."""
         speed, turn_rate, self._along = pursue(self._path, self._along, (x, y, theta), self._limits)
         return speed, turn_rate

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Noticing that a robot does not get on, and backing off."""
+"""Detection of a robot that is stuck, and backing off."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ _PROGRESS = 0.05
 _TURN_PROGRESS = 0.2
 """Turning that counts as progress [rad]."""
 _SPEED, _TIME = -0.1, 2.0
-"""Of backing off [m/s], [s]."""
+"""Speed [m/s] and duration [s] of backing off."""
 
 
 class StuckRecovery:
-    """Watches a robot that should be moving; where it has not for some time, drives it back for two seconds."""
+    """Drives a robot back for two seconds if it makes no progress."""
 
     def __init__(self, patience: float) -> None:
-        """patience: time without progress after which the robot counts as stuck [s]."""
+        """patience: the robot is stuck if it has made no progress for this time [s]"""
         self._patience = patience
         self._since = 0.0
         self._anchor: tuple[float, float, float] | None = None  # pose at that time
         self._until = -math.inf
         self.count = 0
-        """How often the robot had to back off."""
+        """Number of times that the robot backed off."""
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float] | None:
-        """Speed [m/s] and turn rate [rad/s] of backing off; None where the robot gets on by itself."""
+        """Return speed [m/s] and turn rate [rad/s] of backing off; None if the robot makes progress."""
         if stamp < self._until:
             return _SPEED, 0.0
         if self._anchor is None or self._gets_on(*self._anchor, x, y, theta):
@@ -43,5 +43,5 @@ class StuckRecovery:
         return math.hypot(x - x0, y - y0) > _PROGRESS or turned > _TURN_PROGRESS
 
     def wait(self, stamp: float) -> None:
-        """The robot stood still until now [s] for a good reason."""
+        """Do not count the time up to `stamp` [s] as lack of progress."""
         self._since = stamp

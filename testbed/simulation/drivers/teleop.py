@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Driving by keyboard, from the terminal that the run was started in."""
+"""A driver that takes commands from the keyboard of the terminal."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ KEYS = {
     b"\x1b[A": FORWARD, b"\x1b[B": BACK, b"\x1b[D": LEFT, b"\x1b[C": RIGHT,
     b"\x1bOA": FORWARD, b"\x1bOB": BACK, b"\x1bOD": LEFT, b"\x1bOC": RIGHT,
 }  # fmt: skip
-"""What a terminal sends: letters, and arrows in its normal and its application mode (ECMA-48, xterm)."""
+"""Bytes that a terminal sends for letters and for arrows in normal and application mode (ECMA-48, xterm)."""
 STEPS = 5
-"""Presses of a key from standing still to the fastest."""
+"""Number of key presses from standstill to the largest speed."""
 
 
 class TeleopError(ValueError):
-    """There is no keyboard to drive by; the message says what to do."""
+    """Standard input is not a terminal; the message says what to do."""
 
 
 class TeleopDriver:
-    """Each press of a key changes speed or turn rate by a fifth of the fastest; the simulation keeps to real time.
+    """Each key press changes speed or turn rate by a fifth of the largest; the simulation runs in real time.
 
-    Use it as a context manager: meanwhile the terminal sends keys at once and does not echo them.
+    Use it as a context manager: inside it the terminal sends keys at once and does not echo them.
     """
 
     stuck = False
@@ -42,14 +42,14 @@ class TeleopDriver:
     share = None
 
     def __init__(self, robot: RobotPreset, config: DriverConfig) -> None:
-        """Raises `TeleopError` where standard input is no terminal."""
+        """Raise `TeleopError` if standard input is not a terminal."""
         self._speed_step = min(config.speed, robot.max_speed) / STEPS
         self._turn_step = min(config.turn_rate, robot.max_turn_rate) / STEPS
         self._speed, self._turn = 0, 0
         self._pending = b""
         self._started: float | None = None
         self.finished = False
-        """The person has ended the drive."""
+        """Whether the person has ended the drive."""
         if not sys.stdin.isatty():
             raise TeleopError("driving by keyboard needs a terminal as standard input, not a file or pipe")
         self._terminal = sys.stdin.fileno()
@@ -63,13 +63,13 @@ class TeleopDriver:
         termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._settings)
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
-        """What the keys pressed so far ask for; waits until the wall clock has come to that time [s]."""
+        """Return the command of the keys pressed so far, once the wall clock has reached the time `stamp` [s]."""
         self._keep_time(stamp)
         self._read_keys()
         return self._speed * self._speed_step, self._turn * self._turn_step
 
     def wait(self, stamp: float) -> tuple[float, float]:
-        """Standing still, whatever the keys say."""
+        """Return the command 0, 0; the keys are read."""
         self.command(stamp, 0.0, 0.0, 0.0)
         return 0.0, 0.0
 

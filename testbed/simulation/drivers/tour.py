@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The driver that follows the world's tour.
+"""The driver that follows the tour of the world.
 
-It steers by the true pose, as a person with a joystick would: what is driven then does not depend on the estimator.
+It steers by the true pose, so that the drive does not depend on the estimator.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from testbed.simulation.drivers.stuck_recovery import StuckRecovery
 
 
 class TourDriver:
-    """Follows a path by pure pursuit, backs off if stuck, gives up if that does not help."""
+    """Follows a path by pure pursuit; backs off where the robot is stuck, and gives up after several tries."""
 
     def __init__(self, path: NDArray[np.float64], robot: RobotPreset, config: DriverConfig) -> None:
         """path: corners (n, 2) [m], world frame. Raises `ValueError` if it has fewer than two different corners."""
@@ -31,26 +31,26 @@ class TourDriver:
 
     @property
     def share(self) -> float:
-        """Share of the tour that is behind the robot, 0 to 1."""
+        """Share of the tour that is done, 0 to 1."""
         return self._pursuit.share
 
     @property
     def finished(self) -> bool:
-        """The end of the tour is reached."""
+        """Whether the end of the tour is reached."""
         return self._pursuit.finished
 
     @property
     def stuck(self) -> bool:
-        """Backing off did not help."""
+        """Whether the drive was given up, because backing off did not help."""
         return self.recoveries > self._max_recoveries
 
     @property
     def recoveries(self) -> int:
-        """How often the robot had to back off."""
+        """Number of times that the robot backed off."""
         return self._recovery.count
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] for the robot at this pose and time [s]."""
+        """Return speed [m/s] and turn rate [rad/s] for the robot at this pose and time [s]."""
         speed, turn_rate = self._pursuit.command(x, y, theta)
         if self.finished:
             return 0.0, 0.0
@@ -58,6 +58,6 @@ class TourDriver:
         return escape if escape is not None else (speed, turn_rate)
 
     def wait(self, stamp: float) -> tuple[float, float]:
-        """The command to stand still, with the reason elsewhere: time [s] spent so does not count as being stuck."""
+        """Return the command 0, 0; the time up to `stamp` [s] does not count as lack of progress."""
         self._recovery.wait(stamp)
         return 0.0, 0.0

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""One period of many robots at once: motion, encoders and a scan of each, by the kernels of a single robot."""
+"""One period of many robots at once: motion, odometry and a scan of each, by the kernels of a single robot."""
 
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ class SegmentGrids(NamedTuple):
     first: NDArray[np.int64]
     """`SegmentGrid.first` of all worlds, one after the other, pointing into `segments`."""
     begin: NDArray[np.int64]
-    """Where the part of each robot's world begins in `first`, (robots,)."""
+    """Begin of the part of each robot's world in `first`, (robots,)."""
     shape: NDArray[np.int64]
     """Rows and columns of each robot's world, (robots, 2)."""
     origin: NDArray[np.float64]
@@ -33,65 +33,65 @@ class SegmentGrids(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """What is about the robots."""
+    """The walls around the robots."""
 
     solid: SegmentGrids
-    """What bodies touch."""
+    """Surfaces that stop bodies."""
     seen: SegmentGrids
-    """What beams meet."""
+    """Surfaces that stop beams."""
 
 
 class Robots(NamedTuple):
-    """What the robots are and remember; rows are robots."""
+    """State of the robots; rows are robots."""
 
     body: NDArray[np.float64]
-    """As `drive` takes it, (robots, 7)."""
+    """State of the bodies, as `drive` takes it, (robots, 7)."""
     odometer: NDArray[np.float64]
-    """As `read_wheels` takes it, (robots, 9)."""
+    """State of the odometers, as `read_wheels` takes it, (robots, 9)."""
     believed: NDArray[np.float64]
-    """Wheels as odometry believes them, (robots, 3)."""
+    """Radii and track that odometry assumes, (robots, 3) [m]."""
     device: NDArray[np.float64]
-    """As `lidar.draw_device` gives it, (robots, 5)."""
+    """Errors of the lidars, as `lidar.draw_device` draws them, (robots, 5)."""
 
 
 class Numbers(NamedTuple):
-    """Random numbers drawn ahead, and each robot's current row of them."""
+    """Random numbers drawn in advance, and the current row of each robot."""
 
     reading_uniform: NDArray[np.float64]
-    """(robots, rows, 3)"""
+    """Uniform numbers of the odometry, (robots, rows, 3)."""
     reading_normal: NDArray[np.float64]
-    """(robots, rows, 2)"""
+    """Normal numbers of the odometry, (robots, rows, 2)."""
     reading_row: NDArray[np.int64]
-    """(robots,)"""
+    """Current row of each robot, (robots,)."""
     beam_uniform: NDArray[np.float64]
-    """(robots, rows, 2 beams)"""
+    """Uniform numbers of the scans, (robots, rows, 2 beams)."""
     beam_normal: NDArray[np.float64]
-    """(robots, rows, 2 beams + 1)"""
+    """Normal numbers of the scans, (robots, rows, 2 beams + 1)."""
     beam_row: NDArray[np.int64]
-    """(robots,)"""
+    """Current row of each robot, (robots,)."""
 
 
 class Equipment(NamedTuple):
-    """What all robots have in common."""
+    """The parts that all robots have in common."""
 
     vehicle: Vehicle
     encoders: Encoders
     optics: Optics
     angles: NDArray[np.float64]
-    """Of the beams [rad], (beams,)."""
+    """Directions of the beams [rad], (beams,)."""
     angle_noise: float
     """Standard deviation of a beam's direction [rad]."""
     positions: NDArray[np.float64]
-    """When each beam is fired, in steps of motion after the beginning of the period, (beams,)."""
+    """Time of each beam, in steps of motion after the beginning of the period, (beams,)."""
     step_time: float
-    """[s]"""
+    """Duration of a step of motion [s]."""
     steps: int
     """Steps of motion in a period."""
 
 
 @kernel
 def grid_of(places, robot):
-    """The segment grid of one robot's world."""
+    """Return the segment grid of one robot's world."""
     rows, cols, begin = places.shape[robot, 0], places.shape[robot, 1], places.begin[robot]
     first = places.first[begin : begin + rows * cols + 1]
     origin = (places.origin[robot, 0], places.origin[robot, 1])
@@ -100,7 +100,7 @@ def grid_of(places, robot):
 
 @kernel
 def step_robots(which, targets, robots, equipment, numbers, surroundings, contact, ranges):
-    """Move the robots of the indices `which` on by one period, in place; fill their rows of `contact` (robots,) and
+    """Move the robots of the indices `which` by one period, in place; fill their rows of `contact` (robots,) and
     `ranges` (robots, beams) [m].
 
     targets (robots, 2): speed [m/s] and turn rate [rad/s]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Many robots on the fast backend, each in a world of its own, all of them in one compiled call."""
+"""Many robots on the fast backend, each in its own world, moved by one compiled call."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ from testbed.simulation.robot.random_rows import RandomRows
 
 
 class Fleet:
-    """Robots on the fast backend, all in one compiled call. What a robot does and reads depends on its own seed, world
-    and commands alone: bit for bit what it would be in a fleet of one."""
+    """Robots on the fast backend.
+
+    The motion and the readings of a robot depend on its own seed, world and commands only; they equal those of a fleet
+    of one bit for bit.
+    """
 
     def __init__(self, robots: int, setup: RobotSetup) -> None:
         self._setup = setup
@@ -49,7 +52,7 @@ class Fleet:
         self._ranges = np.full((robots, beams), np.nan)
 
     def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
-        """See `RobotGroup.place`."""
+        """Place one robot, see `RobotGroup.place`."""
         setup = self._setup
         self._robots.body[robot] = [*pose, 0.0, 0.0, 0.0, 0.0]
         self._robots.odometer[robot] = 0.0
@@ -64,7 +67,7 @@ class Fleet:
             self._surroundings = None
 
     def step(self, targets: NDArray[np.float64], which: NDArray[np.intp] | None = None) -> Readings:
-        """See `RobotGroup.step`."""
+        """Move the robots, see `RobotGroup.step`."""
         moved = np.arange(len(self._terrains)) if which is None else which
         if self._surroundings is None:
             anywhere = next(terrain for terrain in self._terrains if terrain is not None)
@@ -89,11 +92,11 @@ class Fleet:
         )
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Do nothing, because there is nothing to free."""
 
 
 def _packed(grids: list[SegmentGrid]) -> SegmentGrids:
-    """One grid a robot, each stored once."""
+    """Return the grids of all robots; equal ones are stored once."""
     distinct = list({id(grid): grid for grid in grids}.values())
     counts = np.array([[len(g.first), len(g.segments)] for g in distinct])
     begins = np.cumsum(counts, axis=0) - counts

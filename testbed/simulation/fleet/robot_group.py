@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Robots that are told by the period: one command in, one odometry reading and one scan out. What environments are
-made of."""
+"""Robots that move period by period: one command in, one odometry reading and one scan out."""
 
 from __future__ import annotations
 
@@ -24,13 +23,13 @@ from worlds import World
 
 @dataclass(frozen=True, kw_only=True)
 class RobotSetup:
-    """What all robots of a fleet are made of."""
+    """Robot, lidar and errors of a fleet."""
 
     robot: RobotPreset = field(default_factory=lambda: load_robot("create3"))
     """The robot."""
     lidar: LidarPreset = field(default_factory=lambda: load_lidar("rplidar_a2"))
-    """Its lidar. A period lasts as long as one scan, rounded to whole steps of motion; the number of beams does not
-    vary."""
+    """The lidar. A period lasts as long as one scan, rounded to whole steps of motion; the number of beams is constant.
+    """
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Errors of the wheel odometry."""
     lidar_layers: LidarLayers = field(default_factory=LidarLayers)
@@ -53,7 +52,7 @@ class RobotSetup:
 
     @cached_property
     def steady_lidar(self) -> LidarPreset:
-        """The lidar with a whole number of steps in a scan and an even number of beams in each."""
+        """The lidar with a whole number of steps in a scan and a constant number of beams."""
         return self.lidar.model_copy(update={"scan_rate": 1.0 / self.period, "beam_jitter": 0.0})
 
     @cached_property
@@ -65,10 +64,11 @@ class RobotSetup:
 
 
 class Readings(NamedTuple):
-    """What the robots' sensors say, and the truth, at the end of a period; rows are robots."""
+    """Sensor readings and true poses at the end of a period; rows are robots."""
 
     ranges: NDArray[np.float64]
-    """Of the scan begun with the period [m], (robots, beams); as in REP 117: inf none, -inf too near, NaN lost."""
+    """Ranges of the scan that began with the period [m], (robots, beams); inf = no return, -inf = too near, NaN = lost
+    (REP 117)."""
     odometry: Pose
     """`T_odom_robot`, (robots, 3), headings not wrapped."""
     truth: Pose
@@ -78,28 +78,30 @@ class Readings(NamedTuple):
 
 
 class Terrain:
-    """A world without its movers, ready for the fast backend."""
+    """A world without people and doors, prepared for the fast backend."""
 
     def __init__(self, world: World, lidar_height: float) -> None:
         self.world = world
         self.solid = segment_grid(world.boundary_segments())
-        """What bodies touch."""
+        """Surfaces that stop bodies."""
         self.seen = segment_grid(world.boundary_segments(lidar_height, glass=False))
-        """What beams meet."""
+        """Surfaces that stop beams."""
 
 
 class RobotGroup(Protocol):
-    """Robots that are told by the period."""
+    """Robots that move period by period."""
 
     def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
-        """Put that robot to rest at `T_world_robot` (3,) in a world, with errors drawn anew from the seeds."""
+        """Place the robot of that index at rest at `T_world_robot` (3,), with errors newly drawn from the seeds."""
         ...
 
     def step(self, targets: NDArray[np.float64], which: NDArray[np.intp] | None = None) -> Readings:
-        """Steer the robots of these indices (default: all) towards a speed [m/s] and a turn rate [rad/s] each,
-        (robots, 2), for one period. Rows of others hold what they last held."""
+        """Steer robots towards speeds [m/s] and turn rates [rad/s], (robots, 2), for one period.
+
+        which: indices of these robots, default: all; the rows of all others keep their last readings
+        """
         ...
 
     def close(self) -> None:
-        """Free everything."""
+        """Free all resources."""
         ...

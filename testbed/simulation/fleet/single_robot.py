@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A group of one robot, on any backend: PyBullet's physics for the environments."""
+"""A group of one robot on any backend, such as PyBullet."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MakeBackend = Callable[[World, RobotPreset, AccelerationLimits], Backend]
 
 
 class BackendRobot:
-    """One robot with its sensors; on the fast backend the same bits as a `Fleet` of one."""
+    """One robot with its sensors; on the fast backend it gives the same bits as a `Fleet` of one."""
 
     def __init__(self, setup: RobotSetup, make_backend: MakeBackend) -> None:
         """make_backend: makes the backend, such as the class `PyBulletBackend`."""
@@ -30,7 +30,7 @@ class BackendRobot:
         self._backend: Backend | None = None
 
     def place(self, robot: int, terrain: Terrain, pose: Pose, seeds: RunSeeds) -> None:
-        """See `RobotGroup.place`."""
+        """Place the robot, see `RobotGroup.place`."""
         if robot != 0:
             raise IndexError(f"robot must be 0, got {robot}")
         self.close()
@@ -44,7 +44,7 @@ class BackendRobot:
         self._pose = np.array(pose, dtype=np.float64)
 
     def step(self, targets: NDArray[np.float64], which: NDArray[np.intp] | None = None) -> Readings:
-        """See `RobotGroup.step`."""
+        """Move the robot, see `RobotGroup.step`."""
         assert self._backend is not None
         speed, turn_rate = targets[0].tolist()
         motion = self._backend.drive(speed, turn_rate, self._setup.steps)

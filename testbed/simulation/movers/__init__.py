@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""People and doors."""
+"""People and doors that move."""

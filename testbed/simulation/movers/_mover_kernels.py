@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Rays against circles and segments that move while the scan is taken."""
+"""Intersection of rays with circles and segments that move during a scan."""
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from testbed.simulation.physics._ray_kernels import distance_along
 
 @kernel
 def _distance_to_circle(circle, x, y, cos, sin):
-    """Distance [m] from (x, y) along (cos, sin) to the circle (3,) `(x, y, radius)`; inf if missed or begun inside."""
+    """Return the distance [m] from (x, y) along (cos, sin) to the circle (3,) `(x, y, radius)`; inf if the ray misses
+    it or begins inside."""
     ax, ay = circle[0] - x, circle[1] - y
     along, across = ax * cos + ay * sin, ax * sin - ay * cos
     inside = circle[2] * circle[2] - across * across
@@ -23,10 +24,10 @@ def _distance_to_circle(circle, x, y, cos, sin):
 
 @kernel
 def nearest_mover(circles, segments, positions, origins, directions):
-    """Distances [m] (rays,) to the nearest mover and cosines of the angle of incidence (rays,); inf where none is.
+    """Return distances [m] (rays,) to the nearest mover, inf = none, and cosines of the angles of incidence (rays,).
 
-    circles (n, c, 3): `(x, y, radius)` [m] at a constant rate;  segments (n, s, 4): `(x0, y0, x1, y1)` [m];
-    positions (rays,): when each ray is cast, as a fractional index into the n instants
+    circles (n, c, 3): `(x, y, radius)` [m] at a constant rate; segments (n, s, 4): `(x0, y0, x1, y1)` [m]; positions
+    (rays,): time of each ray, as a fractional index into the n instants
     """
     rays, last = directions.shape[0], circles.shape[0] - 1
     distances, cos_incidence = np.full(rays, np.inf), np.zeros(rays)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""People and doors in motion: seeded, seen by the lidar, and never in collision with the robot.
+"""People and doors that move at random, are seen by the lidar and never touch the robot.
 
-A person never steps towards a robot that is near, but back along the way, whose ends lie off the tour; the robot waits
-for whoever is in front of it. A door opens for the robot and does not move while the robot is within its reach.
+A person near the robot steps back along their path, whose ends lie off the tour; the robot waits for people in front of
+it. A door opens for the robot and stands still while the robot is within its reach.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from testbed.simulation.physics.backend import Hits
 from worlds import PERSON_RADIUS, Door, Person, World
 
 _MIN_PERSON_DISTANCE = 1.0
-"""A person does not come nearer to the robot's footprint than this [m]."""
+"""Least distance between a person and the robot's footprint [m]."""
 _LEG_RADIUS, _LEG_SPREAD, _STRIDE = 0.07, 0.1, 0.7
-"""Of a person's legs: radius, distance from the middle, length of a step [m]."""
+"""Legs of a person: radius, distance from the centre, length of a step [m]."""
 _DOOR_SENSOR = 1.5
-"""A door opens when the robot's footprint is within this of its leaf's reach [m]."""
+"""A door opens if the robot's footprint is this near to the circle that its leaf can reach [m]."""
 _DOOR_MARGIN = 0.05
-"""A door does not move while the robot's footprint is within this of its leaf's reach [m]."""
+"""A door stands still if the robot's footprint is this near to the circle that its leaf can reach [m]."""
 _SWING_RATE = 1.0
-"""Of a door [rad/s]."""
+"""Angular speed of a door [rad/s]."""
 
 
 class _Walker:
-    """One person: where on the way, and which way round."""
+    """One person on their path: position and direction."""
 
     def __init__(self, person: Person, robot: tuple[float, float], radius: float, rng: Generator) -> None:
-        self._person, self._way, self._rng = person, person.way(), rng
+        self._person, self._way, self._rng = person, person.path(), rng
         self._along = float(rng.uniform(0.0, self._way.length))
         self._direction = 1.0 if rng.random() < 0.5 else -1.0
         self._pause, self._walked = 0.0, 0.0
@@ -48,7 +48,7 @@ class _Walker:
         return math.hypot(x - robot[0], y - robot[1])
 
     def advance(self, seconds: float, robot: tuple[float, float], radius: float) -> None:
-        """Walk on, wait, or make way for a robot of that footprint radius [m]."""
+        """Walk on, pause, or step back from a robot of that footprint radius [m]."""
         if self._pause > 0.0:
             self._pause -= seconds
         step = 0.0 if self._pause > 0.0 else self._direction * self._person.speed * seconds
@@ -65,7 +65,7 @@ class _Walker:
             self._pause = float(self._rng.uniform(0.5, 1.5)) * self._person.pause
 
     def _retreat(self, step: float, now: float, robot: tuple[float, float]) -> float:
-        """The step that leads away from the robot fastest, or none."""
+        """Return the signed step along the path that leads away from the robot, or 0."""
         self._pause = 0.0
         best = max((step, -step), key=lambda s: self._distance(self._along + s, robot))
         if self._distance(self._along + best, robot) <= now:
@@ -75,11 +75,11 @@ class _Walker:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Middle of the person [m]."""
+        """Centre of the person [m]."""
         return _point(self._way, self._along)
 
     def legs(self) -> list[tuple[float, float, float]]:
-        """Circles `(x, y, radius)` [m] of both legs, which swing in turn."""
+        """Return circles `(x, y, radius)` [m] of both legs, which swing in turn."""
         x, y = self.position
         ahead = _point(self._way, min(self._along + 0.01, self._way.length))
         behind = _point(self._way, max(self._along - 0.01, 0.0))
@@ -94,7 +94,7 @@ class _Walker:
 
 
 class _Leaf:
-    """One door: how far it is open."""
+    """One door and its angle."""
 
     def __init__(self, door: Door, rng: Generator) -> None:
         self._door, self._rng = door, rng
@@ -105,7 +105,7 @@ class _Leaf:
     def advance(
         self, seconds: float, robot: tuple[float, float], radius: float, people: list[tuple[float, float]]
     ) -> None:
-        """Swing on, or stand still next to a robot of that footprint radius [m]; open for whoever comes."""
+        """Swing on, or stand still near a robot of that footprint radius [m]; open for robot and people."""
         door = self._door
         gap = math.hypot(door.x - robot[0], door.y - robot[1]) - door.width - radius
         person = min((math.hypot(door.x - x, door.y - y) for x, y in people), default=math.inf)
@@ -120,17 +120,18 @@ class _Leaf:
             self._opened = min(max(self._opened + (change if self._wants_open else -change), 0.0), 1.0)
 
     def segment(self) -> tuple[float, float, float, float]:
-        """The leaf from the hinge to its tip [m]."""
+        """Return the leaf from the hinge to its tip [m]."""
         door = self._door
         angle = door.closed + self._opened * door.swing
         return door.x, door.y, door.x + door.width * math.cos(angle), door.y + door.width * math.sin(angle)
 
 
 class Movers:
-    """All that moves in a world, told at a constant rate."""
+    """All people and doors of a world, moved at a constant rate."""
 
     def __init__(self, world: World, footprint_radius: float, period: float, stream: Stream) -> None:
-        """footprint_radius: the robot's [m]; period: time between two calls of `advance` [s]; stream: their seed."""
+        """footprint_radius: that of the robot [m]; period: time between two calls of `advance` [s]; stream: seed of the
+        motion"""
         robot = (world.start.x, world.start.y)
         people, doors = children(stream, 2)
         self._walkers = [
@@ -153,15 +154,15 @@ class Movers:
         return np.array([leg for walker in self._walkers for leg in walker.legs()]).reshape(-1, 3)
 
     def segments(self) -> NDArray[np.float64]:
-        """Door leaves `(x0, y0, x1, y1)` [m], (doors, 4), now."""
+        """Return the door leaves `(x0, y0, x1, y1)` [m] at the current time, (doors, 4)."""
         return np.array([leaf.segment() for leaf in self._leaves]).reshape(-1, 4)
 
     def people(self) -> NDArray[np.float64]:
-        """Middles of all people [m], (people, 2), now."""
+        """Return the centres of all people [m] at the current time, (people, 2)."""
         return np.array([walker.position for walker in self._walkers]).reshape(-1, 2)
 
     def advance(self, x: float, y: float) -> None:
-        """Everything moves for one period, while the robot is at (x, y) [m]."""
+        """Move all people and doors by one period while the robot is at (x, y) [m]."""
         if not self:
             return
         for walker in self._walkers:
@@ -173,7 +174,10 @@ class Movers:
         self._segments.append(self.segments())
 
     def in_the_way(self, x: float, y: float, theta: float, stopping_distance: float) -> bool:
-        """Must a robot at this pose that needs so long to stop [m] wait? Someone or a closing door is in front."""
+        """Return whether a robot at this pose must wait, because someone or a closing door is in front.
+
+        stopping_distance: distance that the robot needs to stop [m]
+        """
         cos, sin = math.cos(theta), math.sin(theta)
         reach = self._radius + PERSON_RADIUS + 0.2 + stopping_distance
         half_width = self._radius + PERSON_RADIUS + 0.15
@@ -190,7 +194,8 @@ class Movers:
     def before(
         self, hits: Hits, origins: NDArray[np.float64], directions: NDArray[np.float64], times: NDArray[np.float64]
     ) -> Hits:
-        """What the rays of `hits` meet if movers stand before the walls; `times` (rays,) [s] of each ray."""
+        """Return the hits of rays that end at movers if these are nearer than the walls; `times` (rays,): time of each
+        ray [s]."""
         if not self:
             return hits
         positions = times / self._period - self._first_index
@@ -201,7 +206,7 @@ class Movers:
         return Hits(np.where(nearer, distances, hits.distances), np.where(nearer, cos_incidence, hits.cos_incidence))
 
     def forget_before(self, time: float) -> None:
-        """Drop what was before `time` [s]."""
+        """Drop the positions before `time` [s]."""
         drop = min(max(int(time / self._period) - self._first_index, 0), len(self._circles) - 1)
         del self._circles[:drop], self._segments[:drop]
         self._first_index += drop

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Backends: what moves the robot and what the lidar's rays hit."""
+"""Physics backends, which move the robot and cast the rays of its lidars."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""A differential-drive robot that follows its commands exactly, unless something stands in its way."""
+"""Motion of a differential-drive robot that follows its commands exactly, unless it meets a wall."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from slam._jit import kernel
 
 
 class Vehicle(NamedTuple):
-    """What the motion of a robot depends on."""
+    """Parameters of the motion of a robot."""
 
     wheel_radius: float
     half_track: float
@@ -22,7 +22,7 @@ class Vehicle(NamedTuple):
 
 @kernel
 def clearance(grid, x, y, reach):
-    """Distance [m] from (x, y) to the nearest segment of a `SegmentGrid`, at most `reach`."""
+    """Return the distance [m] from (x, y) to the nearest segment of a `SegmentGrid`, at most `reach`."""
     rows, cols = grid.shape
     col_low = max(int(np.floor((x - reach - grid.origin[0]) / grid.cell)), 0)
     col_high = min(int(np.floor((x + reach - grid.origin[0]) / grid.cell)), cols - 1)
@@ -44,12 +44,14 @@ def clearance(grid, x, y, reach):
 
 @kernel
 def drive(state, target, step_time, vehicle, grid, poses):
-    """Fill `poses` (steps, 3) with the motion of that many steps, move `state` (7,) on in place; returns contact.
+    """Fill `poses` (steps, 3) with the motion, advance `state` (7,) in place, and return whether the robot touched a
+    wall.
 
-    state (7,): x, y [m], theta [rad], speed [m/s], turn rate [rad/s], left and right wheel [rad]
-    target (2,): speed [m/s] and turn rate [rad/s] to go to;  step_time [s]
-    Each step is an exact arc. A step that would bring a surface into the footprint is not taken, though the wheels
-    turn on, as in front of a wall.
+    state (7,): x, y [m], theta [rad], speed [m/s], turn rate [rad/s], left and right wheel [rad]; target (2,): speed
+    [m/s] and turn rate [rad/s]; step_time [s]
+
+    Each step is an exact arc. The pose does not change in a step that would bring a surface into the footprint, but the
+    wheels turn on, as in front of a wall.
     """
     steps, contact = poses.shape[0], False
     travel = max(abs(state[3]), abs(target[0])) * steps * step_time

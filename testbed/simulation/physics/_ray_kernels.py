@@ -18,8 +18,10 @@ _SLACK = 1e-9  # cells and segments are this much larger [m]: no ray slips throu
 
 
 class SegmentGrid(NamedTuple):
-    """Segments in the order of the cells that they touch; a segment that touches several cells is there several times,
-    so that a ray reads memory in a row."""
+    """Segments in the order of the cells that they touch.
+
+    A segment that touches several cells is stored several times, so that a ray reads memory in order.
+    """
 
     segments: NDArray[np.float64]
     """`(x0, y0, x1, y1)` [m], (touches, 4)."""
@@ -35,7 +37,10 @@ class SegmentGrid(NamedTuple):
 
 @kernel
 def _touches(segment, x_low, y_low, side):
-    """Does the segment (4,) touch the square of that lower corner and side? Separating axes: x, y, the normal."""
+    """Return whether the segment (4,) touches the square of that lower corner and side.
+
+    The separating axes are x, y and the normal of the segment.
+    """
     x0, y0, x1, y1 = segment[0], segment[1], segment[2], segment[3]
     x_high, y_high = x_low + side, y_low + side
     if max(x0, x1) < x_low or min(x0, x1) > x_high or max(y0, y1) < y_low or min(y0, y1) > y_high:
@@ -47,7 +52,8 @@ def _touches(segment, x_low, y_low, side):
 
 @kernel
 def bin_segments(segments, shape, origin, cell):
-    """`first` of a `SegmentGrid` and which segments touch each cell (touches,); all must lie on the grid."""
+    """Return `first` of a `SegmentGrid` and the indices of the segments that touch each cell (touches,); all must lie
+    on the grid."""
     rows, cols = shape
     count = np.zeros(rows * cols + 1, np.int64)
     for fill in range(2):
@@ -78,7 +84,8 @@ def bin_segments(segments, shape, origin, cell):
 
 @inlined
 def distance_along(segment, x, y, cos, sin):
-    """Distance [m] from (x, y) along (cos, sin) to the segment (4,); inf if the ray misses it or runs along it."""
+    """Return the distance [m] from (x, y) along (cos, sin) to the segment (4,); inf if the ray misses it or runs along
+    it."""
     ax, ay = segment[0] - x, segment[1] - y
     bx, by = segment[2] - x, segment[3] - y
     left, right = ay * cos - ax * sin, by * cos - bx * sin  # of the ray's line lie the ends: this far
@@ -94,8 +101,8 @@ def distance_along(segment, x, y, cos, sin):
 
 @inlined
 def _cast_one(grid, x, y, cos, sin, reach):
-    """Distance [m] to the first segment and its place in `grid.segments`; inf and -1 if there is none within `reach`
-    or the origin lies off the grid."""
+    """Return the distance [m] to the first segment and its index in `grid.segments`; inf and -1 if there is none within
+    `reach` or the origin lies off the grid."""
     rows, cols = grid.shape
     gx, gy = (x - grid.origin[0]) / grid.cell, (y - grid.origin[1]) / grid.cell
     col, row = int(np.floor(gx)), int(np.floor(gy))
@@ -124,8 +131,11 @@ def _cast_one(grid, x, y, cos, sin, reach):
 
 @kernel
 def cast_rays(grid, origins, directions, reach):
-    """Distances [m] (rays,) and cosines of the angle of incidence (rays,) of rays from `origins` (rays, 2) [m] along
-    `directions` (rays,) [rad]; inf where nothing lies within `reach` [m]."""
+    """Return distances [m] (rays,), inf where nothing lies within `reach` [m], and cosines of the angles of incidence
+    (rays,).
+
+    The rays go from `origins` (rays, 2) [m] along `directions` (rays,) [rad].
+    """
     n = directions.shape[0]
     distances, cos_incidence = np.empty(n), np.zeros(n)
     for i in range(n):

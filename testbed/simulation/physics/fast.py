@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The fast backend: exact arcs for motion, exact rays on a segment grid. No contact forces, no slip."""
+"""The fast backend: exact arcs, exact rays on a segment grid, no contact forces, no slip."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits, Hi
 from worlds import World
 
 _CELL = 0.7
-"""Side of a bin [m]; among 500 walls or in a furnished office 0.5 to 1 m are best."""
+"""Side of a bin [m]; 0.5 to 1 m are best among 500 walls and in a furnished office."""
 _BORDER = 0.5137
-"""Empty border [m]; an odd number, so that walls at round coordinates do not run along the bins' sides."""
+"""Empty border [m]; the odd number keeps walls at round coordinates off the sides of the bins."""
 
 
 class FastBackend:
-    """A world and a robot whose wheels never slip. Same rays as PyBullet to a micrometre, away from corners."""
+    """A world and a robot whose wheels never slip.
+
+    The rays equal PyBullet's to a micrometre, except at corners.
+    """
 
     def __init__(self, world: World, robot: RobotPreset, limits: AccelerationLimits) -> None:
-        """Bin what the robot's body can touch; what its lidars see is binned when the first ray is cast."""
+        """Bin the walls that the body can touch; those that the lidars see are binned with the first ray."""
         self._world = world
         self._seen: dict[float, SegmentGrid] = {}  # by height
         self._solid = segment_grid(world.boundary_segments())
@@ -30,24 +33,23 @@ class FastBackend:
         self._state = np.array([world.start.x, world.start.y, world.start.theta, 0.0, 0.0, 0.0, 0.0])
 
     def drive(self, speed: float, turn_rate: float, steps: int) -> Motion:
-        """Steer towards that speed [m/s] and turn rate [rad/s] for some steps of 1 / `STEP_RATE` s."""
+        """Move the robot, see `Backend.drive`."""
         poses = np.empty((steps, 3))
         contact = drive(self._state, (speed, turn_rate), 1.0 / STEP_RATE, self._vehicle, self._solid, poses)
         return Motion(poses, self._state[5:].copy(), contact)
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
-        """Level rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame, at
-        `height` above the floor [m]."""
+        """Cast horizontal rays, see `Backend.cast`."""
         if height not in self._seen:
             self._seen[height] = segment_grid(self._world.boundary_segments(height, glass=False))
         return Hits(*cast_rays(self._seen[height], origins, directions, reach))
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Do nothing, because there is nothing to free."""
 
 
 def vehicle_of(robot: RobotPreset, limits: AccelerationLimits) -> Vehicle:
-    """What the motion of a robot depends on."""
+    """Return the parameters of the motion of a robot."""
     return Vehicle(robot.wheel_radius, robot.track / 2.0, robot.footprint_radius, *limits)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The reference backend: PyBullet moves the robot and casts the rays. The only module that imports pybullet."""
+"""The reference backend: PyBullet moves the robot and casts the rays."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PyBulletBackend:
     """A world and a robot, moved by physics. Each one that is open has a physics client of its own (about 30 MB)."""
 
     def __init__(self, world: World, robot: RobotPreset, limits: AccelerationLimits) -> None:
-        """The robot stands at the start of the world. Raises `PyBulletMissingError` if pybullet cannot be imported."""
+        """Place the robot at the start of the world. Raise `PyBulletMissingError` if pybullet cannot be imported."""
         self._scene = borrow(import_pybullet(), world, robot)
         self._open = True
         self._half_track, self._wheel_radius, self._limits = robot.track / 2.0, robot.wheel_radius, limits
@@ -34,7 +34,7 @@ class PyBulletBackend:
         self._wheel_zero = self._scene.wheel_angles()
 
     def drive(self, speed: float, turn_rate: float, steps: int) -> Motion:
-        """Steer towards that speed [m/s] and turn rate [rad/s] for some steps of 1 / `STEP_RATE` s."""
+        """Move the robot, see `Backend.drive`."""
         scene = self._scene
         speeds = ramp(self._command[0], speed, self._limits.acceleration, steps)
         turn_rates = ramp(self._command[1], turn_rate, self._limits.turn_acceleration, steps)
@@ -50,8 +50,7 @@ class PyBulletBackend:
         return Motion(poses, np.subtract(scene.wheel_angles(), self._wheel_zero), contact)
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
-        """Level rays from `origins` (rays, 2) [m] along `directions` (rays,) [rad], both in the world's frame, at
-        `height` above the floor [m]."""
+        """Cast horizontal rays, see `Backend.cast`."""
         n = len(directions)
         cos, sin = np.cos(directions), np.sin(directions)
         begin = np.column_stack([origins, np.full(n, height)])
@@ -65,14 +64,14 @@ class PyBulletBackend:
         return Hits(distances, np.clip(head_on, 0.0, 1.0))
 
     def close(self) -> None:
-        """Give the scene back, after which nothing else may be called; may be called twice."""
+        """Return the scene for further use; this may be called twice, but nothing else after it."""
         if self._open:
             give_back(self._scene)
             self._open = False
 
 
 def import_pybullet() -> Any:
-    """The module; raises `PyBulletMissingError` where it is absent or was built without numpy."""
+    """Return the module pybullet; raise `PyBulletMissingError` if it is absent or was built without numpy."""
     try:
         with _silent_stdio():
             import pybullet
@@ -92,7 +91,7 @@ def import_pybullet() -> Any:
 
 @contextmanager
 def _silent_stdio() -> Iterator[None]:
-    """PyBullet's C code prints its build time on import, past Python's streams."""
+    """Suppress the build time that PyBullet's C code prints on import, past Python's streams."""
     if "pybullet" in sys.modules:
         yield
         return

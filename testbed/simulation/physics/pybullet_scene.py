@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""What PyBullet moves and looks at: a robot among the walls of a world. Scenes are kept and set back.
+"""PyBullet scenes, which hold a robot among the walls of a world and are used again.
 
-PyBullet never gives back the memory of a mesh, neither on `resetSimulation` nor on `disconnect` (bullet3#2898, #3319;
-measured: 1.6 kB a wall, every time). A world that is simulated again therefore gets its old scene, with the robot at
-rest at the start: the same bits as from a new one, at once instead of after a second of settling. The robot settles at
-the origin before there are walls, and is set from there to any start: scenes do not depend on it.
+PyBullet never frees the memory of a mesh, neither on `resetSimulation` nor on `disconnect` (bullet3#2898, #3319;
+measured: 1.6 kB per wall and time). A world that is simulated again therefore gets its old scene, with the robot at
+rest at the start: the bits are those of a new scene, without a second of settling. The robot settles at the origin
+before there are walls, and is moved from there to any start, so that scenes do not depend on it.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from testbed.simulation.physics.urdf import LEFT_WHEEL, RIGHT_WHEEL, robot_urdf
 from worlds import Start, World
 
 _RAYS, _WALLS, _OPAQUE, _ROBOT = 1, 2, 4, 8
-"""Collision groups: glass is a wall that is not opaque; rays (group 1 in Bullet) look for opaque things only."""
+"""Collision groups. Glass is a wall that is not opaque; rays (group 1 in Bullet) hit opaque surfaces only."""
 _QUADS_PER_MESH = 30_000
-"""Array meshes fail somewhere between 131 072 and 262 144 vertices."""
+"""Largest number of vertices of a mesh; larger ones fail somewhere between 131 072 and 262 144."""
 _SOLVER_ITERATIONS = 50
 _WHEEL_TORQUE_PER_KG = 40.0
-"""Torque of a wheel motor per kilogram of robot and metre of wheel radius [N/kg]: far above need, so that the wheels
-keep to the commanded speed (1 Nm for 0.8 kg on 33 mm wheels)."""
+"""Torque of a wheel motor per kilogram of robot and metre of wheel radius [N/kg]; it is ample, so that the wheels keep
+the commanded speed (1 Nm for 0.8 kg on 33 mm wheels)."""
 _SETTLE_STEPS = STEP_RATE
 _RAYS_PER_CALL = 16_000
-"""16384 rays in one call silently return nothing (bullet3#4215)."""
+"""Largest number of rays in one call; 16384 silently return nothing (bullet3#4215)."""
 _MAX_IDLE = 4
-"""Scenes that are kept while nobody uses them; each takes about 30 MB."""
+"""Number of unused scenes that are kept; each takes about 30 MB."""
 
 _idle: list[PyBulletScene] = []
-"""Scenes that nobody uses, the one that was given back last at the end."""
+"""Unused scenes, the one that was returned last at the end."""
 
 
 class PyBulletScene:
-    """A robot at rest among walls, in a physics client of its own without a window."""
+    """A robot among walls in its own physics client without a window."""
 
     def __init__(
         self,
@@ -53,9 +53,9 @@ class PyBulletScene:
         glass: NDArray[np.float64],
         robot: RobotPreset,
     ) -> None:
-        """Build it and let the robot settle for a second; `borrow` is the way to get one.
+        """Build the scene and let the robot settle for a second; `borrow` is the way to get one.
 
-        p: the module pybullet;  key: tells equal scenes;  opaque, glass: walls as upright rectangles (n, 4, 3) [m]
+        p: the module pybullet; key: equal for equal scenes; opaque, glass: walls as upright rectangles (n, 4, 3) [m]
         """
         self._p, self.key = p, key
         self._client: int = p.connect(p.DIRECT)
@@ -85,33 +85,33 @@ class PyBulletScene:
         p.resetBasePositionAndOrientation(self._robot, position, rotation, physicsClientId=self._client)
 
     def turn_wheels(self, rates: list[float]) -> None:
-        """Tell the motors of both wheels the rates to keep [rad/s]."""
+        """Set the rates of both wheel motors [rad/s]."""
         self._p.setJointMotorControlArray(
             self._robot, self._wheels, self._p.VELOCITY_CONTROL, targetVelocities=rates, forces=self._torques,
             physicsClientId=self._client,
         )  # fmt: skip
 
     def step(self) -> None:
-        """One step of 1 / `STEP_RATE` s."""
+        """Simulate one step of 1 / `STEP_RATE` s."""
         self._p.stepSimulation(self._client)
 
     def pose(self) -> tuple[float, float, float]:
-        """`T_world_robot`. PyBullet's base pose is that of the centre of mass, which lies behind the axle."""
+        """Return `T_world_robot`; PyBullet's base pose is that of the centre of mass, which lies behind the axle."""
         position, rotation = self._p.getBasePositionAndOrientation(self._robot, self._client)
         (x, y, _), (qx, qy, qz, qw) = self._p.multiplyTransforms(position, rotation, *self._base_in_mass_frame)
         return x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
     def wheel_angles(self) -> tuple[float, float]:
-        """Angles of the left and the right wheel [rad], from anywhere."""
+        """Return the angles of the left and the right wheel [rad]; their zero is arbitrary."""
         left, right = self._p.getJointStates(self._robot, self._wheels, self._client)
         return left[0], right[0]
 
     def touching(self) -> bool:
-        """Whether the robot touches a wall."""
+        """Return whether the robot touches a wall."""
         return any(self._p.getContactPoints(self._robot, body, physicsClientId=self._client) for body in self._walls)
 
     def cast(self, begin: NDArray[np.float64], end: NDArray[np.float64]) -> list[Any]:
-        """What `rayTestBatch` says of each ray to an opaque wall; begin, end (rays, 3) [m]."""
+        """Return the result of `rayTestBatch` for each ray among opaque walls; begin, end (rays, 3) [m]."""
         answers: list[Any] = []
         for low in range(0, len(begin), _RAYS_PER_CALL):
             part = slice(low, low + _RAYS_PER_CALL)
@@ -121,7 +121,7 @@ class PyBulletScene:
         return answers
 
     def disconnect(self) -> None:
-        """Give up the physics client; the scene cannot be used any more."""
+        """Disconnect the physics client; the scene cannot be used any more."""
         self._p.disconnect(self._client)
 
     def _joints(self) -> range:
@@ -135,7 +135,7 @@ class PyBulletScene:
         p.setCollisionFilterGroupMask(floor, -1, _WALLS, _ROBOT, physicsClientId=self._client)
 
     def _add_walls(self, quads: NDArray[np.float64], group: int) -> list[int]:
-        """Static triangle meshes of upright rectangles (n, 4, 3) [m]."""
+        """Add static triangle meshes of upright rectangles (n, 4, 3) [m], and return their body ids."""
         p, bodies = self._p, []
         for begin in range(0, len(quads), _QUADS_PER_MESH):
             corners = quads[begin : begin + _QUADS_PER_MESH]
@@ -164,7 +164,8 @@ class PyBulletScene:
 
 
 def borrow(p: Any, world: World, robot: RobotPreset) -> PyBulletScene:
-    """A scene with the robot at rest at the start of the world, to be given back; p: the module pybullet."""
+    """Return a scene with the robot at rest at the start of the world; `give_back` takes it back. p: the module
+    pybullet."""
     opaque, glass = _wall_quads(world, glass=False), _wall_quads(world, glass=True)
     content = hashlib.sha256(f"{robot} {len(opaque)} {len(glass)}".encode())
     content.update(opaque.tobytes() + glass.tobytes())
@@ -179,15 +180,17 @@ def borrow(p: Any, world: World, robot: RobotPreset) -> PyBulletScene:
 
 
 def give_back(scene: PyBulletScene) -> None:
-    """Keep a scene for the next one who needs the same; the one that was kept longest makes room for it."""
+    """Keep a scene for its next use, and disconnect the oldest if there are too many."""
     _idle.append(scene)
     if len(_idle) > _MAX_IDLE:
         _idle.pop(0).disconnect()
 
 
 def _wall_quads(world: World, *, glass: bool) -> NDArray[np.float64]:
-    """Upright rectangles of all glass or all other surfaces, (n, 4, 3) [m]: for each slice between two heights at
-    which elements end, the outline of what stands in that slice."""
+    """Return upright rectangles of all glass, or of all other surfaces, (n, 4, 3) [m].
+
+    They are the outlines of the slices between the heights at which elements end.
+    """
     groups = ("walls", "boxes", "discs", "polygons")
     chosen = world.model_copy(update={g: [e for e in getattr(world, g) if e.glass == glass] for g in groups})
     slices = []

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""A robot preset as URDF that drives true in PyBullet.
+"""URDF of a robot preset that drives accurately in PyBullet.
 
-Measured with PyBullet 3.2.7: wheels that are cylinders rattle or veer, spheres do not; with the centre of mass over
-the axle the body pitches when it brakes and the encoders run off; with the centre of mass behind the axle, one
-caster without friction and limited acceleration, wheel odometry follows the true path to a millimetre.
+Measured with PyBullet 3.2.7: wheels that are cylinders rattle or veer, spheres do not. With the centre of mass over the
+axle the body pitches when it brakes, and the encoders drift. With the centre of mass behind the axle, one caster
+without friction and limited acceleration, wheel odometry follows the true path to a millimetre.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ _WHEEL_MASS_SHARE = 0.04
 
 _BODY = '<material name="body"><color rgba="0.16 0.35 0.82 1"/></material>'
 _TYRE = '<material name="tyre"><color rgba="0.2 0.2 0.2 1"/></material>'
-"""Colours of the visuals: viewers draw a body without one in white, and floors too."""
+"""Colours of the visuals: viewers draw a body without a colour in white, as floors."""
 
 LEFT_WHEEL, RIGHT_WHEEL = "left_wheel_joint", "right_wheel_joint"
 
 
 def robot_urdf(robot: RobotPreset) -> str:
-    """URDF text. base_link lies on the floor below the middle of the axle, x forward, z up."""
+    """Return the URDF text; base_link lies on the floor below the centre of the axle, x forward, z up."""
     r, wheel_mass = robot.wheel_radius, _WHEEL_MASS_SHARE * robot.mass
     wheels = "\n".join(
         _wheel(side, y, r, wheel_mass) for side, y in (("left", robot.track / 2.0), ("right", -robot.track / 2.0))

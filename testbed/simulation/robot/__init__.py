@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""The robot's lidar and wheel odometry, with their errors."""
+"""Lidar and wheel odometry of the robot, with their errors."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Where the beams of a scan start and go, and what the device reads for what they meet."""
+"""Kernels of the lidar: origins and directions of beams, and the readings of the device."""
 
 from typing import NamedTuple
 
@@ -20,32 +20,33 @@ class Optics(NamedTuple):
     field_of_view: float
     """Field of view [rad]."""
     full_turn: bool
-    """The last beam is the first one's neighbour."""
+    """Whether the last beam is the neighbour of the first one."""
     grazing: float
-    """Surfaces met with a smaller cosine of the angle of incidence send nothing back."""
+    """Surfaces with a smaller cosine of the angle of incidence give no return."""
     short_return_rate: float
-    """Readings before the surface, per metre of beam [1/m]."""
+    """Rate of readings in front of the surface, per metre of beam [1/m]."""
     noise_floor: float
-    """Standard deviation near by [m]."""
+    """Standard deviation of short ranges [m]."""
     noise_share: float
-    """Standard deviation as a share of the range."""
+    """Standard deviation of long ranges, as a share of the range."""
     range_step: float
     """Ranges are whole multiples of this [m]."""
     dropout: float
-    """Share of beams lost."""
+    """Share of beams that are lost."""
     range_min: float
     """Nearer surfaces give no valid reading [m]."""
     range_max: float
-    """No return from here on [m]."""
+    """Farther surfaces give no return [m]."""
 
 
 @kernel
 def place_beams(poses, positions, mount, angles):
-    """Origins (beams, 2) [m] and directions (beams,) [rad] in the world's frame.
+    """Return origins (beams, 2) [m] and directions (beams,) [rad] of the beams in the world's frame.
 
-    poses (n, 3): `T_world_robot` at a constant rate, headings unwrapped;  positions (beams,): where among them each
-    beam is fired, as a fractional index;  mount (3,): `T_robot_lidar`;  angles (beams,): directions, lidar frame [rad]
-    The lidar moves in a straight line between two poses, which at 240 Hz is right to a micrometre.
+    poses (n, 3): `T_world_robot` at a constant rate, headings unwrapped; positions (beams,): time of each beam, as a
+    fractional index into the poses; mount (3,): `T_robot_lidar`; angles (beams,): directions, lidar frame [rad]
+
+    The lidar moves in a straight line between two poses, which at 240 Hz is exact to a micrometre.
     """
     n, last = angles.shape[0], poses.shape[0] - 1
     first = min(max(int(positions[0]), 0), last)
@@ -67,10 +68,10 @@ def place_beams(poses, positions, mount, angles):
 
 @kernel
 def _with_edge(distances, i, uniform, optics):
-    """Range of beam i [m], perhaps mixed with its neighbour's.
+    """Return the range of beam i [m], mixed with its neighbour's where the beam meets an edge.
 
-    An edge lies anywhere between two beams with the same chance; a beam meets it if it lies within half a spot, and
-    then reads the mean of both surfaces, weighted with their parts of the spot.
+    An edge lies anywhere between two beams with equal probability. A beam meets it if it lies within half a spot; the
+    range is then the mean of both surfaces, weighted with their parts of the spot.
     """
     n = distances.shape[0]
     if optics.spot == 0.0 or (i == n - 1 and not optics.full_turn):
@@ -84,11 +85,12 @@ def _with_edge(distances, i, uniform, optics):
 
 @kernel
 def read_beams(distances, cos_incidence, uniform, normal, optics, device):
-    """Readings [m], (beams,): inf = no return, -inf = too near, NaN = lost (ROS REP 117).
+    """Return readings [m], (beams,): inf = no return, -inf = too near, NaN = lost (ROS REP 117).
 
-    distances [m], cos_incidence (beams,): what the beams met;  uniform (2, n), normal (n,): random numbers, of which
-    the first `beams` are used;  device (2,): constant error [m] and factor of all ranges of this lidar
-    One uniform number decides what becomes of a beam: the low end makes short returns, the high end loses beams.
+    distances [m], cos_incidence (beams,): hits of the beams; uniform (2, n), normal (n,): random numbers, of which the
+    first `beams` are used; device (2,): constant error [m] and factor of all ranges of this lidar
+
+    One uniform number decides the fate of a beam: low values give short returns, high values lost beams.
     """
     n = distances.shape[0]
     readings = np.empty(n)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""From angles of the wheels to odometry: encoders, slip, integration along arcs."""
+"""Kernels of the odometry: encoders, slip, integration along arcs."""
 
 from typing import NamedTuple
 
@@ -10,12 +10,12 @@ import numpy as np
 from slam._jit import kernel
 
 ODOMETER = 9
-"""Numbers that an odometer remembers: pose x, y [m], theta [rad]; then of the left and right wheel: what they spun with
-slip, what the encoders counted, how far they had truly turned at the last reading [rad]."""
+"""Size of the state of an odometer: pose x, y [m], theta [rad]; then for the left and the right wheel each: angle spun
+including slip, angle counted by the encoder, true angle at the last reading [rad]."""
 
 
 class Encoders(NamedTuple):
-    """Sizes of the odometry's errors, and the wheels as the robot's description has them; zero where a layer is off."""
+    """Sizes of the errors of odometry, zero where a layer is off, and nominal wheels of the robot."""
 
     radius: float
     """Nominal radius of the wheels [m]."""
@@ -37,10 +37,10 @@ class Encoders(NamedTuple):
 
 @kernel
 def read_wheels(odometer, wheels, uniform, normal, believed, encoders):
-    """Move `odometer` (9,) on, in place, to where the wheels (2,) [rad] have turned to since the beginning.
+    """Advance `odometer` (9,) in place to the wheel angles (2,) [rad] since the beginning.
 
-    uniform (3,), normal (2,): random numbers;  believed (3,): left and right radius and track that odometry reckons
-    with [m], wrong by the systematic errors of this run
+    uniform (3,), normal (2,): random numbers; believed (3,): left radius, right radius and track [m] that odometry
+    assumes, wrong by the systematic errors of the run
     """
     d_left, d_right = wheels[0] - odometer[7], wheels[1] - odometer[8]
     odometer[7], odometer[8] = wheels[0], wheels[1]
@@ -63,7 +63,8 @@ def read_wheels(odometer, wheels, uniform, normal, believed, encoders):
 
 @kernel
 def _count(odometer, wheel, spun, encoders):
-    """Angle [rad] that the encoder of a wheel counts while it spins by `spun` [rad]; `wheel`: its place, 3 or 4."""
+    """Return the angle [rad] that the encoder of a wheel counts while the wheel spins by `spun` [rad]; `wheel`: its
+    index in the state, 3 or 4."""
     odometer[wheel] += spun * (1.0 - encoders.lost_ticks)
     counted = odometer[wheel]
     if encoders.tick > 0.0:

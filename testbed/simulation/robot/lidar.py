@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""A lidar's readings: noise layers on top of exact distances, each of which can be switched off alone.
+"""Readings of a lidar: exact distances with layers of errors, each of which can be switched off.
 
-Order: what the light meets (short returns, mixed pixels, grazing surfaces), then what the device makes of it (bias,
-noise, rounding, lost beams, limits). Sources of the sizes: the lidar's preset.
+The layers act in this order: surfaces (short returns, mixed pixels, grazing), then the device (bias, noise, rounding,
+lost beams, limits). Their sizes come from the lidar's preset.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from testbed.simulation.robot.random_rows import RandomRows
 
 @dataclass(frozen=True, kw_only=True)
 class LidarLayers:
-    """Which imperfections are on. A layer whose size in the preset is zero does nothing."""
+    """Imperfections that are switched on. A layer whose size in the preset is zero has no effect."""
 
     motion: bool = True
-    """A scan takes time: each beam is measured from where the robot is then."""
+    """Simulate motion distortion: each beam is measured from its own pose."""
     beam_count: bool = True
-    """The number of beams varies (`beam_jitter`)."""
+    """Vary the number of beams (`beam_jitter`)."""
     angle_noise: bool = True
-    """The directions of beams are inexact (`angle_noise_deg`)."""
+    """Add errors to the directions of beams (`angle_noise_deg`)."""
     short_returns: bool = True
-    """Readings before the surface (`short_return_rate`)."""
+    """Add readings in front of the surface (`short_return_rate`)."""
     mixed_pixels: bool = True
-    """Readings between two surfaces at edges (`spot_deg`)."""
+    """Add readings between two surfaces at edges (`spot_deg`)."""
     grazing: bool = True
-    """No return from surfaces met at a small angle (`grazing_deg`)."""
+    """Lose returns from surfaces at grazing angles (`grazing_deg`)."""
     bias: bool = True
-    """Constant and scale error of the device, drawn once a run (`bias_floor`, `bias_share`)."""
+    """Add a constant and a scale error of the device, drawn once per run (`bias_floor`, `bias_share`)."""
     range_noise: bool = True
-    """Random error of each range (`noise_floor`, `noise_share`)."""
+    """Add a random error to each range (`noise_floor`, `noise_share`)."""
     rounding: bool = True
-    """Ranges in whole steps (`range_step`)."""
+    """Round ranges to whole steps (`range_step`)."""
     mounting: bool = True
-    """The lidar sits a little elsewhere than the robot's description says (`Mount.error`, `Mount.error_deg`)."""
+    """Add an error to the mount of the lidar (`Mount.error`, `Mount.error_deg`)."""
     dropout: bool = True
-    """Beams lost at random (`dropout`)."""
+    """Lose beams at random (`dropout`)."""
 
     @classmethod
     def none(cls) -> LidarLayers:
-        """A perfect lidar."""
+        """Return the layers of a perfect lidar."""
         return cls(**{field.name: False for field in fields(cls)})
 
 
@@ -58,15 +58,15 @@ class Sweep:
     """The beams of one scan before they are cast."""
 
     angles: NDArray[np.float64]
-    """Directions as the device reports them, lidar frame [rad], (beams,)."""
+    """Directions that the device reports, lidar frame [rad], (beams,)."""
     true_angles: NDArray[np.float64]
-    """Directions in which the beams really go, lidar frame [rad], (beams,)."""
+    """True directions of the beams, lidar frame [rad], (beams,)."""
     time_offsets: NDArray[np.float64] | None
     """Time of each beam after the first [s], (beams,); None = all at once."""
 
 
 def optics_of(preset: LidarPreset, layers: LidarLayers) -> Optics:
-    """Sizes of the imperfections that are on."""
+    """Return the sizes of the imperfections that are on."""
     return Optics(
         spot=math.radians(preset.spot_deg) * layers.mixed_pixels,
         field_of_view=math.radians(preset.field_of_view_deg),
@@ -83,8 +83,11 @@ def optics_of(preset: LidarPreset, layers: LidarLayers) -> Optics:
 
 
 def draw_device(preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> NDArray[np.float64]:
-    """What sets one device apart from others of its kind, (5,): constant error [m] and factor of its ranges, and its
-    true mount x, y [m], theta [rad]. Draws five numbers whatever layers are on."""
+    """Draw the errors of one device, (5,): constant error [m] and factor of its ranges, true mount x, y [m], theta
+    [rad].
+
+    Five numbers are drawn whatever layers are on.
+    """
     constant, scale = rng.uniform(-1.0, 1.0, 2) * layers.bias
     error = rng.standard_normal(3) * layers.mounting
     error *= [mount.error, mount.error, math.radians(mount.error_deg)]
@@ -103,12 +106,12 @@ class Lidar:
         self._numbers = RandomRows(1, 2 * self._max_beams, 2 * self._max_beams + 1, rows=BEAM_ROWS)
         self._numbers.seed(0, rng)
         self.mount = mount.pose
-        """`T_robot_lidar` as the robot's description says (x, y, theta) [m, m, rad]."""
+        """Nominal `T_robot_lidar` (x, y, theta) [m, m, rad]."""
         self.true_mount = self._device[2:]
-        """`T_robot_lidar` as it is screwed on, (3,) [m, m, rad]."""
+        """True `T_robot_lidar`, (3,) [m, m, rad]."""
 
     def sweep(self) -> Sweep:
-        """Beams of the next scan."""
+        """Return the beams of the next scan."""
         self._uniform, self._normal = self._numbers.next_of(0)
         normal = self._normal
         preset, layers, angles = self._preset, self._layers, self._angles
@@ -122,9 +125,9 @@ class Lidar:
         return Sweep(angles=angles, true_angles=true_angles, time_offsets=offsets)
 
     def ranges(self, hits: Hits) -> NDArray[np.float64]:
-        """Readings [m] for what the beams of the last sweep met, (beams,).
+        """Return the readings [m] of the last sweep, (beams,).
 
-        As in ROS REP 117: inf = no return, -inf = nearer than `range_min`, NaN = lost.
+        inf = no return, -inf = nearer than `range_min`, NaN = lost, as in ROS REP 117.
         """
         readings: NDArray[np.float64] = read_beams(
             hits.distances,
@@ -138,6 +141,6 @@ class Lidar:
 
 
 BEAM_ROWS = 16
-"""Scans whose random numbers are drawn at once."""
+"""Number of scans whose random numbers are drawn at once."""
 _MAX_JITTER = 4.0
-"""Beam counts farther than this many standard deviations above the nominal one do not occur."""
+"""Largest deviation of the beam count from the nominal one [standard deviations]."""

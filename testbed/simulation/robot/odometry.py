@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Odometry from wheel encoders, with the errors that real wheels make.
+"""Odometry from wheel encoders, with the errors of real wheels.
 
-In a well-built simulated robot slip is next to nothing, so the errors are added here: a systematic part, drawn once a
-run (wheel radius, track: Borenstein and Feng, UMBmark, 1996), and a random part whose variance grows with the distance
-driven and the angle turned, so that it does not depend on how often odometry is computed.
+Simulated wheels hardly slip, so the errors are added here: a systematic part, drawn once per run (wheel radius, track:
+Borenstein and Feng, UMBmark, 1996), and a random part whose variance grows with the distance driven and the angle
+turned, so that it does not depend on the rate of the odometry.
 """
 
 from __future__ import annotations
@@ -30,24 +30,26 @@ class _Grade(NamedTuple):
 
 
 GRADES = {"good": _Grade(0.005, 0.01), "typical": _Grade(0.02, 0.03), "poor": _Grade(0.05, 0.10)}
-"""Shares of distance and rotation. Ours, after mvsim's N(1, 0.02) forward and N(1, 0.03) in yaw for `typical`."""
+"""Standard deviations as shares of distance and rotation. They are ours, after mvsim's N(1, 0.02) forward and N(1,
+0.03) in yaw for `typical`."""
 _UNEQUAL_WHEELS = 0.03
-"""Difference of the two wheels' radii, as a share of the distance error (ours): wheels of one kind are more alike than
-their nominal radius is true. With `typical` and a track of 0.23 m it bends a straight line by 0.15 degrees a metre."""
+"""Standard deviation of the difference of both wheel radii, as a share of the distance error (ours): two wheels are
+more alike than their nominal radius is exact. With `typical` and a track of 0.23 m it bends a straight line by 0.15
+degrees a metre."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryConfig:
-    """How well the wheels tell where the robot went; every layer can be switched off alone."""
+    """Errors of the wheel odometry; every layer can be switched off."""
 
     grade: Literal["good", "typical", "poor"] = "typical"
     """Size of the systematic errors."""
     systematic: bool = True
-    """Wrong wheel radii and track, drawn once a run."""
+    """Add errors of wheel radii and track, drawn once per run."""
     random: bool = True
-    """Errors that grow with the root of distance and rotation."""
+    """Add random errors that grow with the root of distance and rotation."""
     ticks: bool = True
-    """Encoders count whole ticks."""
+    """Let encoders count whole ticks."""
     random_translation: float = 0.01
     """Random error along the path [m/sqrt(m)]."""
     random_rotation: float = math.radians(0.5)
@@ -70,11 +72,11 @@ class OdometryConfig:
 
 
 READING_UNIFORMS, READING_NORMALS = 3, 2
-"""Random numbers that one odometry reading takes."""
+"""Number of random numbers of one odometry reading."""
 
 
 def encoders_of(robot: RobotPreset, config: OdometryConfig) -> Encoders:
-    """Sizes of the errors that each reading makes."""
+    """Return the sizes of the errors of each reading."""
     return Encoders(
         radius=robot.wheel_radius,
         track=robot.track,
@@ -88,9 +90,9 @@ def encoders_of(robot: RobotPreset, config: OdometryConfig) -> Encoders:
 
 
 def believed_wheels(robot: RobotPreset, config: OdometryConfig, rng: Generator) -> NDArray[np.float64]:
-    """Left radius, right radius and track [m], (3,), that odometry reckons with in one run: drawn about the true ones.
+    """Draw the left radius, right radius and track [m], (3,), that odometry assumes in one run.
 
-    Draws three numbers whatever layers are on.
+    Three numbers are drawn whatever layers are on.
     """
     distance, rotation, unequal = rng.standard_normal(3)
     grade = GRADES[config.grade]
@@ -104,7 +106,8 @@ def believed_wheels(robot: RobotPreset, config: OdometryConfig, rng: Generator) 
 class Odometry:
     """Integrates wheel angles to a pose `T_odom_robot`, which begins at zero.
 
-    It draws equally many random numbers whatever layers are on, so that switching one leaves the others' noise alone.
+    The number of random numbers does not depend on the layers, so that switching one off leaves the others' noise as it
+    was.
     """
 
     def __init__(self, robot: RobotPreset, config: OdometryConfig, rng: Generator) -> None:
@@ -120,7 +123,7 @@ class Odometry:
         return self._odometer[:3].copy()
 
     def advance(self, left: float, right: float) -> Pose:
-        """The pose after the wheels have turned to these angles since the beginning [rad]."""
+        """Return the pose (3,) after the wheels have turned to these angles since the beginning [rad]."""
         uniform, normal = self._numbers.next_of(0)
         read_wheels(self._odometer, (left, right), uniform, normal, self._believed, self._encoders)
         return self.pose

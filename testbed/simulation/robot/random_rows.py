@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Random numbers for one or many robots, each from a generator of its own, drawn many rows at a time.
+"""Random numbers for one or many robots, drawn many rows at a time from each robot's own generator.
 
-A call of numpy's generators costs as much as some hundred numbers; a robot needs a few at every odometry reading.
+A call of numpy's generators costs as much as some hundred numbers, and a robot needs a few at every reading.
 """
 
 from __future__ import annotations
@@ -12,35 +12,36 @@ from numpy.typing import NDArray
 
 
 class RandomRows:
-    """For each robot an endless sequence of rows of uniform numbers in [0, 1) and of standard normal ones.
+    """Endless rows of uniform numbers in [0, 1) and of standard normal numbers for each robot.
 
-    What a robot gets depends on its own generator alone, not on the other robots.
+    The numbers of a robot depend on its own generator only.
     """
 
     def __init__(self, robots: int, uniforms: int, normals: int, *, rows: int = 16) -> None:
-        """uniforms, normals: numbers in a row; rows: how many are drawn at once, which decides the bits."""
+        """uniforms, normals: numbers in a row; rows: number of rows that are drawn at once, which decides the bits"""
         self.uniform: NDArray[np.float64] = np.empty((robots, rows, uniforms))
-        """Drawn ahead, (robots, rows, uniforms)."""
+        """Uniform numbers drawn in advance, (robots, rows, uniforms)."""
         self.normal: NDArray[np.float64] = np.empty((robots, rows, normals))
-        """Drawn ahead, (robots, rows, normals)."""
+        """Normal numbers drawn in advance, (robots, rows, normals)."""
         self.row = np.zeros(robots, np.int64)
-        """Which of the rows is each robot's current one, (robots,)."""
+        """Index of the current row of each robot, (robots,)."""
         self._rows = rows
         self._generators: list[Generator | None] = [None] * robots
 
     def seed(self, robot: int, rng: Generator) -> None:
-        """Start that robot's sequence anew; the next step leads to its first row."""
+        """Restart the sequence of one robot; the next step leads to its first row."""
         self._generators[robot] = rng
         self.row[robot] = self._rows - 1
 
     def advance(self, robots: NDArray[np.intp]) -> None:
-        """Go on to the next row of these robots (indices), all of which were seeded."""
+        """Advance these robots (indices) to their next rows; all of them were seeded."""
         self.row[robots] += 1
         for robot in np.flatnonzero(self.row == self._rows).tolist():
             self._refill(robot)
 
     def next_of(self, robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The next row of one robot: uniform (uniforms,) and normal (normals,) numbers, valid until it is refilled."""
+        """Return the next row of one robot: uniform (uniforms,) and normal (normals,) numbers, valid until the next
+        refill."""
         row = int(self.row[robot]) + 1
         self.row[robot] = row
         if row == self._rows:

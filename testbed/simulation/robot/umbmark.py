@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""UMBmark: how far from the start a robot's odometry puts it after a square of 4 m, driven in both directions.
+"""UMBmark: odometry error of a robot after a square of 4 m, driven in both directions.
 
 Source: J. Borenstein and L. Feng, UMBmark: A Method for Measuring, Comparing, and Correcting Dead-reckoning Errors in
-Mobile Robots, University of Michigan UM-MEAM-94-22. The robot here drives exact squares, so that what remains is the
-odometry's own error.
+Mobile Robots, University of Michigan UM-MEAM-94-22. Here the robot drives exact squares, so that the error is that of
+the odometry alone.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ SIDE = 4.0
 _PERIOD = 0.05
 """Time between two odometry readings [s]."""
 _SPEED, _TURN_RATE = 0.2, 0.4
-"""Slow, as the method asks: [m/s], [rad/s]."""
+"""Slow motion, as the method requires: speed [m/s] and turn rate [rad/s]."""
 
 
 class UmbmarkResult(NamedTuple):
-    """Return errors of one robot: by how much odometry misses the start."""
+    """Odometry errors of one robot at the end of its squares."""
 
     clockwise: NDArray[np.float64]
     """`(x, y)` [m] at the end of each clockwise run, (runs, 2)."""
@@ -57,7 +57,7 @@ def umbmark(
 
 
 def _square(robot: RobotPreset, direction: int) -> NDArray[np.float64]:
-    """Angles of both wheels [rad], (readings, 2), along four sides and four turns on the spot."""
+    """Return the angles of both wheels [rad], (readings, 2), along four sides and four turns on the spot."""
     straight = round(SIDE / _SPEED / _PERIOD)
     turning = round(0.5 * math.pi / _TURN_RATE / _PERIOD)
     side = np.full((straight, 2), SIDE / straight)

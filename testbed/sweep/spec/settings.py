@@ -12,6 +12,7 @@ from typing import Any, TypeVar, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from slam.config import FilterConfig
+from slam.config.renamed import present_name
 from testbed.settings.simulator import SimulatorOptions
 from testbed.sweep.errors import SweepError
 
@@ -58,6 +59,7 @@ def checked(name: str, value: object, *, recorded: bool) -> Value:
 
     Raises SweepError for an unknown name (with the most similar ones) and for a value of the wrong type.
     """
+    name = present_name(name)
     if name in NOT_SETTINGS:
         raise SweepError(f"{name}: {NOT_SETTINGS[name]}")
     if name not in known():
@@ -81,6 +83,7 @@ def checked(name: str, value: object, *, recorded: bool) -> Value:
 
 def _path(name: str) -> list[str]:
     """Field names from `RunSettings` to a setting; settings of the simulator are one level deeper."""
+    name = present_name(name)
     head = name.partition(".")[0]
     inside = {f.name for f in fields(RunSettings)}
     return name.split(".") if head in inside else ["simulator", *name.split(".")]

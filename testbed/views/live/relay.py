@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A process that follows a recording while it is written and sends it to a viewer: `python -m testbed.views.live.relay JOB`.
+"""Follows a recording while it is written and sends it to a viewer: `python -m testbed.views.live.relay JOB`.
 
 It ends with status 0 after the recording's end was delivered, and 1, with the reason on stderr, when the viewer is
 gone. When its stdin ends, so has the run that started it: it delivers what there is and ends too.
@@ -37,7 +37,7 @@ SEND_TIMEOUT = 15.0
 """A viewer that takes nothing for so long is lost [s]."""
 
 
-class Lost(Exception):
+class ViewerLostError(Exception):
     """The viewer is gone; the message says what is known."""
 
 
@@ -73,7 +73,7 @@ def await_listener(url: str, program: subprocess.Popen[bytes] | None) -> None:
     """Wait until somebody listens at the URL; without a program of ours there is no wait.
 
     Raises:
-        Lost: nobody does.
+        ViewerLostError: nobody does.
     """
     parts = urlsplit(url)
     default = 80 if parts.scheme == "rerun+http" else 443
@@ -84,9 +84,9 @@ def await_listener(url: str, program: subprocess.Popen[bytes] | None) -> None:
             return
         except OSError as error:
             if program is None:
-                raise Lost(f"nobody listens: {error}") from error
+                raise ViewerLostError(f"nobody listens: {error}") from error
             if program.poll() is not None or time.monotonic() > deadline:
-                raise Lost("the viewer did not start") from error
+                raise ViewerLostError("the viewer did not start") from error
         time.sleep(POLL)
 
 
@@ -96,7 +96,7 @@ def send(
     """Send the recording to the job's URL, to its end.
 
     Raises:
-        Lost: the viewer was closed or takes nothing.
+        ViewerLostError: the viewer was closed or takes nothing.
     """
     import rerun as rr
 
@@ -117,9 +117,9 @@ def send(
             try:
                 rec.flush(timeout_sec=SEND_TIMEOUT)
             except RuntimeError as error:
-                raise Lost("connection lost") from error
+                raise ViewerLostError("connection lost") from error
             if program is not None and program.poll() is not None:
-                raise Lost("the viewer was closed")
+                raise ViewerLostError("the viewer was closed")
 
 
 def await_end_of_stdin(gone: threading.Event) -> None:
@@ -135,7 +135,7 @@ def relay(job: dict[str, Any]) -> None:
     command as `program`; `serving` where that is a server that shall end with the run
 
     Raises:
-        Lost: the viewer is gone.
+        ViewerLostError: the viewer is gone.
     """
     gone = threading.Event()
     threading.Thread(target=await_end_of_stdin, args=(gone,), daemon=True).start()
@@ -148,7 +148,7 @@ def relay(job: dict[str, Any]) -> None:
         try:
             await_listener(job["url"], program)
             send(source, job, gone, program)
-        except Lost:
+        except ViewerLostError:
             if program is not None and program.poll() not in (None, 0):
                 output.seek(0)
                 sys.stderr.write(output.read().decode(errors="replace"))
@@ -162,11 +162,11 @@ def relay(job: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Relay the job given as JSON."""
+    """Relay the job that the first argument gives as JSON."""
     try:
         relay(json.loads(sys.argv[1]))
         status = 0
-    except Lost as error:
+    except ViewerLostError as error:
         sys.stderr.write(f"{error}\n")
         status = 1
     sys.stderr.flush()

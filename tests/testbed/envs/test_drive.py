@@ -149,11 +149,11 @@ def test_bad_options_are_refused_and_the_episode_goes_on(options, message):
 def test_options_choose_world_and_start_of_one_episode():
     env = make(world=GeneratedWorlds(kinds=("loops",), split="test"))
     env.reset(seed=0, options={"world": 4})
-    assert env.unwrapped._task.places[0].terrain.world.name == "loops test 4"
+    assert env.unwrapped._task.worlds[0].terrain.world.name == "loops test 4"
     _, info = env.reset(options={"world": "loop", "start": (2.0, 1.0, 0.1)})
     np.testing.assert_allclose(info["pose"], (2.0, 1.0, 0.1))
     env.reset()
-    assert env.unwrapped._task.places[0].terrain.world.name.startswith("loops test")
+    assert env.unwrapped._task.worlds[0].terrain.world.name.startswith("loops test")
 
 
 def test_start_of_the_world_or_anywhere_with_room():

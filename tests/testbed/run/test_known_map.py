@@ -68,13 +68,13 @@ def test_a_given_start_is_tracked_to_three_centimetres(seed):
 def test_a_building_that_looks_the_same_turned_round_is_called_ambiguous():
     metrics, _ = localized(frames_of("symmetric", 0, end=8.0), known_map("symmetric"))
     assert metrics["state"] == "ambiguous"
-    assert failure_reason(metrics) == "ambiguous: 2 places of the map explain the scans alike"
+    assert failure_reason(metrics) == "ambiguous: 2 positions in the map explain the scans equally well"
 
 
 def test_the_map_of_another_building_is_told():
     metrics, _ = localized(frames_of("office", 0, end=5.0), known_map("cave"))
     assert metrics["losses"] > 0
-    assert "the map of another place" in failure_reason(metrics) or "not of this place" in failure_reason(metrics)
+    assert "may be of another place" in failure_reason(metrics) or "not of this place" in failure_reason(metrics)
 
 
 @pytest.mark.slow
@@ -160,15 +160,15 @@ def test_maps_of_other_systems_serve(tmp_path):
     ("changes", "words"),
     [
         ({}, None),
-        ({"state": "searching"}, "may still be nearly anywhere"),
-        ({"state": "ambiguous", "places": 3}, "ambiguous: 3 places"),
+        ({"state": "searching"}, "position in the map is still unknown"),
+        ({"state": "ambiguous", "places": 3}, "ambiguous: 3 positions"),
         ({"state": "ambiguous"}, "too few scans"),
-        ({"losses": 1, "lost_at_s": [12.0]}, "ceased to fit the map once, first after 12.0 s"),
+        ({"losses": 1, "lost_at_s": [12.0]}, "stopped fitting the map once, first after 12.0 s"),
         ({"losses": 2, "lost_at_s": [2.0, 5.0], "found_after_m": None}, r"was not found: .*\(tried 2 times\)"),
-        ({"error_median_m": 7.0}, r"in a wrong place: it was 7\.00 m from there"),
+        ({"error_median_m": 7.0}, r"in a wrong position: the median error is 7\.00 m"),
     ],
 )
-def test_every_way_to_be_astray_has_its_words(changes, words):
+def test_every_way_to_fail_has_its_sentence(changes, words):
     fine = {"losses": 0, "lost_at_s": [], "state": "found", "places": 1, "found_after_m": 1.0, "error_median_m": 0.01}
     reason = failure_reason({**fine, **changes})
     if words is None:

@@ -54,11 +54,11 @@ def test_a_gap_is_crossed_where_the_robot_fits_through_with_a_margin(gap, crosse
 
 
 def test_a_start_without_room_is_refused():
-    with pytest.raises(worlds.WorldError, match=r"world 'room': start \(0.3, 1\) m has not the 0.40 m about it"):
+    with pytest.raises(worlds.WorldError, match=r"world 'room': start \(0.3, 1\) m is closer than 0.40 m to a wall"):
         plan_tour(room(start=(0.3, 1.0)), footprint_radius=RADIUS)
 
 
 def test_nowhere_to_go_is_refused():
     cell = Wall(name="outline", points=[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], closed=True)
-    with pytest.raises(worlds.WorldError, match="nowhere to go"):
+    with pytest.raises(worlds.WorldError, match="no floor can be reached"):
         plan_tour(World(name="cell", start=Start(x=0.5, y=0.5), walls=[cell]), footprint_radius=RADIUS)

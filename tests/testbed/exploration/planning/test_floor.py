@@ -48,9 +48,9 @@ def test_the_robot_fits_where_walls_are_farther_away_than_its_radius():
 @pytest.mark.parametrize("point", [(0.31, 0.52), (3.07, 1.41)])
 def test_cells_and_points_belong_together(point):
     floor = Floor(grid_of(ROOMS), RADIUS)
-    middle = floor.middle(floor.cell_of(*point))
-    assert np.abs(middle - point).max() <= 0.5 * floor.cell + 1e-9
-    assert floor.cell_of(*middle) == floor.cell_of(*point)
+    centre = floor.centre(floor.cell_of(*point))
+    assert np.abs(centre - point).max() <= 0.5 * floor.cell + 1e-9
+    assert floor.cell_of(*centre) == floor.cell_of(*point)
 
 
 def test_ways_lead_through_wide_doors_and_not_through_narrow_ones():
@@ -60,7 +60,7 @@ def test_ways_lead_through_wide_doors_and_not_through_narrow_ones():
     start, goal = wide.nearest_open(1.0, 1.0), wide.nearest_open(6.4, 1.0)
     paths = wide.shortest_paths_from(start)
     path = paths.path(goal)
-    np.testing.assert_allclose(path[[0, -1]], [wide.middle(start), wide.middle(goal)])
+    np.testing.assert_allclose(path[[0, -1]], [wide.centre(start), wide.centre(goal)])
     length = np.hypot(*np.diff(path, axis=0).T).sum()
     assert np.hypot(*(path[-1] - path[0])) < length <= paths.costs[goal] + 1e-9
     walls = wide.centres(np.argwhere(wide.occupied))
@@ -70,7 +70,7 @@ def test_ways_lead_through_wide_doors_and_not_through_narrow_ones():
 
 def test_a_robot_beside_a_wall_plans_from_the_nearest_place_that_fits_or_not_at_all():
     floor = Floor(grid_of(ROOMS), RADIUS)
-    near = floor.middle(floor.nearest_open(0.22, 0.9))
+    near = floor.centre(floor.nearest_open(0.22, 0.9))
     assert 0.1 < np.hypot(*(near - [0.22, 0.9])) < 0.5
     assert floor.nearest_open(-40.0, 0.9) is None
     assert Floor(grid_of("####\n####"), RADIUS).nearest_open(0.3, 0.3) is None
@@ -104,7 +104,7 @@ def test_frontiers_are_where_the_known_floor_ends_and_can_be_reached():
     floor = Floor(wide_door(), RADIUS)
     found = find_frontiers(floor, floor.shortest_paths_from(floor.nearest_open(1.0, 1.0)))
     assert len(found) == 1
-    x, y = floor.middle(found[0].goal)
+    x, y = floor.centre(found[0].goal)
     assert 7.0 < x < 7.7  # the opening lies at x = 7.6, y = 0.4 to 1.6
     assert 0.4 < y < 1.6
     assert found[0].length == pytest.approx(1.2, abs=0.2)
@@ -141,9 +141,9 @@ def test_information_prefers_a_room_to_a_niche_unless_it_is_far_away():
     frontiers = find_frontiers(floor, paths)
     choose = most_information(12.0)
     assert len(frontiers) == 2
-    assert floor.middle(choose(floor, frontiers).goal)[0] > 8.0
+    assert floor.centre(choose(floor, frontiers).goal)[0] > 8.0
     far = [frontier._replace(cost=100.0) if frontier.goal[1] > 80 else frontier for frontier in frontiers]
-    assert floor.middle(choose(floor, far).goal)[0] < 2.0
+    assert floor.centre(choose(floor, far).goal)[0] < 2.0
 
 
 def test_news_are_greatest_where_nothing_is_known_and_none_where_all_is():

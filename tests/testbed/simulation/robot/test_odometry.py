@@ -22,12 +22,17 @@ def wheels(distance, turn):
     return (distance - half) / ROBOT.wheel_radius, (distance + half) / ROBOT.wheel_radius
 
 
-def drive(config, distance, turn, steps, seed=0):
+def path(config, distance, turn, steps, seed=0):
+    """All odometry poses along an arc, (steps + 1, 3)."""
     odometry = Odometry(ROBOT, config, np.random.default_rng(seed))
     left, right = wheels(distance, turn)
-    for k in range(1, steps + 1):
-        pose = odometry.advance(left * k / steps, right * k / steps)
-    return pose
+    readings = [odometry.advance(left * k / steps, right * k / steps) for k in range(1, steps + 1)]
+    return np.array([np.zeros(3), *readings])
+
+
+def drive(config, distance, turn, steps, seed=0):
+    """The last odometry pose of an arc, (3,)."""
+    return path(config, distance, turn, steps, seed)[-1]
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-6.0, 6.0), st.integers(1, 20))
@@ -53,7 +58,7 @@ def test_ticks_lose_less_than_one_tick_of_each_wheel(distance):
 
 
 @pytest.mark.parametrize("steps", [4, 64])
-def test_random_errors_have_the_stated_size_however_often_odometry_is_read(steps):
+def test_random_errors_do_not_depend_on_the_rate_of_readings(steps):
     config = dataclasses.replace(NONE, random=True)
     straight = np.array([drive(config, 4.0, 0.0, steps, seed) for seed in range(600)])
     assert np.std(straight[:, 0]) == pytest.approx(config.random_translation * 2.0, rel=0.1)
@@ -74,13 +79,18 @@ def test_grades_scale_distance_and_rotation(grade):
     assert np.mean(distances) == pytest.approx(1.0, abs=4.0 * GRADES[grade].distance / math.sqrt(600))
 
 
-def test_slip_comes_at_the_stated_rate_and_runs_ahead_of_the_robot():
-    config = dataclasses.replace(NONE, slip_rate=0.5, slip_distance=0.03)
-    along = np.array([np.hypot(*drive(config, 10.0, 0.0, 100, seed)[:2]) for seed in range(300)])
-    heading = np.array([drive(config, 10.0, 0.0, 100, seed)[2] for seed in range(300)])
-    events, spin = 5.0, 0.03 / ROBOT.track
-    assert np.std(heading) == pytest.approx(math.sqrt(events * 2.0) * spin, rel=0.2)  # exponential: E[s²] = 2 mean²
-    assert np.abs(along - 10.0).max() < 10.0 * 0.2
+def test_slip_has_the_stated_rate_and_size():
+    """Each event adds half the spin to the path, and turns it; the spin is exponential, so E[s²] = 2 mean²."""
+    rate, spin, runs = 0.5, 0.03, 300
+    config = dataclasses.replace(NONE, slip_rate=rate, slip_distance=spin)
+    paths = np.array([path(config, 10.0, 0.0, 100, seed) for seed in range(runs)])
+    events = 100 * -math.expm1(-rate * 0.1)  # at most one in each of the 100 readings
+    ahead = np.hypot(*np.diff(paths[:, :, :2], axis=1).transpose(2, 0, 1)).sum(axis=1) - 10.0
+    spread = 0.5 * spin * math.sqrt(2.0 * events)
+    assert np.mean(ahead) == pytest.approx(0.5 * spin * events, abs=4.0 * spread / math.sqrt(runs))
+    assert np.std(ahead) == pytest.approx(spread, rel=0.2)
+    assert ahead.min() > -0.005
+    assert np.std(paths[:, -1, 2]) == pytest.approx(math.sqrt(2.0 * events) * spin / ROBOT.track, rel=0.2)
 
 
 def test_lost_ticks_shorten_the_path():

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: MIT
+"""Plots of a run that show places: maps, paths, and the scan where it went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.first_failure import Failure
+from eval.report import plots
+from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
+from eval.report.page import Plot
+from eval.report.report_context import ReportContext, positions_in
+from slam.se2 import Pose, compose, inverse
+
+MAX_CROP = 6.0
+"""The picture of the failure shows at most this much around the robot [m]."""
+
+
+def map_plots(context: ReportContext) -> Iterator[Plot]:
+    """The estimated map, the true one and their difference; nothing where the run has no map."""
+    run, T = context.run, context.T_frame_estimate
+    if run.grid is None:
+        return
+    around = frame_around(run.grid, T, [], 0.5)
+    if run.truth_grid is not None:
+        around = frame_around(run.truth_grid, np.zeros(3), [], 1.0)
+    cell = f"cells of {100.0 * run.grid.resolution:.3g} cm"
+    yield Plot(
+        "Estimated map" if run.metrics.get("localization") is None else "Given map",
+        draw_map(run.grid, around, T).data_uri,
+        f"Black: wall. White: free. Grey: never seen; {cell}.",
+        True,
+    )
+    if run.truth_grid is not None:
+        truth = draw_map(run.truth_grid, around, np.zeros(3))
+        yield Plot("True map", truth.data_uri, "The map that a perfect mapper would make of this world.", True)
+        difference = draw_difference(run.grid, run.truth_grid, around, T)
+        yield Plot("Difference", difference.data_uri, pixelated=True, key=DIFFERENCE_KEY)
+
+
+def path_plots(context: ReportContext) -> Iterator[Plot]:
+    """All paths over the estimated map, and the error along the estimated one."""
+    run = context.run
+    if run.estimate is None:
+        return
+    background, estimate = _background(context), positions_in(context.T_frame_estimate, run.estimate)
+    curves: list[plots.Series] = []
+    if run.odometry is not None:
+        curves.append(("odometry", positions_in(context.T_frame_odometry, run.odometry), plots.ODOMETRY))
+    if run.truth is not None:
+        curves.append(("truth", run.truth.poses[:, :2], plots.TRUTH))
+    curves.append(("estimate", estimate, plots.ESTIMATE))
+    how = "aligned to the truth over all poses" if context.errors else "odometry starts at the estimate's first pose"
+    source = plots.paths(curves, background=background)
+    yield Plot("Trajectories", source, f"Seen from above over the estimated map; {how}.")
+    if context.errors is not None:
+        source = plots.error_by_place(estimate[context.rows], context.errors.translation_errors, background=background)
+        yield Plot("Error by place", source, "Colour: distance of the estimated path from the true one at that time.")
+
+
+def _background(context: ReportContext) -> Picture | None:
+    run, T = context.run, context.T_frame_estimate
+    if run.grid is None or not run.grid.known.any():
+        return None
+    positions = [] if run.estimate is None else [positions_in(T, run.estimate)]
+    return draw_map(run.grid, frame_around(run.grid, T, list(positions), 0.5), T)
+
+
+def failure_plot(context: ReportContext) -> Plot | None:
+    """The scan where it went wrong over a map, drawn from the estimated pose and from the true one."""
+    run, shown = context.run, context.run.failure
+    if shown is None or run.estimate is None or shown.failure.scan >= len(run.estimate):
+        return None
+    failure, points = shown.failure, shown.points
+    T_frame_map = compose(failure.estimated, inverse(run.estimate.poses[failure.scan]))
+    curves: list[plots.Series] = []
+    if run.truth is not None:
+        curves.append(("true path", run.truth.poses[:, :2], plots.TRUTH))
+    around = run.estimate[max(failure.since - 50, 0) : failure.scan + 50]
+    curves.append(("estimated path", positions_in(T_frame_map, around), plots.ESTIMATE))
+    seen = [plots.SeenScan("scan from the estimated pose", failure.estimated, points, plots.BAD)]
+    if failure.true_pose is not None:
+        seen.insert(0, plots.SeenScan("scan from the true pose", failure.true_pose, points, plots.GOOD))
+    grid, T, caption = run.grid, T_frame_map, "Drawn over the estimated map."
+    if run.truth is not None and run.truth_grid is not None:
+        grid, T = run.truth_grid, np.zeros(3)
+        caption = (
+            "Green: the scan drawn from the true pose. Red: the same scan drawn from the estimated pose. The gap is "
+            f"the error. Drawn over the true map; both paths are aligned at scan {failure.since}."
+        )
+    window = _window(failure, points)
+    background = None
+    if grid is not None and grid.known.any():
+        background = draw_map(grid, frame_around(grid, T, [], 0.5), T)
+    source = plots.scan_over_map(seen, curves, background=background, window=window)
+    return Plot(f"Around scan {failure.scan}", source, caption)
+
+
+def _window(failure: Failure, points: NDArray[np.float64]) -> Extent:
+    """What to show (x, x, y, y) [m]: both poses, and most of the scan but no more than `MAX_CROP` around each."""
+    corners = []
+    for pose in (failure.estimated, failure.true_pose):
+        if pose is not None:
+            corners += _corners_around(pose, points)
+    (left, low), (right, high) = np.min(corners, axis=0), np.max(corners, axis=0)
+    # In the proportions of a plot: a strip would be drawn small.
+    wider = max(0.0, 0.5 * ((high - low) / 0.75 - (right - left)))
+    higher = max(0.0, 0.5 * (0.75 * (right - left) - (high - low)))
+    return float(left - wider), float(right + wider), float(low - higher), float(high + higher)
+
+
+def _corners_around(pose: Pose, points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Two corners (2,) of the square about a pose (3,) that holds most of its scan (k, 2) [m]."""
+    reach = np.percentile(np.hypot(*points.T), 90.0) if len(points) else 0.0
+    reach = np.clip(reach, 2.0, MAX_CROP)
+    return [pose[:2] - reach, pose[:2] + reach]
