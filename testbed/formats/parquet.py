@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.map_server import write_map
+from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
 from testbed.formats.frame_table import BeamPattern, FrameTable, Integers
 from testbed.formats.head import LogHead
