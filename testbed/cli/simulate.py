@@ -31,6 +31,7 @@ from testbed.seeds import RunSeeds
 from testbed.settings.simulator import FAST_SIMULATOR, FastSimulatorOptions, SimulatorOptions
 from testbed.simulation.simulator import check_fits
 from worlds import expand_names, label
+from worlds.file_names import RULE, is_name
 
 
 @Parameter(name="*")
@@ -73,8 +74,8 @@ class DatasetOptions:
             raise ValueError(f"count and workers must be at least 1, got {self.count} and {self.workers}")
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}")
-        if self.variant != Path(self.variant).name:
-            raise ValueError(f"variant must be a part of a name, got {self.variant!r}")
+        if self.variant and not is_name(self.variant):
+            raise ValueError(f"variant {self.variant!r}: expected {RULE}")
         if self.out.exists() and not self.out.is_dir():
             raise ValueError(f"{self.out}: is a file, expected a directory")
 

@@ -64,7 +64,7 @@ def _tile(dataset: Path, title: str) -> Any:
     """The drive of one dataset on its map, with a title below."""
     from PIL import Image, ImageDraw
 
-    grid, truth = read_map(dataset / "truth_map.yaml"), read_tum(dataset / "truth.tum")
+    grid, truth = read_map(dataset / "truth_map.yaml", inside=True), read_tum(dataset / "truth.tum")
     shade = np.where(grid.known, 255.0 - 195.0 * np.nan_to_num(grid.probability), 225.0).astype(np.uint8)
     scale = TILE / max(shade.shape)
     image = Image.fromarray(np.flipud(shade)).convert("RGB")

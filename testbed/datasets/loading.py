@@ -154,10 +154,10 @@ class Dataset:
     @property
     def truth_map(self) -> OccupancyGrid | None:
         """The true map; None where it is unknown."""
-        from testbed.formats.maps import read_map_inside
+        from eval.files.map_server import read_map
 
         file = self.path / "truth_map.yaml"
-        return read_map_inside(file) if file.is_file() else self.log.truth_map
+        return read_map(file, inside=True) if file.is_file() else self.log.truth_map
 
     def between(self, start: float, end: float) -> Dataset:
         """The frames from `start` to before `end` [s]; stamps stay as they are."""

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.map_server import write_map
+from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
 from testbed.formats.frame_table import BeamPattern, FrameTable, Integers
 from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError
-from testbed.formats.maps import read_map_inside
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
 MAX_TABLE = 50_000_000
@@ -96,7 +95,7 @@ def read_parquet(path: Path) -> Log:
         path=path,
         format="Parquet table",
         table=table,
-        truth_map=read_map_inside(directory / MAP) if has_map else None,
+        truth_map=read_map(directory / MAP, inside=True) if has_map else None,
         robot_urdf=_read_text(urdf) if path.is_dir() and urdf.is_file() else None,
     )
 

@@ -125,7 +125,7 @@ class Lidar:
         return Sweep(angles=angles, true_angles=true_angles, time_offsets=self._time_offsets(angles))
 
     def _time_offsets(self, angles: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Time of each beam after the first [s]: one array for all scans with the same angles, which saves writers time."""
+        """Time of each beam after the first [s]: one array for all scans of the same angles, to save time."""
         if not self._layers.motion:
             return None
         if self._times is None or self._times[0] is not angles:

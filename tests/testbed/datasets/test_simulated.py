@@ -20,7 +20,6 @@ from testbed.datasets import simulated as dataset
 from testbed.datasets.index import datasets_in
 from testbed.datasets.simulated import is_complete, write_dataset
 from testbed.formats import LogError, open_log
-from testbed.formats.maps import read_map_inside
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig
@@ -193,4 +192,4 @@ def test_a_map_that_names_a_picture_elsewhere_is_refused(made, tmp_path):
     (tmp_path / "secret.pgm").write_bytes((leading_out / "truth_map.pgm").read_bytes())
     (leading_out / "truth_map.yaml").write_text(text.replace("truth_map.pgm", "../secret.pgm"))
     with pytest.raises(ValueError, match="lies outside of the map's folder"):
-        read_map_inside(leading_out / "truth_map.yaml")
+        read_map(leading_out / "truth_map.yaml", inside=True)
