@@ -2,7 +2,9 @@
 """A collection from the command to the arrays: drives that differ, an index, splits by world, a card."""
 
 import json
+import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -229,3 +231,14 @@ def test_reprs_are_one_line(made):
     for shown in (collection, dataset, dataset.log):
         assert len(repr(shown)) < 150
         assert "\n" not in repr(shown)
+
+
+def test_the_code_of_the_docs_runs(made, monkeypatch, capsys):
+    pytest.importorskip("pandas")
+    text = (Path(__file__).parents[3] / "docs" / "datasets.md").read_text()
+    monkeypatch.chdir(made.parent)
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(block, {})
+    assert "error of the turn" in capsys.readouterr().out
