@@ -145,8 +145,8 @@ class GMapping:
 
     @property
     def best(self) -> int:
-        """Number of the particle of the largest weight."""
-        return self._particles.weights.best
+        """Number of the most likely particle: that of the largest weight over its whole history."""
+        return self._particles.best
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -173,6 +173,7 @@ class GMapping:
             "poses": self._particles.poses,
             "log_weights": self._particles.weights.logs,
             "spread": self._particles.covariances,
+            "log_histories": self._particles.log_histories,
         }
         arrays = {**particles, **arrays, **self.maps.state(), **self.ancestry.state()}
         return arrays, {**values, "rng": self._rng.bit_generator.state, "revisits": self._loops.state()}
@@ -182,6 +183,7 @@ class GMapping:
         self._particles = ParticleSet(arrays["poses"])
         self._particles.weights = Weights(arrays["log_weights"])
         self._particles.covariances = arrays["spread"]
+        self._particles.log_histories = arrays["log_histories"]
         self.ancestry.restore(arrays)
         self._intake.restore(arrays, values)
         self.maps.restore(arrays)

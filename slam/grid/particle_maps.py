@@ -19,17 +19,11 @@ from slam.grid._traversal_kernels import bounds_of_rays
 from slam.grid._update_kernels import request_scan_tiles
 from slam.grid.distance_field import MAX_RADIUS, make_offset_table
 from slam.grid.tile_pool import TilePool
-from slam.occupancy import OccupancyGrid
+from slam.occupancy import OccupancyGrid, occupancy_probability
 from slam.sensor.rays import Rays
 
 MAX_TABLE_TILES = 1 << 22
 """Tiles that the table of one particle may span; at 0.05 m cells a square of 1.6 km."""
-
-
-HIT_LOG_ODDS = 1.2
-"""What one hit adds to a cell's log-odds; at the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, 0.4)."""
-LOG_ODDS_LIMITS = (-2.0, 3.5)
-"""Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""
 
 
 class GridArrays(NamedTuple):
@@ -212,9 +206,10 @@ class ParticleMaps:
         if len(rows) == 0:
             raise ValueError("the map is empty: no scan was taken in")
         counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        hits, visits = (counts >> HIT_SHIFT) & HITS, counts & VISITS  # a kernel would be compiled for each run's shape
         cell = self.config.cell
         return OccupancyGrid(
-            probability=occupancy_probability(counts, self.config.occupied_share),
+            probability=occupancy_probability(hits, visits, self.config.occupied_share),
             resolution=cell,
             origin=(
                 float(self._corner[0] + columns[0]) * cell,
@@ -229,18 +224,3 @@ class ParticleMaps:
         tiles = self._counts.data[0][table].reshape(*table.shape, SIDE, SIDE)
         dense: NDArray[np.uint16] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
         return dense
-
-
-def occupancy_probability(counts: NDArray[np.uint16], occupied_share: float) -> NDArray[np.float32]:
-    """P(occupied) of counts words, of any shape; NaN where a cell was never visited.
-
-    The counts are read as a log-odds grid in which a hit adds `HIT_LOG_ODDS` and a pass takes away as much as makes a
-    cell even at the occupied share, clamped as in OctoMap (Hornung et al. 2013).
-    """
-    hits = ((counts >> HIT_SHIFT) & HITS).astype(np.float32)
-    visits = (counts & VISITS).astype(np.float32)
-    log_odds = HIT_LOG_ODDS * (hits - (visits - hits) * occupied_share / (1.0 - occupied_share))
-    probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, *LOG_ODDS_LIMITS)))
-    probability[visits == 0] = np.nan
-    result: NDArray[np.float32] = probability.astype(np.float32)
-    return result

@@ -71,7 +71,7 @@ class GlobalSearch:
         self.poses = chosen
         return StepReport(
             updated=True,
-            pose=poses[weights.best],
+            pose=poses[np.argmax(weights.logs)],
             covariance=pose_covariance(chosen, self.weights.values, np.zeros((len(chosen), 3, 3))),
             particles=len(poses),
             ess=weights.ess,

@@ -98,7 +98,7 @@ class PoseTracker:
 
     def path(self, particle: int | None = None) -> se2.Pose:
         """Path of a particle (default: the best): the mean of its proposal at each update, (updates, 3)."""
-        return self._particles.ancestry.path(self.weights.best if particle is None else particle)
+        return self._particles.ancestry.path(self._particles.best if particle is None else particle)
 
     def update(self, taken: TakenScan) -> StepReport:
         """Run Algorithm 1 once, the map update left out."""
@@ -108,7 +108,7 @@ class PoseTracker:
 
         gain = self.settings.weight_share * result.log_gain
         evidence = particles.move(result.pose.copy(), result.covariance, gain, history=result.mean)
-        pose = result.mean[self.weights.best].copy()
+        pose = result.mean[particles.best].copy()
         report = report_update(particles, result, taken.counts, pose=pose, evidence=evidence)
         self._judge(pose, taken.hits)
         resampled = self._resample(report.ess)

@@ -21,11 +21,23 @@ class ParticleSet:
         self.covariances = np.zeros((len(poses), 3, 3))
         """Covariances of the proposals that the poses were drawn from, (particles, 3, 3)."""
         self.weights = Weights.uniform(len(poses))
+        """Weights since the last resampling."""
+        self.log_histories = np.zeros(len(poses))
+        """Log-weight of each particle's whole history, up to a common constant, (particles,): resampling keeps it."""
         self.ancestry = Ancestry(len(poses))
 
     def __len__(self) -> int:
         """Number of particles."""
         return len(self.poses)
+
+    @property
+    def best(self) -> int:
+        """Number of the most likely particle: that of the largest weight over its whole history; the first at a tie.
+
+        Right after resampling all weights are equal and say nothing; the product of all weights that a history has had
+        still ranks the maps by their likelihood (Grisetti et al. 2007, section III, factorisation of equation 1).
+        """
+        return int(np.argmax(self.log_histories))
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -41,12 +53,18 @@ class ParticleSet:
         Returns the log-evidence of the observation [nats].
         """
         self.poses, self.covariances = poses, covariances
-        self.weights, evidence = self.weights.times(log_gain)
+        before = self.weights
+        self.weights, evidence = before.times(log_gain)
+        if self.weights is not before:  # some particle has a finite gain
+            alive = np.isfinite(self.weights.logs)
+            self.log_histories[~alive] = -np.inf
+            self.log_histories[alive] += self.weights.logs[alive] - before.logs[alive]
         self.ancestry.add(history)
         return evidence
 
     def resample(self, ancestors: NDArray[np.int64]) -> None:
         """Replace the particles by offspring of equal weight: offspring i continues particle `ancestors[i]`."""
         self.poses, self.covariances = self.poses[ancestors], self.covariances[ancestors]
+        self.log_histories = self.log_histories[ancestors]
         self.ancestry.inherit(ancestors)
         self.weights = Weights.uniform(len(ancestors))

@@ -51,11 +51,6 @@ class Weights:
         """Effective sample size 1 / sum w^2 (Kong, Liu, Wong 1994; T-RO 2007, equation 20), in [1, particles]."""
         return float(1.0 / np.sum(self.values**2))
 
-    @property
-    def best(self) -> int:
-        """Number of the particle of the largest weight; the first at a tie."""
-        return int(np.argmax(self.logs))
-
 
 def pose_covariance(poses: se2.Pose, weights: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance (3, 3) of a weighted mixture of Gaussians over poses, in the frame of the poses.

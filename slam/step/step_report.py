@@ -42,7 +42,7 @@ class StepReport:
     unique_ancestors: int = 0
     """Number of ancestors from which the particles descend; counting starts anew once there is a single one."""
     best: int = 0
-    """Number of the particle of the largest weight."""
+    """Number of the most likely particle: that of the largest weight over its whole history."""
     map_bytes: int = 0
     """Memory of all maps [bytes]."""
     loop_closed: bool = False
@@ -64,7 +64,7 @@ def report_state(particles: ParticleSet, readings: BeamCounts, *, pose: se2.Pose
         ess=particles.weights.ess,
         readings=readings,
         unique_ancestors=particles.ancestry.unique_ancestors,
-        best=particles.weights.best,
+        best=particles.best,
         map_bytes=map_bytes,
     )
 
@@ -84,7 +84,7 @@ def report_update(
         matched_share=min(float(weights.values @ result.matched), 1.0),  # the weights' sum may round above 1
         match_failures=int(result.failed.sum()),
         log_evidence=evidence,
-        best=weights.best,
+        best=particles.best,
         proposed=result,
     )
 

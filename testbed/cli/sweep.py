@@ -48,6 +48,12 @@ class SweepOptions:
     route: Literal["fixed", "random"] | None = None
     """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
     direction from another start. Default: fixed."""
+    measure: str | None = None
+    """What accuracy is measured by: online (the pose reported at each scan), filter (the best particle's path at the
+    end), refined (after the final pass), or any key of metrics.json of which less is better. Default: filter."""
+    refine: Literal["ends", "all", "none"] | None = None
+    """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
+    all where the measure needs it."""
     axis: tuple[str, ...] = ()
     """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
     set: tuple[str, ...] = ()
@@ -62,6 +68,8 @@ class SweepOptions:
             flags["particles"] = _counts(self.particles)
         if self.seeds is not None:
             flags["seeds"] = self.seeds
+        if self.measure is not None:
+            flags["measure"] = self.measure
         if self.axis:
             flags["axes"] = parsed_axes(self.axis)
         return flags
@@ -83,9 +91,12 @@ class SweepOptions:
         settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
         if self.route is not None:
             settings["route"] = self.route
-        if not settings:
+        if self.refine in ("all", "none"):
+            settings["refine"] = self.refine == "all"
+        shared = {name: value for name, value in spec.settings.items() if name != "refine" or self.refine != "ends"}
+        if shared | settings == spec.settings:
             return spec
-        return parse_spec(spec.document() | {"settings": spec.settings | settings}, source, folder)
+        return parse_spec(spec.document() | {"settings": shared | settings}, source, folder)
 
 
 @Parameter(name="*")

@@ -17,7 +17,9 @@ from eval.files.atomic_write import atomic_write
 from eval.report.page import flat
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.command import command_of
 from testbed.sweep.store import SweepDirectory
+from worlds import family
 
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")
 
@@ -63,6 +65,7 @@ def gather(directory: SweepDirectory) -> Gathered:
         "measure": spec.key_measure,
         "baseline": spec.baseline or spec.lines()[0].name,
         "code": directory.manifest.code,
+        "command": command_of(spec),
     }
     for name, table in zip(TABLES, (rows, curves, timings), strict=True):
         _write(directory.path / name, table, about)
@@ -80,7 +83,13 @@ def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) ->
     """One row of `sweep.parquet`; measures that are lists are left out."""
     status = "done" if result is not None else "failed" if reason is not None else "missing"
     measures = {} if result is None else {k: v for k, v in flat(result.metrics) if not isinstance(v, list)}
-    own = {"place": cell.place, "line": cell.line, "particles": cell.particles, "seed": cell.seed}
+    own = {
+        "place": cell.place,
+        "family": family(str(cell.source.get("world", ""))),
+        "line": cell.line,
+        "particles": cell.particles,
+        "seed": cell.seed,
+    }
     state = {"status": status, "reason": reason, "key": key}
     settings = {f"setting.{name}": value for name, value in cell.settings.items()}
     return own | state | settings | {name: value for name, value in measures.items() if name not in own}

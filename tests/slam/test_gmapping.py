@@ -190,3 +190,17 @@ def test_deskewing_is_an_option():
         blur[deskew] = np.mean(wall_distance(centres) ** 2) ** 0.5
     assert blur[True] < 0.05
     assert blur[False] > 2.0 * blur[True]
+
+
+def test_after_resampling_the_best_pose_is_of_the_likeliest_history():
+    """The reported pose, the path's end and the map are of one particle, and it is not always number 0."""
+    mapper = GMapping(config(particles=6, resample=ResampleConfig(when="always")), seed=3)
+    truth, odometry, scans = noisy_drive(12)
+    best = []
+    for t in range(len(truth)):
+        report = mapper.process(odometry[t], scans[t])
+        np.testing.assert_array_equal(mapper.path()[-1], mapper.poses[mapper.best])
+        assert np.ptp(mapper.weights) == 0.0
+        best.append(mapper.best)
+        assert report.best < 6
+    assert any(number != 0 for number in best)

@@ -75,7 +75,7 @@ def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
             place=name,
             source=source,
             line=line.name,
-            settings=line.settings,
+            settings={**line.settings, "refine": spec.refines(line, particles)},
             particles=particles,
             seed=seed,
             inputs=_read_by(source, line.settings, inputs),

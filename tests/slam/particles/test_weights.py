@@ -52,7 +52,6 @@ def test_whatever_the_gains_weights_stay_weights(gains):
     assert np.all(weights.values >= 0.0)
     assert 1.0 - 1e-9 <= weights.ess <= len(gains) * (1.0 + 1e-9)
     assert not math.isnan(evidence)
-    assert weights.values[weights.best] == weights.values.max()
 
 
 def test_a_particle_of_no_gain_loses_its_weight_to_the_others():
@@ -78,7 +77,3 @@ def test_where_nobody_has_a_gain_all_stays_as_it_was(gain):
 def test_effective_sample_size_of_k_equal_weights_is_k():
     gains = np.where(np.arange(10) < 4, 0.0, -np.inf)
     assert Weights.uniform(10).times(gains)[0].ess == pytest.approx(4.0)
-
-
-def test_the_first_of_equal_weights_is_best():
-    assert Weights.uniform(5).best == 0
