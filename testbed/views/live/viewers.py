@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 from testbed.views.live import programs
-from testbed.views.rerun.scenery import Scenery
+from testbed.views.rerun.scene.scenery import Scenery
 from testbed.views.view import ViewOptions
 
 logger = logging.getLogger(__name__)

@@ -11,8 +11,8 @@ import rerun.blueprint as rrb
 
 from testbed.views.rerun import entities
 from testbed.views.rerun.drawing import Extent
-from testbed.views.rerun.scenery import Scenery
-from testbed.views.rerun.styles import UNSEEN
+from testbed.views.rerun.scene.scenery import Scenery
+from testbed.views.rerun.scene.styles import UNSEEN
 
 Layout = Literal["overview", "particles", "proposal", "final pass"]
 
@@ -80,10 +80,10 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
     )
 
 
-def map_view(name: str, extent: Extent | None) -> rrb.Spatial3DView:
+def map_view(name: str, extent: Extent | None, follow: str = entities.ESTIMATED_ROBOT) -> rrb.Spatial3DView:
     """The world from above, x to the right, with everything that is known at the time."""
     contents = [f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)]
-    return top_view(name, contents, eye(extent, entities.ESTIMATED_ROBOT), origin=entities.WORLD)
+    return top_view(name, contents, eye(extent, follow), origin=entities.WORLD)
 
 
 def top_view(

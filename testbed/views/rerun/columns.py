@@ -20,7 +20,7 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.archetypes import image_buffers, strips
-from testbed.views.rerun.styles import Z_TOP
+from testbed.views.rerun.scene.styles import Z_TOP
 
 Values = tuple[NDArray[Any], ...]
 """What one row holds; its meaning is the entity's."""

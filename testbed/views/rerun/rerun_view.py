@@ -31,7 +31,7 @@ from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.views.live.viewers import LiveViewer, start_viewers
-from testbed.views.rerun import columns, drawing, entities, styles
+from testbed.views.rerun import columns, drawing, entities
 from testbed.views.rerun.archetypes import grid_map, pose_transform, square_frame, strips
 from testbed.views.rerun.blueprints import blueprint
 from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
@@ -41,8 +41,9 @@ from testbed.views.rerun.layers.map_tiles import MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
 from testbed.views.rerun.layers.prediction import Prediction, predict
-from testbed.views.rerun.scenery import Scenery
-from testbed.views.rerun.styles import Z_ESTIMATE, Z_FAN, Z_TOP
+from testbed.views.rerun.scene import styles
+from testbed.views.rerun.scene.scenery import Scenery
+from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN, Z_TOP
 from testbed.views.schedule import Schedule
 from testbed.views.view import Scene, Snapshot, ViewOptions
 

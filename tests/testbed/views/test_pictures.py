@@ -16,7 +16,7 @@ from slam import se2
 from testbed.views import ViewOptions, open_view
 from testbed.views.rerun import drawing, entities, rerun_view
 from testbed.views.rerun.drawing import HEAVY, LIGHT
-from testbed.views.rerun.styles import ESTIMATE, ODOMETRY, SCAN, TRUTH
+from testbed.views.rerun.scene.styles import ESTIMATE, ODOMETRY, SCAN, TRUTH
 from tests.testbed.views.conftest import SECONDS, Recorded
 from tests.testbed.views.synthetic import BOX, scene, snapshots
 from tests.viewer import near, pixels, viewer_or_skip

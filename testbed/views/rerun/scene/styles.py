@@ -11,8 +11,8 @@ import rerun as rr
 from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.archetypes import strips
 from testbed.views.rerun.layers import events
-from testbed.views.rerun.legend import Entry, legend_image
-from testbed.views.rerun.robot_model import log_robot
+from testbed.views.rerun.scene.legend import Entry, legend_image
+from testbed.views.rerun.scene.robot_model import log_robot
 from testbed.views.view import Scene
 
 TRUTH, ODOMETRY, ESTIMATE = (30, 150, 70), (235, 130, 10), (40, 90, 210)
