@@ -28,13 +28,13 @@ ODOMETRY_SCAN = f"{ODOMETRY_ROBOT}/scan"
 TRUE_SCAN = f"{entities.TRUE_ROBOT}/scan"
 MAX_POINTS = 240
 """Beams of a scan that are drawn."""
-LEGEND: tuple[tuple[Entry, ...], ...] = (
-    (
-        ("line", (styles.TRUTH,), "truth: path, robot, walls"),
-        ("dot", (styles.SCAN,) * 3, "scan, from the true pose"),
-        ("line", (styles.ODOMETRY,), "odometry: path, robot"),
-        ("dot", (styles.ODOMETRY,) * 3, "scan, from the odometry"),
-    ),
+LEGEND_OF_TRUTH: tuple[Entry, ...] = (
+    ("line", (styles.TRUTH,), "truth: path, robot, walls"),
+    ("dot", (styles.SCAN,) * 3, "scan, from the true pose"),
+)
+LEGEND_OF_ODOMETRY: tuple[Entry, ...] = (
+    ("line", (styles.ODOMETRY,), "odometry: path, robot"),
+    ("dot", (styles.ODOMETRY,) * 3, "scan, from the odometry"),
 )
 
 
@@ -47,12 +47,12 @@ def write_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> None
     rec.set_log_time_enabled(False)
     rec.save(recording, default_blueprint=_blueprint(scene))
     rec.send_recording_name(scene.title)
-    _log_static(rec, scene)
     columns, first = Columns(rec), None
     paths: dict[str, GrowingPath] = {}
     for number, frame in enumerate(f for f in frames if f.scan is not None):
         if first is None:
             first = frame
+            _log_static(rec, scene, truth=frame.truth is not None)
             T_world_odom = np.zeros(3) if frame.truth is None else se2.compose(frame.truth, se2.inverse(frame.odometry))
             rec.log(entities.ODOMETRY, pose_transform(T_world_odom), static=True)
         columns.time = (frame.stamp - first.stamp, number)
@@ -81,18 +81,18 @@ def write_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> None
         raise ValueError(f"{scene.title}: no scan in it, expected frames with scans")
 
 
-def _log_static(rec: rr.RecordingStream, scene: Scene) -> None:
+def _log_static(rec: rr.RecordingStream, scene: Scene, truth: bool) -> None:
+    """Log what never changes; `truth`: whether true poses are known."""
     rec.log(entities.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     if scene.true_map is not None:
         styles.log_true_walls(rec, scene)
-    for robot, model, colour in (
-        (entities.TRUE_ROBOT, entities.TRUE_MODEL, styles.TRUTH),
-        (ODOMETRY_ROBOT, entities.ESTIMATED_MODEL, styles.ODOMETRY),
-    ):
-        log_robot(rec, scene, robot, model, colour)
+    log_robot(rec, scene, ODOMETRY_ROBOT, entities.ESTIMATED_MODEL, styles.ODOMETRY)
+    if truth:
+        log_robot(rec, scene, entities.TRUE_ROBOT, entities.TRUE_MODEL, styles.TRUTH)
     for scan, colour in ((TRUE_SCAN, styles.SCAN), (ODOMETRY_SCAN, styles.ODOMETRY)):
         rec.log(scan, rr.Points3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(1.5)), static=True)
-    image = rr.EncodedImage(contents=legend_image(LEGEND), media_type="image/png")
+    legend = (*(LEGEND_OF_TRUTH if truth else ()), *LEGEND_OF_ODOMETRY)
+    image = rr.EncodedImage(contents=legend_image([legend]), media_type="image/png")
     rec.log(f"{entities.LEGEND}/map", image, static=True)
 
 
