@@ -65,6 +65,20 @@ def test_any_text_is_read_or_refused(text):
     assert limit.comparison in text
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "relations.trans_mean_m > 1",
+        "localization.fit < 0.5",
+        "map_filter.iou < 0.5",
+        "trajectory.rpe.50m.trans_rmse_m > 1",
+    ],
+)
+def test_a_measure_that_this_score_does_not_have_breaks_its_limit(text):
+    (sentence,) = check(METRICS, [Limit.parse(text)])
+    assert "could not be measured" in sentence
+
+
 def test_an_unknown_key_is_an_error_that_names_the_nearest():
     with pytest.raises(GateError, match=r"no trajectory\.ate_rms; near: trajectory\.ate_rmse_m"):
         check(METRICS, [Limit.parse("trajectory.ate_rms > 1")])
