@@ -7,15 +7,9 @@ from slam.occupancy import OccupancyGrid
 from tests.eval.helpers import room
 
 IDENTITY = np.zeros(3)
-
-
 TRUTH = room()
-
-
 EVERYWHERE = TRUTH.known
 WALLS, CELLS = int(TRUTH.occupied.sum()), int(EVERYWHERE.sum())
-
-
 ROW = 20 + 40  # a row through the middle of the room (margin of 20 cells, 80 rows of floor)
 
 
