@@ -19,7 +19,6 @@ from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.output import FLAG
 from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.shared.sweep_progress import sweep_progress
-from testbed.run.interruption import sigterm_interrupts
 from testbed.run.run_directory import default_directory
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import Executor, execute, pending, prepare
@@ -198,7 +197,7 @@ def sweep(
         if execution.scheduler is None:
             announce_compilation()
         try:
-            with sigterm_interrupts(), sweep_progress(cells, costs) as progress:
+            with sweep_progress(cells, costs) as progress:
                 execute(directory, cells, execution.executor, progress)
         except KeyboardInterrupt:
             left = len(pending(directory, costs, part))
