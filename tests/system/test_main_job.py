@@ -40,7 +40,7 @@ def test_a_short_drive_is_mapped_scored_and_reported(tmp_path):
         part["ate_rmse_m"]
         for part in (metrics["trajectory"]["odometry"], metrics["trajectory_filter"], metrics["trajectory"])
     )
-    # 0.054, 0.013 and 0.0032 m; the plain motion model has 0.068 m in the filter, a missing final pass 0.013 m at the end
+    # 0.054, 0.013, 0.0032 m. Plain motion model: 0.068 m in the filter. No final pass: 0.013 m at the end
     assert filtered < odometry / 2.0
     assert final < filtered / 2.0
     assert metrics["map"]["iou_1_cells"] > 0.93  # 0.97; 0.87 without the final pass
