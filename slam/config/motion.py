@@ -40,3 +40,21 @@ class MotionConfig:
         require_at_least(self, 0.0, "failure_along", "failure_limit", "failure_rotation")
         if not 0.0 <= self.failure_share < 1.0:
             raise ValueError(f"MotionConfig.failure_share must be in [0, 1), got {self.failure_share}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameMotionConfig(MotionConfig):
+    """The motion model between neighbouring frames, which are closer together than the updates of the filter.
+
+    Its error is smaller at rest and larger per metre and radian, because errors of many short steps partly cancel. A
+    class of its own, so that a changed setting leaves the defaults of the others as they are.
+    """
+
+    rotation_from_translation: float = 0.2
+    """Error of heading per metre driven [rad/m] (str)."""
+    rotation_from_rotation: float = 0.2
+    """Error of heading per radian turned [rad/rad] (stt)."""
+    floor_translation: float = 0.001
+    """Error that is there even at rest [m]."""
+    floor_rotation: float = 0.002
+    """Error of heading that is there even at rest [rad]."""

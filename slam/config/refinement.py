@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from slam.config._checks import require_at_least, require_positive
-from slam.config.motion import MotionConfig
+from slam.config.motion import FrameMotionConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,16 +35,8 @@ class RefineConfig:
     """Distance of the surfels along a wall, at least [m]."""
     max_points: int = 3_000_000
     """With more hits than this every k-th one is used for the poses; the map takes all."""
-    motion: MotionConfig = field(
-        default_factory=lambda: MotionConfig(
-            floor_translation=0.001,
-            floor_rotation=0.002,
-            rotation_from_translation=0.2,
-            rotation_from_rotation=0.2,
-        )
-    )
-    """Motion model between neighbouring frames, which lie closer together than the updates of the filter: less error
-    at rest, more per metre and radian, since errors of many short steps partly cancel."""
+    motion: FrameMotionConfig = field(default_factory=FrameMotionConfig)
+    """Motion model between neighbouring frames."""
 
     def __post_init__(self) -> None:
         require_at_least(self, 1, "rounds", "max_points")
