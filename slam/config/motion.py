@@ -21,17 +21,17 @@ class MotionConfig:
     rotation_from_rotation: float = 0.1
     """Error of heading per radian turned [rad/rad] (stt)."""
     floor_translation: float = 0.005
-    """Error that is there even at rest [m]."""
+    """Error of position even without motion [m]."""
     floor_rotation: float = 0.003
-    """Error of heading that is there even at rest [rad]."""
+    """Error of heading even without motion [rad]."""
     failure_share: float = 0.05
     """Share of the steps in which the odometry fails (slip, wrong sign): the tail of the motion model."""
     failure_along: float = 1.0
     """Error along the heading per metre driven in such a step [m/m]."""
     failure_limit: float = 0.4
-    """The largest standard deviation of that error: wheels slip and directions change on short stretches [m]."""
+    """Largest standard deviation of that error [m], because wheels slip and directions change on short stretches."""
     failure_rotation: float = 0.3
-    """Further error of heading per radian turned in such a step [rad/rad]."""
+    """Additional error of heading per radian turned in such a step [rad/rad]."""
 
     def __post_init__(self) -> None:
         require_positive(self, "floor_translation", "floor_rotation")
@@ -55,6 +55,6 @@ class FrameMotionConfig(MotionConfig):
     rotation_from_rotation: float = 0.2
     """Error of heading per radian turned [rad/rad] (stt)."""
     floor_translation: float = 0.001
-    """Error that is there even at rest [m]."""
+    """Error of position even without motion [m]."""
     floor_rotation: float = 0.002
-    """Error of heading that is there even at rest [rad]."""
+    """Error of heading even without motion [rad]."""
