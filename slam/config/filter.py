@@ -86,7 +86,7 @@ class ResampleConfig:
     """When and how particles are resampled."""
 
     when: Literal["ess", "always", "never"] = "ess"
-    """ess: resample when the effective sample size is below the threshold; always: at each update; never: not at all."""
+    """ess: when the effective sample size is below the threshold; always: at each update; never: not at all."""
     threshold: float = 0.5
     """Share of the particle count below which the effective sample size triggers resampling (resampleThreshold)."""
     scheme: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
