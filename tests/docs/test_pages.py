@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from eval.estimates import SCORED
 from testbed.cli.shared.app import app
 from testbed.cli.shared.help_texts import HELP
 
