@@ -126,9 +126,14 @@ class Costs:
 
     def __call__(self, cell: Cell) -> float:
         """Predicted work of one cell."""
+        return self.of_length(self.lengths[cell.place], cell)
+
+    @staticmethod
+    def of_length(length: float, cell: Cell) -> float:
+        """Predicted work of a cell if its drive or log had this length."""
         factor = _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
         final_pass = _FINAL_PASS if cell.settings.get("refine", True) else 0.0
-        return self.lengths[cell.place] * (_WITHOUT_PARTICLES + factor * cell.particles + final_pass)
+        return length * (_WITHOUT_PARTICLES + factor * cell.particles + final_pass)
 
 
 def _log_length(log: LogSource) -> float:
