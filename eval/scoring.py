@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.map_server import read_map
+from eval.files.map_server import grid_from_map_file, read_map
+from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
 from eval.filter.step_table import Columns
 from eval.map.alignment import best_rigid_alignment
@@ -32,6 +33,7 @@ from eval.trajectory.relations import RelationError, Relations, read_relations, 
 from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, transform_points, wrap_angle
+from worlds.format.map_file import read_map_file
 
 MIN_SHARE = 0.9
 """A smaller share of matched poses, of the path, or of the relations adds a note."""
@@ -51,6 +53,8 @@ class Reference:
     """Hand-checked relative poses."""
     grid: OccupancyGrid | None = None
     """The true map: 1 occupied, 0 free, NaN what no lidar can see (`eval.map.grids.grid_from_true_map`)."""
+    walls: NDArray[np.float64] | None = None
+    """The exact true walls `(x0, y0, x1, y1)` [m], (n, 4), in the frame of `grid` (`worlds.TrueMap.walls`)."""
     lidars: Sequence[LidarView] = ()
     """Fields of view of the lidars: true cells that were never in view are not scored. Empty = lidars unknown: all
     cells in sight of the true path are scored, and a note says so."""
@@ -120,17 +124,20 @@ def score_files(
     truth_file, truth_map_file = folder / "truth.tum", folder / "truth_map.yaml"
     if not truth_file.exists() and relations is None:
         raise ValueError(f"{folder}: expected truth.tum in it, or a relations file to score against")
-    estimate = read_tum(trajectory)
-    return score(
-        estimate,
+    file = read_map_file(Path(grid)) if grid is not None else None
+    truth_map = read_map(truth_map_file) if truth_map_file.exists() else None
+    metrics = score(
+        read_tum(trajectory),
         reference=Reference(
             trajectory=read_tum(truth_file) if truth_file.exists() else None,
             relations=read_relations(relations) if relations is not None else None,
-            grid=read_map(truth_map_file) if truth_map_file.exists() else None,
+            grid=truth_map,
+            walls=read_true_walls(folder, truth_map) if truth_map is not None and grid is not None else None,
             lidars=lidars or _lidars_of_run(folder),
         ),
-        grid=read_map(grid) if grid is not None else None,
+        grid=grid_from_map_file(file) if file is not None else None,
     )
+    return metrics | {"notes": [*(file.notes if file is not None else ()), *metrics["notes"]]}
 
 
 def _lidars_of_run(folder: Path) -> Sequence[LidarView]:
@@ -184,12 +191,12 @@ def _score_map(
         "alignment": how,
         "observable_cells": int(observable.sum()),
         "lidars": [lidar.metrics for lidar in reference.lidars],
-        **map_error_json(map_error(grid, truth, alignment, observable)),
+        **map_error_json(map_error(grid, truth, alignment, observable, reference.walls)),
         "best_rigid": {
             "T_truth_map": best,
             "moved_m": moved,
             "turned_deg": turned,
-            **map_error_json(map_error(grid, truth, best, observable)),
+            **map_error_json(map_error(grid, truth, best, observable, reference.walls)),
         },
     }
 

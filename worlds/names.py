@@ -17,8 +17,9 @@ from typing import Any
 
 from worlds.check import check_world
 from worlds.errors import WorldError
+from worlds.file_names import to_name
 from worlds.format import files
-from worlds.generate.generators import KINDS, generate
+from worlds.generation.generators import KINDS, generate
 from worlds.world import World
 
 PREFIX = "generated:"
@@ -67,7 +68,7 @@ class GeneratedName:
         """Generate the world; raises WorldError for arguments out of range."""
         arguments = {key: _ARGUMENTS[key](value, key) for key, value in self.arguments.items()}
         world = generate(self.kind, seed=self.seed, **arguments)  # type: ignore[arg-type]  # checked by parse
-        return world.model_copy(update={"name": f"{self.family}-{self.seed}"})
+        return world.model_copy(update={"name": to_name(f"{self.family}-{self.seed}")})
 
 
 def load(name_or_path: str | Path, *, footprint_radius: float = 0.0) -> World:

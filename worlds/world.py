@@ -17,6 +17,7 @@ from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from worlds.elements import Angle, Block, Box, Coordinate, Disc, Element, Model, Position, Wall
+from worlds.file_names import Name
 from worlds.movers import Door, Person
 
 MAX_ELEMENTS = 50_000
@@ -76,8 +77,8 @@ class Difficulty(Model):
 class World(Model):
     """Everything that a world consists of. Frozen; made by `worlds.load` or in code."""
 
-    name: Annotated[str, Field(min_length=1, max_length=200)]
-    """Short name."""
+    name: Name
+    """Short name, which output directories are named after."""
     description: str = ""
     """One line that describes it."""
     start: Start = Start()
@@ -97,6 +98,8 @@ class World(Model):
     """People who walk."""
     doors: Annotated[list[Door], Field(max_length=1000)] = Field(default_factory=list)
     """Doors that swing."""
+    offset: tuple[float, float] = (0.0, 0.0)
+    """Position of this world's origin in the frame of the map that it was made of [m]."""
     difficulty: Difficulty | None = None
     """Stored measures of this world; None = not stored."""
 

@@ -19,17 +19,11 @@ from slam.grid._traversal_kernels import bounds_of_rays
 from slam.grid._update_kernels import request_scan_tiles
 from slam.grid.distance_field import MAX_RADIUS, make_offset_table
 from slam.grid.tile_pool import TilePool
-from slam.occupancy import OccupancyGrid
+from slam.occupancy import OccupancyGrid, occupancy_probability
 from slam.sensor.rays import Rays
 
 MAX_TABLE_TILES = 1 << 22
 """Tiles that the table of one particle may span; at 0.05 m cells a square of 1.6 km."""
-
-
-HIT_LOG_ODDS = 1.2
-"""What one hit adds to a cell's log-odds; at the default share of 0.25 a pass takes away 0.4 (OctoMap: 0.85, 0.4)."""
-LOG_ODDS_LIMITS = (-2.0, 3.5)
-"""Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""
 
 
 class GridArrays(NamedTuple):
@@ -196,26 +190,17 @@ class ParticleMaps:
         self._field.restore("field", state)
 
     def occupancy(self, particle: int) -> OccupancyGrid:
-        """The map of one particle, cut to what was observed.
-
-        The counts are read as a log-odds grid in which a hit adds `HIT_LOG_ODDS` and a pass takes away as much as
-        makes a cell even at the configured occupied share, clamped as in OctoMap (Hornung et al. 2013).
-        """
+        """The map of one particle, cut to what was observed."""
         counts = self._dense(particle)
         rows = np.flatnonzero(counts.any(axis=1))
         columns = np.flatnonzero(counts.any(axis=0))
         if len(rows) == 0:
             raise ValueError("the map is empty: no scan was taken in")
         counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        hits = hits_of(counts).astype(np.float32)
-        visits = (counts & VISITS).astype(np.float32)
-        share = self.config.occupied_share
-        log_odds = HIT_LOG_ODDS * (hits - (visits - hits) * share / (1.0 - share))
-        probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, *LOG_ODDS_LIMITS)))
-        probability[visits == 0] = np.nan
+        probability = occupancy_probability(hits_of(counts), counts & VISITS, self.config.occupied_share)
         cell = self.config.cell
         return OccupancyGrid(
-            probability=probability.astype(np.float32),
+            probability=probability,
             resolution=cell,
             origin=(
                 float(self._corner[0] + columns[0]) * cell,

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from cyclopts import Parameter
 from rich.progress import track
@@ -21,21 +21,31 @@ from rich.progress import track
 from eval.files.atomic_write import discard_unfinished
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.variants import Variant, variants
-from testbed.datasets.simulated import Format, is_complete, write_dataset
+from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
-from testbed.settings.simulator import SIMULATOR, SimulatorOptions
+from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import SimulationConfig
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.simulator import check_fits
 from worlds import World
+from worlds.file_names import RULE, is_name
 
-FAST = replace(SIMULATOR, backend="fast")
+
+@dataclass(frozen=True, kw_only=True)
+class FastSimulatorOptions(SimulatorOptions):
+    """The simulated robot and its sensors, with the fast backend by default."""
+
+    backend: Literal["pybullet", "fast"] = "fast"
+    """pybullet: physics and rays of PyBullet; fast: exact arcs and the testbed's own ray caster."""
+
+
+FAST = FastSimulatorOptions()
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class DatasetOptions:
-    """Which datasets."""
+    """The datasets to make."""
 
     out: Path
     """Directory that takes the datasets; those that are there already are kept."""
@@ -45,7 +55,7 @@ class DatasetOptions:
     """Number of datasets, of each variant."""
     workers: int = 1
     """Datasets that are made at the same time."""
-    format: Format = "rosbag2"
+    format: DatasetFormat = "rosbag2"
     """rosbag2: directory with an MCAP file that ROS 2 plays and Rerun shows; rosbag2-lean: without the point clouds
     that Rerun draws, in half the space; rosbag2-sqlite: with a .db3 file; rosbag1: a .bag file; carmen: packed CARMEN
     log; parquet: a table."""
@@ -60,8 +70,8 @@ class DatasetOptions:
     def __post_init__(self) -> None:
         if self.count < 1 or self.workers < 1:
             raise ValueError(f"count and workers must be at least 1, got {self.count} and {self.workers}")
-        if self.variant != Path(self.variant).name:
-            raise ValueError(f"variant must be a part of a name, got {self.variant!r}")
+        if self.variant and not is_name(self.variant):
+            raise ValueError(f"variant {self.variant!r}: expected {RULE}")
         if self.out.exists() and not self.out.is_dir():
             raise ValueError(f"{self.out}: is a file, expected a directory")
 
@@ -85,10 +95,16 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: SimulatorOption
     announce_compilation()
     datasets.out.mkdir(parents=True, exist_ok=True)
     drives = _carry_out(missing, datasets)
-    results.print(f"{datasets.out}: {len(missing)} datasets written, {len(jobs) - len(missing)} were there already")
+    results.print(f"{datasets.out}: {_written(len(missing), len(jobs) - len(missing))}")
     for trouble in ("collided", "stuck"):
         if names := sorted(job.path.name for job, drive in drives.items() if drive[trouble]):
             results.print(f"{len(names)} {trouble}: {', '.join(names[:10])}{' and others' if names[10:] else ''}")
+
+
+def _written(new: int, old: int) -> str:
+    """The sentence that reports how many datasets were written and how many existed before."""
+    existed = f"; {old} existed already and {'was' if old == 1 else 'were'} kept" if old else ""
+    return f"wrote {new} dataset{'' if new == 1 else 's'}{existed}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +151,7 @@ def _carry_out(jobs: list[_Job], datasets: DatasetOptions) -> dict[_Job, dict[st
 
 
 def _end_with_parent() -> None:
-    """In a worker: end at once when the parent is killed, instead of waiting for work for good."""
+    """Make this worker exit when its parent process dies."""
 
     def watch() -> None:
         if (parent := parent_process()) is not None:
@@ -145,9 +161,9 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _make(job: _Job, form: Format) -> dict[str, Any]:
+def _make(job: _Job, log_format: DatasetFormat) -> dict[str, Any]:
     """Make one dataset, in a worker; how the drive went."""
-    return write_dataset(job.path, job.place, job.config, job.settings, form=form, commands=job.commands)
+    return write_dataset(job.path, job.place, job.config, job.settings, log_format=log_format, commands=job.commands)
 
 
 @contextmanager

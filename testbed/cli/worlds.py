@@ -11,9 +11,9 @@ from cyclopts import App, Parameter
 from rich.table import Table
 
 from eval.files.atomic_write import atomic_write
-from testbed.cli.shared.console import results
-from worlds import World, catalogue, dumps, generate, import_map, load, true_map
-from worlds.generate.generators import Kind
+from testbed.cli.shared.console import console, results
+from worlds import World, catalogue, dumps, generate, import_map_with_notes, load, true_map
+from worlds.generation.generators import Kind
 
 app = App(name="worlds", help="List, draw, generate and import worlds.")
 
@@ -111,7 +111,10 @@ def import_world(map_: Annotated[Path, Parameter(name="map")], *, out: Path) -> 
     out
         TOML file for the world.
     """
-    _write(import_map(map_), out)
+    world, notes = import_map_with_notes(map_)
+    _write(world, out)
+    for note in notes:
+        console.print(f"note: {note}", soft_wrap=True)
 
 
 def _write(world: World, out: Path) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from worlds.file_names import Name
+
 MAX_BEAMS = 100_000
 """Largest number of beams of one scan."""
 
@@ -24,7 +26,7 @@ class _Preset(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     """Short name, as on the command line."""
     title: str
     """Manufacturer and product."""

@@ -34,14 +34,14 @@ def test_some_machine_code_on_disk_is_not_all_of_it(package):
     assert not kernels.is_compiled()
 
 
-def test_kernels_count_as_compiled_until_their_file_is_another_one(package):
+def test_changed_kernels_do_not_count_as_compiled(package):
     kernels._mark(package).touch()
     assert kernels.is_compiled()
     os.utime(package / "_a_kernels.py", (1.0, 1.0))  # numba compiles again for another time of change
     assert not kernels.is_compiled()
 
 
-def test_a_second_installation_of_the_same_kernels_is_compiled_too(package, tmp_path, monkeypatch):
+def test_a_second_installation_is_compiled_too(package, tmp_path, monkeypatch):
     kernels._mark(package).touch()
     other = tmp_path / "elsewhere" / "package"
     other.mkdir(parents=True)

@@ -37,7 +37,7 @@ def test_streams_are_those_that_numpy_spawns_in_this_order():
     assert first_numbers(7) == [first_number(stream) for stream in SeedSequence(7).spawn(len(ORDER))]
 
 
-def test_children_are_those_that_numpy_spawns_and_can_be_made_again():
+def test_children_equal_those_of_numpy_at_every_call():
     stream = RunSeeds.from_seed(7).lidar
     expected = [first_number(child) for child in SeedSequence(7).spawn(4)[3].spawn(3)]
     assert [first_number(child) for child in children(stream, 3)] == expected

@@ -16,7 +16,8 @@ from pydantic import ValidationError
 from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
 from worlds.errors import WorldError
-from worlds.format.floor_plan import import_map, is_map
+from worlds.format.floor_plan import import_map
+from worlds.format.map_file import is_map
 from worlds.movers import Door, Person
 from worlds.world import Difficulty, Start, Tour, World
 
@@ -124,7 +125,7 @@ def _expectation(problem: Any, loc: tuple[int | str, ...]) -> str:
         if abs(problem["input"]) > MAX_COORDINATE:
             return f"metres, at most {MAX_COORDINATE:g}"
     message: str = problem["msg"]
-    return message.removeprefix("Input should be ").removeprefix("Value error, ")
+    return message.removeprefix("Input should be ").removeprefix("Value error, ").removeprefix("expected ")
 
 
 def _key(loc: tuple[int | str, ...]) -> str:

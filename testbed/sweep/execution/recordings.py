@@ -13,7 +13,7 @@ from eval.files.tum import read_tum
 from eval.map.grids import grid_from_true_map
 from eval.trajectory.relations import Relations, read_relations
 from slam.occupancy import OccupancyGrid
-from testbed.datasets.truth import with_truth
+from testbed.datasets.truth import attach_truth
 from testbed.formats import open_log
 from testbed.run.job import RecordedFrames
 from testbed.seeds import RunSeeds
@@ -66,7 +66,7 @@ def _logged(source: str) -> Recording:
     log: Mapping[str, Any] = json.loads(source)
     frames = open_log(log["log"], laser_offset=log.get("laser_offset"), range_max=log.get("range_max")).frames
     if "truth" in log:
-        frames = with_truth(frames, read_tum(log["truth"]))
+        frames = attach_truth(frames, read_tum(log["truth"]))
     return Recording(
         source=RecordedFrames(frames), relations=read_relations(log["relations"]) if "relations" in log else None
     )

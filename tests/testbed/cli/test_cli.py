@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import worlds
 from slam.scan import Scan
 from testbed.formats import open_log
-from testbed.formats.carmen.writer import write_carmen
 from testbed.frame import Frame
 from testbed.run.run_directory import RUN_FILES, RunDirectory
 from testbed.settings.simulator import SimulatorOptions
 from tests.shell import TESTBED, assert_refused, call
+from tests.testbed.recordings import write_frames
 from worlds import catalogue, load
 
 
@@ -37,7 +38,7 @@ def room_log(path: Path, scans: int = 5) -> Path:
         scan = Scan(ranges=np.minimum(to_x, to_y), angles=angles, range_max=20.0)
         pose = np.array([x, 0.0, 0.0])
         frames.append(Frame(stamp=float(k), odometry=pose, scan=scan, truth=pose))
-    write_carmen(path, frames)
+    write_frames(path, frames)
     return path
 
 
@@ -65,6 +66,7 @@ def here(tmp_path, monkeypatch):
         (["run", "office", "--lidar", "lds01,lds02"], "has room for 1 lidars, not for 2"),
         (["run", "office", "--filter.match", "3"], "--filter.match.hit-sigma"),
         (["run", "nowhere.yaml"], "nowhere.yaml: No such file"),
+        (["simulate", "loop", "--variant", "../x", "--out", "datasets"], "variant '../x': expected a name"),
         (["simulate", "loop", "--seed", "-4", "--out", "datasets"], "seed must not be negative"),
         (["worlds", "generate", "maze", "--out", "nowhere/maze.toml"], "nowhere: no such directory"),
         (["run", "office", "--robot", "creat3"], "create3"),
@@ -87,6 +89,15 @@ def here(tmp_path, monkeypatch):
 def test_bad_usage_is_one_line_and_leaves_no_directory(here, capsys, arguments, complaint):
     assert_refused(capsys, complaint, *arguments)
     assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["../../x", "/tmp/x", "..", "-x"])
+@pytest.mark.parametrize("command", ["run evil.toml", "simulate evil.toml --out datasets", "worlds show evil.toml"])
+def test_a_world_cannot_name_a_path(here, capsys, command, name):
+    text = Path(worlds.__file__).with_name("catalogue").joinpath("loop.toml").read_text()
+    Path("evil.toml").write_text(text.replace('name = "loop"', f'name = "{name}"'))
+    assert_refused(capsys, f"name = {name!r}, expected a name of", *command.split())
+    assert [path.name for path in here.iterdir()] == ["evil.toml"]
 
 
 GOOD_SCAN = "FLASER 180 " + "1.00 " * 180 + "0 0 0 0 0 0 1.0 host 1.0\n"
@@ -201,7 +212,7 @@ def test_the_classic_settings_have_a_name_and_what_is_typed_wins(here, mapped):
     assert not Path("classic/filter.tum").exists()  # no final pass
 
 
-def test_what_is_typed_wins_over_the_config_and_truth_may_come_from_a_file(here, mapped):
+def test_options_win_over_the_config_file(here, mapped):
     lines = (mapped / "room.log").read_text().splitlines()
     bare = [line for line in lines if not line.startswith("TRUEPOS") and "SHA-256" not in line]
     Path("bare.log").write_text("\n".join(bare))

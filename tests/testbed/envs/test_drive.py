@@ -15,7 +15,7 @@ from slam.se2 import between
 from testbed.envs import DriveReward, GeneratedWorlds
 from testbed.envs.drive import DriveEnv
 from testbed.simulation import LidarLayers
-from tests.testbed.simulation.places import PERFECT_ODOMETRY, room
+from tests.testbed.simulation.small_worlds import PERFECT_ODOMETRY, room
 
 BACKENDS = ["fast", pytest.param("pybullet", marks=pytest.mark.slow)]
 
@@ -75,7 +75,7 @@ def test_observations_are_what_a_robot_in_the_room_sees():
     np.testing.assert_allclose(steps, between(np.array(poses[:-1]), np.array(poses[1:])), atol=1e-4)
 
 
-def test_reward_counts_metres_ahead_turns_and_the_collision_that_ends_the_episode():
+def test_reward_counts_metres_ahead_turns_and_collisions():
     reward = DriveReward(ahead=2.0, turn=0.5, collision=7.0)
     env = make(reward=reward)
     env.reset(seed=0, options={"start": (4.0, 0.0, 0.0)})

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 
 import testbed  # noqa: F401  # registers the environments
 from testbed.envs import GeneratedWorlds
-from tests.testbed.simulation.places import room
+from tests.testbed.simulation.small_worlds import room
 
 SETTINGS = {"world": room(half=1.2), "beams": 24}
 ENVS = 3
@@ -109,7 +109,7 @@ def test_bad_calls_are_refused_and_nothing_moves():
         make(envs=0)
 
 
-def test_episodes_that_are_over_must_be_reset_where_nothing_is_reset_by_itself():
+def test_without_autoreset_ended_episodes_must_be_reset():
     envs = make(AutoresetMode.DISABLED, max_episode_steps=2)
     envs.reset(seed=0)
     for _ in range(2):

@@ -17,8 +17,8 @@ from testbed.envs import Crop, ExploreReward, GeneratedWorlds
 from testbed.envs.observation.map_score import MapScore
 from testbed.exploration import make_explorer
 from testbed.simulation import DriverConfig, LidarLayers
-from tests.testbed.exploration.places import grid_of
-from tests.testbed.simulation.places import PERFECT_ODOMETRY, room
+from tests.testbed.exploration.hand_drawn_maps import grid_of
+from tests.testbed.simulation.small_worlds import PERFECT_ODOMETRY, room
 from worlds import Box, true_map
 
 PLACE = room(half=3.0, boxes=[Box(x=1.0, y=1.5, width=0.4, depth=3.0)])
@@ -66,7 +66,7 @@ def test_observations_tell_the_estimate_and_not_the_truth():
     assert np.mean(seen[0]["map"] != seen[1]["map"]) < 0.02
 
 
-def test_the_map_is_seen_from_the_robot_with_its_heading_to_the_right():
+def test_the_observed_map_is_egocentric():
     picture = grid_of("?????\n?...#\n?...#\n?...#\n?????", 20)  # characters of 1 m; the wall from x = 4 m on
     crop = Crop(cells=20, cell=0.1)
     ahead = crop.cut(picture, np.array([3.5, 2.5, 0.0]))
@@ -107,7 +107,7 @@ def test_a_perfect_map_covers_all_and_a_shifted_one_less():
     assert score.mapped(moved, inverse(T_map_world)).coverage == pytest.approx(1.0, abs=0.01)
 
 
-def test_reward_is_the_area_newly_mapped_minus_time_and_collisions():
+def test_reward_is_area_mapped_minus_time_and_collisions():
     reward = ExploreReward(area=2.0, time=0.5, collision=11.0)
     env = make(reward=reward, world=room(half=3.0), coverage=1.0)
     _, info = env.reset(seed=0, options={"start": (1.5, 0.0, 0.0)})

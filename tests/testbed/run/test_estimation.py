@@ -27,7 +27,7 @@ def scan(stamp: float, mount: tuple[float, float, float]) -> Scan:
     return Scan(ranges=2.0 + 0.3 * np.cos(3 * angles), angles=angles, range_max=9.0, stamp=stamp, mount=mount)
 
 
-def test_the_newest_scan_of_the_other_lidar_goes_along_from_where_it_was_taken(monkeypatch):
+def test_the_newest_scan_of_the_other_lidar_is_processed_too(monkeypatch):
     estimation = Estimation(FilterConfig(particles=2), seed=0)
     given = []
     process = estimation.mapper.process
@@ -68,7 +68,7 @@ def ate(config: SimulationConfig) -> float:
 
 
 @pytest.mark.slow
-def test_two_lidars_that_see_one_half_each_map_as_well_as_one_that_sees_all():
+def test_two_half_lidars_map_as_well_as_one_full_lidar():
     robot, whole = load_robot("create3"), load_lidar("rplidar_a2").model_copy(update={"beams": 360})
     half = whole.model_copy(update={"beams": 180, "field_of_view_deg": 179.0})
     mounts = {

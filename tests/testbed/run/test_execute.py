@@ -57,12 +57,12 @@ def watched(path: Path, config: FilterConfig, seconds: float, collided_from: int
     return view.shown
 
 
-def test_collisions_are_shown_from_the_scan_on_at_which_they_happen(tmp_path: Path) -> None:
+def test_collisions_are_shown_from_their_scan_on(tmp_path: Path) -> None:
     shown = watched(tmp_path, FilterConfig(particles=2), seconds=1.0, collided_from=4)
     assert [s.collided for s in shown] == [k >= 4 for k in range(len(shown))]
 
 
-def test_the_samples_of_the_best_particle_are_shown_where_the_scan_was_taken_in(tmp_path: Path) -> None:
+def test_samples_of_the_best_particle_are_shown_at_updates(tmp_path: Path) -> None:
     shown = watched(tmp_path, FilterConfig(particles=5), seconds=3.0)
     proposed = [s.step is not None and s.step.proposed is not None for s in shown]
     assert 3 < sum(proposed) < len(shown)
@@ -75,7 +75,7 @@ def test_the_samples_of_the_best_particle_are_shown_where_the_scan_was_taken_in(
             np.testing.assert_array_equal(snapshot.proposal_samples, expected)
 
 
-def test_where_only_the_motion_model_proposes_there_are_no_samples_to_show(tmp_path: Path) -> None:
+def test_the_motion_model_as_proposal_shows_no_samples(tmp_path: Path) -> None:
     config = FilterConfig(particles=5, proposal=ProposalConfig(kind="motion"))
     shown = watched(tmp_path, config, seconds=1.0)
     assert any(s.step is not None and s.step.proposed is not None for s in shown)

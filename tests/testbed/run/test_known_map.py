@@ -65,7 +65,7 @@ def test_a_given_start_is_tracked_to_three_centimetres(seed):
     np.testing.assert_allclose(columns["error_m"], miss, atol=1e-12)  # nothing was aligned
 
 
-def test_a_building_that_looks_the_same_turned_round_is_called_ambiguous():
+def test_a_symmetric_building_is_ambiguous():
     metrics, _ = localized(frames_of("symmetric", 0, end=8.0), known_map("symmetric"))
     assert metrics["state"] == "ambiguous"
     assert failure_reason(metrics) == "ambiguous: 2 positions in the map explain the scans equally well"
@@ -78,7 +78,7 @@ def test_the_map_of_another_building_is_told():
 
 
 @pytest.mark.slow
-def test_unknown_starts_in_an_office_are_found_within_five_metres():
+def test_unknown_starts_are_found_within_five_metres():
     """From places anywhere along the tour."""
     found, medians = 0, []
     for seed in range(20):

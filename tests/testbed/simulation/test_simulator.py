@@ -11,12 +11,12 @@ from slam.se2 import between, compose, transform_points
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, SimulationConfig, simulate
-from testbed.simulation.physics.backend import STEP_RATE, Limits
+from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.fast import FastBackend
-from tests.testbed.simulation.places import perfect, room
+from tests.testbed.simulation.small_worlds import perfect, room
 from worlds import Box, WorldError, catalogue, load
 
-LIMITS = Limits(0.5, 3.0)
+LIMITS = AccelerationLimits(0.5, 3.0)
 
 
 def make_backend(kind, world, robot):
@@ -62,7 +62,7 @@ def test_turns_true(kind, speed, turn_rate):
     assert path / seconds == pytest.approx(speed, abs=0.003)
 
 
-def test_truth_is_the_pose_of_base_link_and_not_of_the_centre_of_mass(kind):
+def test_truth_is_the_pose_of_base_link(kind):
     """On the spot, base_link stays while a point behind it would go round in a circle."""
     backend = make_backend(kind, room(start=(1.0, 2.0, 0.7)), load_robot("create3"))
     poses = backend.drive(0.0, 1.0, 7 * STEP_RATE).poses
@@ -79,7 +79,7 @@ def test_wheel_odometry_without_errors_is_the_truth(kind):
     assert np.abs(error[:, 2]).max() < 0.01
 
 
-def test_beams_end_on_the_walls_when_each_is_placed_at_its_own_time(kind):
+def test_beams_placed_at_their_own_times_end_on_walls(kind):
     """Truth, mount, beam angles and times together put every end point of a moving robot on the room's outline."""
     robot = load_robot("create3")
     mount = robot.lidar_mount.model_copy(update={"x": -0.04, "y": 0.05, "theta_deg": 30.0})
@@ -104,7 +104,7 @@ def test_beams_end_on_the_walls_when_each_is_placed_at_its_own_time(kind):
     assert checked > 30
 
 
-def test_scans_of_a_robot_in_motion_are_distorted_unless_the_layer_is_off():
+def test_the_motion_layer_distorts_scans_of_a_moving_robot():
     world, config = room(tour=[(3, 0), (0, 2)]), perfect(backend="fast")
     moving = dataclasses.replace(config, lidar_layers=dataclasses.replace(LidarLayers.none(), motion=True))
     still, distorted = ([f.scan for f in frames(world, c) if f.scan] for c in (config, moving))
@@ -142,7 +142,7 @@ def same(a, b):
     )
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_seed_others(kind):
+def test_a_seed_determines_the_bits(kind):
     config = SimulationConfig(backend=kind, duration=4.0)
     first, again = frames(room(), config), frames(room(), config)
     assert same(first, again)
@@ -225,7 +225,7 @@ def test_presets_of_several_rates_fit_together():
 
 
 @pytest.mark.parametrize("name", catalogue())
-def test_every_world_of_the_catalogue_is_driven_to_the_end_of_its_tour(name):
+def test_every_tour_of_the_catalogue_is_driven_to_its_end(name):
     lidar = load_lidar("rplidar_a2").model_copy(update={"beams": 8, "scan_rate": 2.0})
     with simulate(load(name), SimulationConfig(backend="fast", lidar=lidar)) as simulation:
         for _ in simulation:

@@ -12,7 +12,7 @@ from testbed.exploration.planning._grid_kernels import shortest_paths, visible_s
 from testbed.exploration.planning.floor import Floor
 from testbed.exploration.planning.frontiers import Frontier, find_frontiers
 from testbed.exploration.planning.goals import information_gain, most_information, nearest
-from tests.testbed.exploration.places import grid_of
+from tests.testbed.exploration.hand_drawn_maps import grid_of
 
 RADIUS = 0.17
 
@@ -35,7 +35,7 @@ def wide_door():
     )
 
 
-def test_the_robot_fits_where_walls_are_farther_away_than_its_radius():
+def test_open_cells_are_farther_from_walls_than_the_radius():
     floor = Floor(grid_of(ROOMS), RADIUS)
     rows, cols = np.nonzero(floor.open)
     walls = floor.centres(np.argwhere(floor.occupied))
@@ -53,7 +53,7 @@ def test_cells_and_points_belong_together(point):
     assert floor.cell_of(*centre) == floor.cell_of(*point)
 
 
-def test_ways_lead_through_wide_doors_and_not_through_narrow_ones():
+def test_paths_lead_through_wide_doors_only():
     narrow, wide = Floor(grid_of(ROOMS), RADIUS), Floor(wide_door(), RADIUS)
     start = narrow.nearest_open(0.9, 0.9)
     assert np.isinf(narrow.shortest_paths_from(start).costs[narrow.nearest_open(3.0, 0.9)])
@@ -68,7 +68,7 @@ def test_ways_lead_through_wide_doors_and_not_through_narrow_ones():
     assert min(np.hypot(*(walls - point).T).min() for point in fine) > RADIUS
 
 
-def test_a_robot_beside_a_wall_plans_from_the_nearest_place_that_fits_or_not_at_all():
+def test_a_robot_near_a_wall_plans_from_the_nearest_open_cell():
     floor = Floor(grid_of(ROOMS), RADIUS)
     near = floor.centre(floor.nearest_open(0.22, 0.9))
     assert 0.1 < np.hypot(*(near - [0.22, 0.9])) < 0.5
@@ -100,7 +100,7 @@ def test_costs_are_those_of_a_search_that_tries_every_edge(seed):
     assert np.array_equal(before >= 0, np.isfinite(expected) & (expected > 0))
 
 
-def test_frontiers_are_where_the_known_floor_ends_and_can_be_reached():
+def test_frontiers_are_reachable_borders_of_the_known_floor():
     floor = Floor(wide_door(), RADIUS)
     found = find_frontiers(floor, floor.shortest_paths_from(floor.nearest_open(1.0, 1.0)))
     assert len(found) == 1
@@ -125,7 +125,7 @@ def test_the_nearest_frontier_is_the_one_with_the_cheapest_way():
     assert nearest(None, frontiers) is frontiers[1]
 
 
-def test_information_prefers_a_room_to_a_niche_unless_it_is_far_away():
+def test_information_prefers_a_near_room_to_a_niche():
     picture = """
     #######################
     #......................
@@ -146,7 +146,7 @@ def test_information_prefers_a_room_to_a_niche_unless_it_is_far_away():
     assert floor.centre(choose(floor, far).goal)[0] < 2.0
 
 
-def test_news_are_greatest_where_nothing_is_known_and_none_where_all_is():
+def test_information_gain_is_largest_for_unknown_cells():
     gain = information_gain(np.array([0.5, 0.4, 0.6, 0.119, 0.97], dtype=np.float32))
     assert gain[0] == gain.max()
     assert gain[1] == pytest.approx(gain[2])

@@ -13,7 +13,7 @@ from testbed.simulation import LidarLayers, SimulationConfig, simulate
 from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.drivers.recorded import RecordedDriver
-from tests.testbed.simulation.places import perfect, room
+from tests.testbed.simulation.small_worlds import perfect, room
 from worlds import Box, Person
 
 CONFIG = SimulationConfig(backend="fast", duration=20.0)
@@ -44,7 +44,7 @@ def test_a_drive_comes_out_again_bit_by_bit(layers, backend):
         assert a.scan is None or np.array_equal(a.scan.ranges, b.scan.ranges, equal_nan=True)
 
 
-def test_commands_are_kept_until_the_next_and_the_last_for_one_period():
+def test_a_command_holds_until_the_next_one():
     driver = RecordedDriver([Command(100.0, 0.3, 0.0), Command(101.0, 0.1, -0.2)], 0.05)
     with simulate(room().model_copy(update={"tour": None}), perfect(backend="fast"), driver) as simulation:
         told = [(frame.stamp, frame.command) for frame in simulation]
@@ -55,7 +55,7 @@ def test_commands_are_kept_until_the_next_and_the_last_for_one_period():
     assert told[-1][0] == pytest.approx(1.0)
 
 
-def test_commands_beyond_the_robot_are_cut_and_collisions_are_told():
+def test_commands_are_clipped_and_collisions_are_reported():
     driver = RecordedDriver([Command(0.0, 9.0, 0.0), Command(6.0, 9.0, 0.0)], 0.05)
     world = room(tour=[(0, 3)], boxes=[Box(x=2.0, y=0.0, width=0.2, depth=2.0)])
     with simulate(world, perfect(backend="fast"), driver) as simulation:

@@ -13,7 +13,7 @@ import pytest
 from testbed.presets import load_robot
 from testbed.simulation import DriverConfig, simulate
 from testbed.simulation.drivers.teleop import TeleopDriver, TeleopError
-from tests.testbed.simulation.places import perfect, room
+from tests.testbed.simulation.small_worlds import perfect, room
 
 ROBOT, CONFIG = load_robot("create3"), DriverConfig(speed=0.4, turn_rate=1.0)
 
@@ -63,7 +63,7 @@ def test_an_arrow_may_come_in_pieces(keyboard):
             assert driver.command(0.0, 0.0, 0.0, 0.0)[0] == pytest.approx(speed)
 
 
-def test_the_terminal_is_as_it_was_afterwards_and_ctrl_c_still_works_meanwhile(keyboard):
+def test_the_terminal_is_restored_and_ctrl_c_works(keyboard):
     before = termios.tcgetattr(sys.stdin)
     with suppress(RuntimeError), TeleopDriver(ROBOT, CONFIG):
         local = termios.tcgetattr(sys.stdin)[3]
@@ -73,7 +73,7 @@ def test_the_terminal_is_as_it_was_afterwards_and_ctrl_c_still_works_meanwhile(k
     assert termios.tcgetattr(sys.stdin) == before
 
 
-def test_a_drive_keeps_to_real_time_and_ends_when_the_person_says_so(keyboard):
+def test_a_drive_runs_in_real_time_until_the_person_ends_it(keyboard):
     with TeleopDriver(ROBOT, CONFIG) as driver, simulate(room(), perfect(backend="fast"), driver) as simulation:
         press(keyboard, b"wwwww")
         started = time.monotonic()

@@ -43,7 +43,7 @@ def follow(path, config=None, seconds=300.0, held_at=None):
     ],
     ids=["straight", "behind", "square", "dead end", "zigzag", "circle"],
 )  # fmt: skip
-def test_the_path_is_driven_to_its_end_within_a_hand_of_it_and_within_limits(path):
+def test_the_path_is_followed_to_its_end_within_limits(path):
     driver, poses, commands = follow(path)
     assert driver.finished
     assert driver.recoveries == 0
@@ -65,8 +65,8 @@ def test_a_robot_that_cannot_move_on_backs_off_and_is_given_up():
     assert poses[:, 0].max() < 2.0
 
 
-def test_a_tour_needs_a_way_point():
-    with pytest.raises(ValueError, match="at least one way point"):
+def test_a_tour_needs_two_corners():
+    with pytest.raises(ValueError, match="at least two different corners"):
         TourDriver(np.array([(1.0, 1.0), (1.0, 1.0)]), ROBOT, DriverConfig())
 
 

@@ -13,7 +13,7 @@ from testbed.simulation.fleet.fleet import Fleet
 from testbed.simulation.fleet.robot_group import RobotSetup, Terrain
 from testbed.simulation.fleet.single_robot import BackendRobot
 from testbed.simulation.physics.fast import FastBackend
-from tests.testbed.simulation.places import PERFECT_ODOMETRY, random_world, room
+from tests.testbed.simulation.small_worlds import PERFECT_ODOMETRY, random_world, room
 
 SETUP = RobotSetup(
     lidar=load_lidar("rplidar_a2").model_copy(update={"beams": 90}),
@@ -68,7 +68,7 @@ def test_robots_may_take_turns_and_move_to_other_places():
     assert all(same(a, b) for a, b in zip(alone(1), found, strict=True))
 
 
-def test_one_robot_on_the_fast_backend_gives_the_bits_of_a_fleet_of_one():
+def test_a_backend_robot_equals_a_fleet_of_one():
     robot = BackendRobot(SETUP, FastBackend)
     robot.place(0, TERRAINS[1], START, RunSeeds.from_seed(1))
     found = [[part[0] for part in robot.step(command[None])] for command in commands(1)]

@@ -14,7 +14,7 @@ from testbed.simulation import simulate
 from testbed.simulation.movers._mover_kernels import nearest_mover
 from testbed.simulation.movers.movers import Movers
 from testbed.simulation.physics.backend import Hits
-from tests.testbed.simulation.places import perfect, room
+from tests.testbed.simulation.small_worlds import perfect, room
 from worlds import PERSON_RADIUS, Box, Door, Person, WorldError
 
 CROSSING = room(
@@ -47,7 +47,7 @@ def test_people_and_robot_never_touch_and_the_tour_is_finished(seed):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_swinging_door_never_touches_the_robot_which_gets_through(seed):
+def test_a_swinging_door_never_touches_the_robot(seed):
     config = perfect(backend="fast", seeds=RunSeeds.from_seed(seed), duration=200.0)
     angles = []
     with simulate(DOORWAY, config) as simulation:

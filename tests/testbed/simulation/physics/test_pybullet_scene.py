@@ -13,7 +13,7 @@ from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.physics import pybullet_scene
 from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.pybullet import PyBulletBackend
-from tests.testbed.simulation.places import room
+from tests.testbed.simulation.small_worlds import room
 from worlds import Box, load
 
 pytest.importorskip("pybullet")
@@ -50,7 +50,7 @@ def test_a_scene_that_was_used_gives_the_same_bits_as_a_new_one():
         assert all(np.array_equal(a, b) for a, b in zip(run, runs[0], strict=True))
 
 
-def test_another_world_or_robot_is_another_scene_and_few_are_kept():
+def test_few_scenes_are_kept_one_per_world_and_robot():
     robots = [load_robot(name) for name in ("create3", "burger")]
     scenes = []
     for world in (room(), room(half=4.0), room(half=6.0)):
@@ -63,7 +63,7 @@ def test_another_world_or_robot_is_another_scene_and_few_are_kept():
     assert pybullet_scene._idle == scenes[-4:]
 
 
-def test_another_start_is_the_same_scene_with_the_robot_elsewhere():
+def test_another_start_reuses_the_scene():
     robot, scenes, relative = load_robot("create3"), [], []
     for start in ((0.0, 0.0, 0.0), (-2.0, 1.0, 2.5)):
         backend = PyBulletBackend(room(start=start), robot, LIMITS)

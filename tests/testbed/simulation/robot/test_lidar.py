@@ -74,7 +74,7 @@ def test_short_returns_come_from_anywhere_along_the_beam():
     assert np.isfinite(nothing_there).mean() == pytest.approx(-math.expm1(-0.05 * 10.0), rel=0.1)
 
 
-def test_short_returns_never_come_from_behind_a_surface_that_sends_nothing_back():
+def test_short_returns_lie_in_front_of_the_surface():
     both = dataclasses.replace(LidarLayers.none(), grazing=True, short_returns=True)
     lidar = Lidar(PRESET, Mount(), both, np.random.default_rng(0))
     readings = np.concatenate([scan(lidar, np.full(1000, 3.0), math.radians(1.0)) for _ in range(20)])
@@ -83,7 +83,7 @@ def test_short_returns_never_come_from_behind_a_surface_that_sends_nothing_back(
     assert short.max() < 3.0
 
 
-def test_mixed_pixels_lie_between_the_two_surfaces_of_an_edge_only():
+def test_mixed_pixels_lie_between_both_surfaces_of_an_edge():
     stairs = np.where(np.arange(1000) % 10 < 5, 2.0, 4.0)
     readings = ranges("mixed_pixels", stairs, scans=100)
     moved = readings != stairs
@@ -93,7 +93,7 @@ def test_mixed_pixels_lie_between_the_two_surfaces_of_an_edge_only():
     assert np.all(ranges("mixed_pixels", np.linspace(2.0, 3.0, 1000))[:, :-1] == np.linspace(2.0, 3.0, 1000)[:-1])
 
 
-def test_angle_noise_moves_the_beams_but_not_what_the_device_reports():
+def test_angle_noise_moves_beams_but_not_reported_angles():
     lidar = Lidar(PRESET, Mount(), dataclasses.replace(LidarLayers.none(), angle_noise=True), np.random.default_rng(0))
     sweeps = [lidar.sweep() for _ in range(20)]
     noise = np.concatenate([sweep.true_angles - sweep.angles for sweep in sweeps])
@@ -108,7 +108,7 @@ def test_beam_count_varies_about_the_nominal_one():
     assert np.std(counts) == pytest.approx(50, rel=0.15)
 
 
-def test_a_full_turn_takes_the_scan_time_and_ends_one_step_before_its_beginning():
+def test_a_full_turn_takes_the_scan_time():
     lidar = Lidar(PRESET, Mount(), LidarLayers(beam_count=False), np.random.default_rng(0))
     sweep = lidar.sweep()
     assert sweep.time_offsets[0] == 0.0

@@ -28,7 +28,7 @@ def test_a_robot_gets_the_numbers_of_its_own_generator():
     assert not np.array_equal(alone, rows_of(1, seed=8, count=30))
 
 
-def test_single_steps_and_steps_of_many_robots_lead_to_the_same_rows():
+def test_single_and_joint_steps_give_the_same_rows():
     numbers = RandomRows(2, 4, 5, rows=8)
     for robot in range(2):
         numbers.seed(robot, np.random.default_rng(robot))

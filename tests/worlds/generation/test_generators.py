@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import worlds
 from worlds.format.files import parse
-from worlds.generate.graph import closed_walk, lattice_edges, random_graph
+from worlds.generation.graph import closed_walk, lattice_edges, random_graph
 
 
 @given(st.integers(1, 7), st.integers(1, 7), st.integers(0, 12), st.integers(0, 2**32))
