@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from eval.estimates import SCORED
-from testbed.cli import app
+from testbed.cli.shared.app import app
 from testbed.cli.shared.help_texts import HELP
 
 ROOT = Path(__file__).parents[2]
