@@ -20,6 +20,8 @@ from eval.sweep.statistics import (
 
 MAX_WORST_PER_LINE = 2
 """Worst runs that are listed per line."""
+UNUSUAL = 3.0
+"""A run whose error is this many times the median of its group is worth a look."""
 MAX_WORST = 8
 """Worst runs that are listed in all."""
 
@@ -118,6 +120,8 @@ class WorstRun:
     outcome: str
     key: str
     """Key of the cell."""
+    is_unusual: bool
+    """Whether it failed, or its error is at least `UNUSUAL` times the median of its group."""
 
 
 def worst_runs(table: SweepTable) -> list[WorstRun]:
@@ -130,7 +134,9 @@ def worst_runs(table: SweepTable) -> list[WorstRun]:
         for p, c, s in ranked[:MAX_WORST_PER_LINE]:
             outcome, key = (table.columns[name][p, k, c, s] for name in (table.measure.outcome, "key"))
             where = table.places[p], line, table.counts[c], table.seeds[s]
-            found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key)))
+            typical = _median(table.error[p, k, c])
+            unusual = bool(table.failed[p, k, c, s]) or float(error[p, c, s]) >= UNUSUAL * typical
+            found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key), unusual))
     return found[:MAX_WORST]
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -34,11 +34,17 @@ class Recording:
     """Draws the true map with cells of a given size [m]; returns None if it is unknown."""
 
 
+def recording_key(cell: Cell) -> Hashable:
+    """What the recording of a cell depends on; cells with equal keys have the same frames."""
+    if "world" not in cell.source:
+        return json.dumps(cell.source, sort_keys=True)
+    return str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds
+
+
 def recording_of(cell: Cell) -> Recording:
     """Simulate or read the recording of a cell. The last two are kept for further cells of the same drive."""
-    if "world" not in cell.source:
-        return _logged(json.dumps(cell.source, sort_keys=True))
-    return _driven(str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds)
+    key = recording_key(cell)
+    return _driven(*key) if isinstance(key, tuple) else _logged(str(key))
 
 
 @lru_cache(maxsize=2)

@@ -22,7 +22,7 @@ from testbed.sweep.spec.spec import parse_spec
             "seeds": [1, 5],
             "axes": {"odometry.grade": ["good", "poor"], "layers.motion": [True]},
         },
-        {"worlds": ["office"], "settings": {"filter.gate.distance": 0.3}},
+        {"worlds": ["office"], "settings": {"filter.gate.distance": 0.3}, "until": "decided", "seeds": 40},
     ],
 )
 def test_the_command_gives_the_same_specification(document):
