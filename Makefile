@@ -4,25 +4,28 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: run test lint bench clean
+.PHONY: run test lint bench clean help
 
-run: $(VENV)/.run  ## install, then the main job; its last line is the path of the report
+run: $(VENV)/.run  ## install, then simulate, map and score a run; the last line is the path of the report
 	$(BIN)/testbed run office
 
-test: $(VENV)/.test  ## install with test dependencies, then the fast tests
+test: $(VENV)/.test  ## install with the test dependencies, then run the fast tests
 	$(BIN)/python -m pytest
 
-lint: $(VENV)/.lint  ## style, types, import rules
+lint: $(VENV)/.lint  ## check style, types and import rules
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(VENV)/.test  ## timings, never part of the tests
+bench: $(VENV)/.test  ## run the benchmarks, which are never part of the tests
 	$(BIN)/python -m pytest -m benchmark
 
-clean:
+clean:  ## remove the environment, all runs and built packages
 	rm -rf $(VENV) runs build dist
+
+help:  ## list the targets
+	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST)
 
 $(VENV)/.run $(VENV)/.test $(VENV)/.lint: $(VENV)/.%: pyproject.toml | $(BIN)/python
 	$(PIP) install --editable '.$(if $(filter-out run,$*),[$*])'

@@ -105,6 +105,7 @@ def map_error_json(error: MapError) -> Metrics:
         "wall_distance_to_truth": error.to_truth and _named("", error.to_truth, distances, "_m"),
         "wall_distance_from_truth": error.from_truth and _named("", error.from_truth, distances, "_m"),
         **_named("", error.profile, walls),
+        **_named("", error.exact_walls, ("walls_within_cell_rate", "wall_distance_subcell_m")),
         **_named("", error.probability, ("log_loss", "brier", "auc", "calibration_error")),
         "calibration": error.probability and [vars(part) for part in error.probability.calibration],
         "coverage": error.coverage,

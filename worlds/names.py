@@ -19,7 +19,7 @@ from worlds.check import check_world
 from worlds.errors import WorldError
 from worlds.file_names import to_name
 from worlds.format import files
-from worlds.generate.generators import KINDS, generate
+from worlds.generation.generators import KINDS, generate
 from worlds.world import World
 
 PREFIX = "generated:"

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -34,6 +34,9 @@ class TrueMap:
     """Side of a cell [m]."""
     origin: tuple[float, float, float]
     """Pose `(x, y, theta)` [m, m, rad] of the outer corner of cell (0, 0) in the world's frame."""
+    walls: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
+    """The drawn surfaces, as segments `(x0, y0, x1, y1)` [m], (n, 4); faces between two cells are moved into
+    the one inside of the solid."""
 
 
 def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, margin: float = 0.5) -> TrueMap:
@@ -55,8 +58,8 @@ def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, mar
             f"{MAX_CELLS} cells, expected a smaller world or larger cells"
         )
     surface = np.zeros((rows, cols), dtype=np.bool_)
-    segments = segments_of(surface_of(_shrunk(solid)))
-    in_cells = segments / resolution - np.array([first_col, first_row] * 2)
+    walls = segments_of(surface_of(_shrunk(solid)))
+    in_cells = walls / resolution - np.array([first_col, first_row] * 2)
     for segment in in_cells:
         row, col = cells_crossed(segment)
         surface[row, col] = True
@@ -70,7 +73,13 @@ def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, mar
         free=free,
         resolution=resolution,
         origin=(first_col * resolution, first_row * resolution, 0.0),
+        walls=walls,
     )
+
+
+def drawn_walls(world: World, height: float) -> NDArray[np.float64]:
+    """Return the surfaces that `true_map` draws at `height` [m], as segments `(x0, y0, x1, y1)` [m], (n, 4)."""
+    return segments_of(surface_of(_shrunk(world.cross_section(height))))
 
 
 def _shrunk(solid: BaseGeometry) -> BaseGeometry:

@@ -98,6 +98,8 @@ class World(Model):
     """People who walk."""
     doors: Annotated[list[Door], Field(max_length=1000)] = Field(default_factory=list)
     """Doors that swing."""
+    offset: tuple[float, float] = (0.0, 0.0)
+    """Position of this world's origin in the frame of the map that it was made of [m]."""
     difficulty: Difficulty | None = None
     """Stored measures of this world; None = not stored."""
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eval.map.exact_walls import ExactWallError, exact_wall_error
 from eval.map.grids import cell_centres, lookup, resample
 from eval.map.overlap import Overlap, coverage, free_overlap, occupied_overlap
 from eval.map.probability import ProbabilityScore, probability_score
@@ -34,6 +35,8 @@ class MapError:
     from_truth: WallDistance | None
     """Distances of the observable true walls to the map's."""
     profile: WallProfile | None
+    exact_walls: ExactWallError | None
+    """None also where the exact true walls are unknown."""
     probability: ProbabilityScore | None
     coverage: float | None
 
@@ -46,12 +49,17 @@ class MapError:
 
 
 def map_error(
-    grid: OccupancyGrid, truth: OccupancyGrid, T_truth_grid: ArrayLike, observable: NDArray[np.bool_]
+    grid: OccupancyGrid,
+    truth: OccupancyGrid,
+    T_truth_grid: ArrayLike,
+    observable: NDArray[np.bool_],
+    walls: NDArray[np.float64] | None = None,
 ) -> MapError:
     """Measure `grid` against `truth` (1 occupied, 0 free, NaN unknown) with `grid` moved by `T_truth_grid` (3,).
 
     Cell measures use the cells of the truth (`eval.map.grids.resample`), wall measures the walls themselves.
-    `observable` (rows, cols): cells that could have been seen (`eval.map.observability`).
+    `observable` (rows, cols): cells that could have been seen (`eval.map.observability`). `walls`: the exact true walls
+    `(x0, y0, x1, y1)` [m], (n, 4), where they are known.
     """
     drawn = resample(grid, truth, T_truth_grid)
     per_cell = (grid.resolution / truth.resolution) ** 2
@@ -68,6 +76,7 @@ def map_error(
         to_truth=distances[0] if distances else None,
         from_truth=distances[1] if distances else None,
         profile=wall_profile(grid, truth, T_truth_grid, observable),
+        exact_walls=exact_wall_error(grid, truth, T_truth_grid, observable, walls) if walls is not None else None,
         probability=probability_score(drawn, truth, observable),
         coverage=coverage(drawn, observable),
     )

@@ -5,18 +5,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from eval.sweep.plots import Unit
+from eval.sweep.measure import Unit
+from eval.sweep.panels import Panel, panels
+from eval.sweep.statistics import bootstrap_interval
 from eval.sweep.summary import SweepSummary
 
 
 def markdown_table(summary: SweepSummary) -> str:
-    """Markdown table: one row per world and line, one column per particle count."""
+    """Markdown table: one row per world (or kind of building) and line, one column per particle count."""
     table = summary.table
-    head = ["place", "filter", *map(str, table.counts)]
+    head = ["world", "filter", *map(str, table.counts)]
     rows = [
-        [place, line, *(_cell(summary, place, line, count) for count in table.counts)]
-        for place in table.places
-        for line in table.lines
+        [panel.answer.place, line, *(_cell(panel, k, c, summary.unit) for c in range(len(table.counts)))]
+        for panel in panels(summary)
+        for k, line in enumerate(table.lines)
     ]
     lines = ["| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows)]
     return f"{_caption(summary)}\n\n" + "\n".join(lines) + "\n"
@@ -28,13 +30,15 @@ def latex_table(summary: SweepSummary) -> str:
     Seven particle counts side by side would be wider than a page.
     """
     table = summary.table
-    head = ["place", "particles", *table.lines]
+    head = ["world", "particles", *table.lines]
     blocks = [
         "\n".join(
-            _latex_row([place, str(count), *(_cell(summary, place, line, count) for line in table.lines)])
-            for count in table.counts
+            _latex_row(
+                [panel.answer.place, str(count), *(_cell(panel, k, c, summary.unit) for k in range(len(table.lines)))]
+            )
+            for c, count in enumerate(table.counts)
         )
-        for place in table.places
+        for panel in panels(summary)
     ]
     body = "\n\\addlinespace\n".join(blocks)
     return (
@@ -50,30 +54,29 @@ def _latex_row(cells: list[str]) -> str:
     return " & ".join(map(_escaped, cells)) + r" \\"
 
 
-def enough_words(count: int | None, largest: int) -> str:
-    """The answer of `SweepSummary.enough` in a table."""
-    return str(count) if count is not None else f"not shown up to {largest}"
-
-
 def _caption(summary: SweepSummary) -> str:
-    table, unit = summary.table, Unit.of(summary.table.measure)
+    table, unit = summary.table, summary.unit
+    measure = table.measure
+    name = f"{measure.words[0].upper()}{measure.words[1:]}" + (f" [{unit.name}]" if unit.name else "")
+    over = f"{len(table.seeds)} seed{'s' if len(table.seeds) > 1 else ''}"
+    if table.family_names():
+        over += ", over the worlds for a kind of building"
     return (
-        f"{unit.words[0].upper()}{unit.words[1:]} by number of particles: median over {len(table.seeds)} seeds, "
+        f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
         "95 % bootstrap interval in brackets, failed runs in parentheses where there are any."
     )
 
 
-def _cell(summary: SweepSummary, place: str, line: str, count: int) -> str:
+def _cell(panel: Panel, k: int, c: int, unit: Unit) -> str:
     """Text of one group: median, interval, failures."""
-    group, factor = summary.group(place, line, count), Unit.of(summary.table.measure).factor
-    m = group.median
+    m = bootstrap_interval(panel.error[k, c], np.median)
     if m.count == 0:
         return "-"
-    digits = _digits(factor * m.value)
-    text = f"{factor * m.value:.{digits}f}"
+    digits = _digits(unit.factor * m.value)
+    text = f"{unit.factor * m.value:.{digits}f}"
     if np.isfinite(m.low):
-        text += f" [{factor * m.low:.{digits}f}, {factor * m.high:.{digits}f}]"
-    return f"{text} ({group.failures}/{group.runs})" if group.failures else text
+        text += f" [{unit.factor * m.low:.{digits}f}, {unit.factor * m.high:.{digits}f}]"
+    return f"{text} ({panel.failed[k, c]}/{panel.runs[k, c]})" if panel.failed[k, c] else text
 
 
 def _digits(value: float) -> int:

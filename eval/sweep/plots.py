@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Figures of a sweep, one panel per world; a line of the sweep has the same colour in all of them."""
+"""Figures of a sweep: one panel per world or kind of building, one axis for all panels, a colour per line.
+
+They are as wide as one or two columns of a journal, and their fonts do not depend on the number of panels.
+"""
 
 from __future__ import annotations
 
@@ -12,80 +15,122 @@ import numpy as np
 from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
 from eval.report.comparison import COLOURS
-from eval.report.plots import QUIET, STYLE
+from eval.report.plots import BAD, GOOD, QUIET, STYLE
+from eval.sweep.decision import TOLERANCE, median_over_last
+from eval.sweep.panels import Panel, panels
 from eval.sweep.results import CURVE_GRID, SweepTable
-from eval.sweep.summary import Group, SweepSummary
+from eval.sweep.statistics import bootstrap_interval, wilson_interval
+from eval.sweep.summary import SweepSummary
 
-PANEL = (3.7, 2.6)
-"""Size of a panel [inch]."""
-COLUMNS = 3
+WIDTHS = (3.5, 5.3, 7.16)
+"""Width of a figure with 1, 2, 3 panels in a row [inch]; the first and the last are one and two columns of a page."""
+PANEL_HEIGHT = 2.0
+"""Height of a row of panels [inch]."""
 LINE_SHIFT = 0.05
 """Relative shift of the lines along the axis of counts, so that their bars do not hide each other."""
+MAX_LINEAR_RATIO = 12.0
+"""Errors are drawn on a linear axis if the largest is at most this many times the smallest, else on a logarithmic."""
+FAIR = "#b35c00"
+MARK_COLOURS = {"good": GOOD, "fair": FAIR, "bad": BAD}
+"""Colours of answers."""
+ZONE = "#d3f0d9"
+"""Colour of the zone in which differences do not matter."""
+_BETWEEN_ROWS, _BETWEEN_COLUMNS, _BELOW, _RIGHT = 0.34, 0.14, 0.42, 0.14
+"""Margins between and around panels [inch]."""
+Draw = Callable[[Axes, Panel], None]
 
 
 def accuracy(summary: SweepSummary) -> Figure:
-    """Error against particle count: medians with their interval, every run a faint dot."""
-    table, unit = summary.table, Unit.of(summary.table.measure)
+    """Error against particle count: medians, intervals as bands, the zone in which differences do not matter."""
+    table, unit = summary.table, summary.unit
+    shown = panels(summary)
+    limits = _error_limits([unit.factor * _medians_and_ends(panel.error) for panel in shown])
+    base = table.lines.index(table.baseline)
 
-    def draw(ax: Axes, p: int) -> None:
+    def draw(ax: Axes, panel: Panel) -> None:
+        _draw_zone(ax, panel.error[base, -1], unit.factor)
         for k, line in enumerate(table.lines):
             x = _shifted(table, k)
-            groups = _groups(summary, p, k)
-            runs = unit.factor * table.error[p, k]
-            _dots(ax, x, runs, k)
-            _line(ax, x, [unit.factor * g.median.value for g in groups], line, k)
-            low, high = ([unit.factor * getattr(g.median, end) for g in groups] for end in ("low", "high"))
-            ax.fill_between(x, low, high, color=_colour(k), alpha=0.15, lw=0)
+            _draw_units(ax, x, unit.factor * panel.error[k], _colour(k), limits)
+            _draw_medians(ax, x, unit.factor * panel.error[k], _colour(k), line)
+            _draw_states(ax, x, unit.factor * median_over_last(panel.error[k]), panel.decisions[k].states, _colour(k))
+            refined = unit.factor * median_over_last(panel.refined[k])
+            there = np.isfinite(refined)
+            label = "after the final pass" if there.any() and k == base else None
+            ax.plot(x[there], refined[there], "s:", ms=3.5, lw=1.0, mfc="white", color=_paler(_colour(k)), label=label)
         _count_axis(ax, table)
-        _log_values(ax)
+        _error_axis(ax, limits)
 
-    return _panels(table, draw, "particles", f"{unit.words}")
+    return _figure(
+        table, shown, draw, "particles", f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
+    )
 
 
 def failures(summary: SweepSummary) -> Figure:
-    """Failure rate against particle count, with Wilson intervals."""
+    """Failed runs of all runs for each filter and count, with the Wilson interval of the rate in pale letters."""
     table = summary.table
 
-    def draw(ax: Axes, p: int) -> None:
-        for k, line in enumerate(table.lines):
-            groups = [g for g in _groups(summary, p, k) if g.runs]
-            x = _shifted(table, k)[[table.counts.index(g.count) for g in groups]]
-            rate = np.array([100.0 * g.failures / g.runs for g in groups])
-            ends = 100.0 * np.array([g.failure_interval for g in groups]).reshape(-1, 2).T
-            bars = np.maximum(np.abs(ends - rate), 0.0)
-            ax.errorbar(x, rate, yerr=bars, fmt="o-", ms=4, lw=1.2, elinewidth=0.9, color=_colour(k), label=line)
-        _count_axis(ax, table)
-        ax.set_ylim(-4.0, 104.0)
+    def draw(ax: Axes, panel: Panel) -> None:
+        for k, c in np.ndindex(*panel.runs.shape):
+            failed, runs = int(panel.failed[k, c]), int(panel.runs[k, c])
+            if not runs:
+                continue
+            rate = failed / runs
+            ax.add_patch(Rectangle((c - 0.48, k - 0.46), 0.96, 0.92, fc=(*to_rgb(BAD), 0.75 * rate), ec="#e9ecef"))
+            ax.text(c, k - 0.12, f"{failed}/{runs}", ha="center", va="center", fontsize=7.0)
+            low, high = (round(100.0 * end) for end in wilson_interval(failed, runs))
+            ax.text(c, k + 0.24, f"{low}–{high} %", ha="center", va="center", fontsize=4.6, color=QUIET)
+        ax.set_xlim(-0.6, len(table.counts) - 0.4)
+        ax.set_ylim(len(table.lines) - 0.4, -0.6)
+        ax.set_xticks(range(len(table.counts)), [str(count) for count in table.counts])
+        ax.set_yticks(range(len(table.lines)), table.lines)
+        ax.grid(visible=False)
 
-    return _panels(table, draw, "particles", "runs that failed [%]")
+    left = 0.25 + 0.065 * max(map(len, table.lines))
+    height = 0.1 + 0.4 * len(table.lines)
+    return _figure(table, panels(summary), draw, "particles", "", height=height, left=left, legend=False)
 
 
 def cost_against_accuracy(summary: SweepSummary) -> Figure:
-    """Median error against time per update; a black line joins the Pareto-optimal groups."""
-    table, unit = summary.table, Unit.of(summary.table.measure)
+    """Median error against time per update; each point has its count, a line joins the Pareto-optimal ones."""
+    table, unit = summary.table, summary.unit
+    shown = panels(summary)
+    limits = _error_limits([unit.factor * median_over_last(panel.error) for panel in shown])
+    costs = np.concatenate([panel.cost.ravel() for panel in shown])
+    costs = costs[np.isfinite(costs) & (costs > 0.0)]
 
-    def draw(ax: Axes, p: int) -> None:
+    def draw(ax: Axes, panel: Panel) -> None:
         points = []
         for k, line in enumerate(table.lines):
-            groups = _groups(summary, p, k)
-            cost, error = np.array([g.cost for g in groups]), unit.factor * np.array([g.median.value for g in groups])
-            _line(ax, cost, error, line, k)
-            points += [(c, e, g.count) for c, e, g in zip(cost, error, groups, strict=True) if np.isfinite(c + e)]
-        front = pareto_front(np.array([point[:2] for point in points]).reshape(-1, 2))
-        best = [points[row] for row in front]
-        ax.plot([c for c, _, _ in best], [e for _, e, _ in best], color="black", lw=1.0, label="front", zorder=4)
-        for c, e, count in best:
-            ax.annotate(str(count), (c, e), xytext=(3, -9), textcoords="offset points", fontsize=8)
+            error = unit.factor * median_over_last(panel.error[k])
+            ax.plot(panel.cost[k], error, "o-", ms=3.5, lw=1.0, color=_colour(k), label=line, zorder=3)
+            for c, (x, y) in enumerate(zip(panel.cost[k], error, strict=True)):
+                if np.isfinite(x + y):
+                    points.append((float(x), float(y)))
+                    ax.annotate(
+                        str(table.counts[c]), (x, y), xytext=(0, 4), textcoords="offset points", fontsize=6.5,
+                        ha="center", color=_colour(k),
+                    )  # fmt: skip
+        best = [points[row] for row in pareto_front(np.array(points).reshape(-1, 2))]
+        ax.plot(
+            [x for x, _ in best], [y for _, y in best], color="black", lw=2.4, alpha=0.25, label="front", zorder=2,
+            drawstyle="steps-post", solid_capstyle="round",
+        )  # fmt: skip
         ax.set_xscale("log")
+        if len(costs):
+            ax.set_xlim(0.7 * costs.min(), 1.5 * costs.max())
         _plain_numbers(ax.xaxis)
-        _log_values(ax)
+        _error_axis(ax, limits)
 
-    return _panels(table, draw, "time per update [ms]", f"{unit.words}, median")
+    words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
+    return _figure(table, shown, draw, "time per update [ms]", words)
 
 
 def pareto_front(points: NDArray[np.float64]) -> list[int]:
@@ -101,100 +146,188 @@ def coverage_of_95_percent(summary: SweepSummary) -> Figure:
     """Share of updates with the truth inside the filter's 95 % ellipsoid, against particle count."""
     table = summary.table
 
-    def draw(ax: Axes, p: int) -> None:
+    def draw(ax: Axes, panel: Panel) -> None:
         ax.axhline(95.0, color=QUIET, lw=1.0, ls=(0, (4, 2)), label="expected: 95 %")
-        inside = 100.0 * table.cube("filter.consistency.inside_share")
         for k, line in enumerate(table.lines):
             x = _shifted(table, k)
-            runs = inside[p, k]
-            _dots(ax, x, runs, k)
-            _line(ax, x, [100.0 * g.inside_share for g in _groups(summary, p, k)], line, k)
+            _draw_units(ax, x, 100.0 * panel.inside[k], _colour(k), (0.0, 100.0))
+            ax.plot(x, 100.0 * median_over_last(panel.inside[k]), "o-", ms=3.5, color=_colour(k), label=line, zorder=3)
         _count_axis(ax, table)
         ax.set_ylim(-4.0, 104.0)
 
-    return _panels(table, draw, "particles", "truth inside [% of updates]")
+    return _figure(table, panels(summary), draw, "particles", "truth inside [% of updates]")
 
 
 def health(summary: SweepSummary, curve: str, label: str) -> Figure:
-    """`ess` or `unique_ancestors` of the baseline along the run, median over seeds, one shade per particle count."""
+    """`ess` or `unique_ancestors` of the baseline along the run, median over runs, one shade per particle count."""
     table = summary.table
     base = table.lines.index(table.baseline)
     counts = [c for c, count in enumerate(table.counts) if count > 1]  # one particle is always 100 %
 
-    def draw(ax: Axes, p: int) -> None:
+    def draw(ax: Axes, panel: Panel) -> None:
         for step, c in enumerate(counts):
-            values = 100.0 * _median_curve(table.curves[curve][p, base, c])
+            runs = table.curves[curve][list(panel.rows), base, c].reshape(-1, len(CURVE_GRID))
             shade = colormaps["viridis"](0.85 * step / max(len(counts) - 1, 1))
-            ax.plot(100.0 * CURVE_GRID, values, color=shade, lw=1.3, label=f"{table.counts[c]} particles")
+            values = 100.0 * median_over_last(runs.T)
+            ax.plot(100.0 * CURVE_GRID, values, color=shade, lw=1.2, label=f"{table.counts[c]} particles")
         ax.set_ylim(-2.0, 104.0)
 
-    return _panels(table, draw, "share of the run [%]", label)
-
-
-class Unit:
-    """How a measure is shown: metres as centimetres, everything else unchanged."""
-
-    def __init__(self, words: str, factor: float, name: str) -> None:
-        self.words, self.factor, self.name = words, factor, name
-
-    @classmethod
-    def of(cls, measure: str) -> Unit:
-        """The unit by the key of the measure, whose suffix names it."""
-        names = {"trajectory.ate_rmse_m": "trajectory error", "relations.trans_mean_m": "relation error"}
-        if measure.endswith("_m"):
-            return cls(f"{names.get(measure, measure.removesuffix('_m'))} [cm]", 100.0, "cm")
-        if measure.endswith("_deg"):
-            return cls(f"{names.get(measure, measure.removesuffix('_deg'))} [deg]", 1.0, "deg")
-        return cls(measure, 1.0, "")
+    return _figure(table, panels(summary), draw, "share of the run [%]", label)
 
 
 @contextmanager
 def style() -> Iterator[None]:
     """Style of all figures; needed while drawing and while writing to a file."""
-    with rc_context(STYLE):
+    small = {
+        "figure.constrained_layout.use": False,
+        "font.size": 8.0,
+        "axes.titlesize": 8.5,
+        "legend.fontsize": 7.5,
+        "lines.linewidth": 1.2,
+    }
+    with rc_context(STYLE | small):
         yield
 
 
-def _panels(table: SweepTable, draw: Callable[[Axes, int], None], x: str, y: str) -> Figure:
-    """One panel per world, with shared axis labels and one legend."""
-    columns = min(COLUMNS, len(table.places))
-    rows = math.ceil(len(table.places) / columns)
+def _figure(
+    table: SweepTable,
+    shown: list[Panel],
+    draw: Draw,
+    x: str,
+    y: str,
+    *,
+    height: float = PANEL_HEIGHT,
+    left: float = 0.55,
+    legend: bool = True,
+) -> Figure:
+    """Panels with shared axes and axis labels, each titled with its answer, and one legend.
+
+    height of a panel and left margin [inch]. All margins are lengths, so that panels and letters keep their size.
+    """
+    columns = min(len(WIDTHS), len(shown))
+    rows = math.ceil(len(shown) / columns)
+    width, top = WIDTHS[columns - 1], 0.48 if legend else 0.24
+    total = top + rows * height + (rows - 1) * _BETWEEN_ROWS + _BELOW
     with style():
-        figure = Figure(figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.35))
-        grid = figure.subplots(rows, columns, squeeze=False)
-        for p, ax in enumerate(grid.flat):
-            if p >= len(table.places):
+        figure = Figure(figsize=(width, total))
+        panel_width = (width - left - _RIGHT - (columns - 1) * _BETWEEN_COLUMNS) / columns
+        grid = figure.subplots(
+            rows,
+            columns,
+            squeeze=False,
+            sharex=True,
+            sharey=True,
+            gridspec_kw={
+                "left": left / width,
+                "right": 1.0 - _RIGHT / width,
+                "bottom": _BELOW / total,
+                "top": 1.0 - top / total,
+                "wspace": _BETWEEN_COLUMNS / panel_width,
+                "hspace": _BETWEEN_ROWS / height,
+            },
+        )
+        for number, ax in enumerate(grid.flat):
+            if number >= len(shown):
                 ax.set_visible(False)
                 continue
-            draw(ax, p)
-            ax.set_title(table.places[p], fontsize=10)
-            if p % columns == 0:
-                ax.set_ylabel(y)
-            if p + columns >= len(table.places):
-                ax.set_xlabel(x)
-        handles: dict[str, Any] = {}
-        for ax in grid.flat[: len(table.places)]:
-            handles |= {label: handle for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-        figure.legend(list(handles.values()), list(handles), loc="outside upper left", ncols=min(len(handles), 7))
+            draw(ax, shown[number])
+            is_lowest = number + columns >= len(shown)
+            _label(ax, shown[number], x if is_lowest else "", y if number % columns == 0 else "")
+            ax.tick_params(labelbottom=is_lowest)
+        if legend:
+            _draw_legend(figure, grid.flat[: len(shown)], len(table.lines), columns)
     return figure
 
 
-def _groups(summary: SweepSummary, p: int, k: int) -> list[Group]:
-    table = summary.table
-    return [summary.group(table.places[p], table.lines[k], count) for count in table.counts]
+def _label(ax: Axes, panel: Panel, x: str, y: str) -> None:
+    """Title a panel with its name and its answer, and label its axes."""
+    answer = panel.answer
+    ax.set_title(answer.place, loc="left", fontweight="bold", pad=4.0)
+    ax.set_title(answer.short_with_noun, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
 
 
-def _line(ax: Axes, x: Any, values: Any, name: str, k: int) -> None:
-    ax.plot(x, values, "o-", ms=4, lw=1.5, color=_colour(k), label=name, zorder=3)
+def _draw_legend(figure: Figure, axes: Any, lines: int, columns: int) -> None:
+    handles: dict[str, Any] = {}
+    for ax in axes:
+        handles |= {label: handle for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    if lines == 1 and "default" in handles:
+        handles["filter"] = handles.pop("default")
+    figure.legend(
+        list(handles.values()), list(handles), loc="upper left", ncols=min(len(handles), 2 * columns), borderaxespad=0.1
+    )
 
 
-def _dots(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int) -> None:
-    """Draw every run (counts, seeds) as a faint dot."""
-    ax.plot(np.repeat(x, runs.shape[1]), runs.ravel(), "o", ms=2.6, mew=0, alpha=0.35, color=_colour(k))
+def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float) -> None:
+    """Shade the errors that differ from the largest count's by less than the tolerance."""
+    known = errors[np.isfinite(errors)]
+    if not len(known):
+        return
+    median = float(np.median(known))
+    limit = TOLERANCE.of(median)
+    ax.axhspan(factor * (median - limit), factor * (median + limit), color=ZONE, lw=0, zorder=0)
+    ax.fill_between([], [], color=ZONE, lw=0, label="no difference that matters")
+
+
+def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], colour: str, label: str) -> None:
+    """Medians over the units (counts, units), joined, with their 95 % intervals as a band."""
+    intervals = [bootstrap_interval(row, np.median) for row in runs]
+    ax.plot(x, [interval.value for interval in intervals], "-", lw=1.4, color=colour, label=label, zorder=3)
+    ax.fill_between(x, [i.low for i in intervals], [i.high for i in intervals], color=colour, alpha=0.18, lw=0)
+
+
+def _draw_states(
+    ax: Axes, x: NDArray[np.float64], medians: NDArray[np.float64], states: tuple[str, ...], colour: str
+) -> None:
+    """Mark each count: filled = not worse than the largest, hollow = undecided, cross = worse."""
+    for place, value, state in zip(x, medians, (*states, "good"), strict=True):
+        look = {"good": {"marker": "o", "mfc": colour}, "open": {"marker": "o", "mfc": "white"}}.get(
+            state, {"marker": "x"}
+        )
+        ax.plot([place], [value], ms=4.5, mew=1.2, color=colour, zorder=4, **look)  # type: ignore[arg-type]
+
+
+def _draw_units(
+    ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], colour: str, limits: tuple[float, float]
+) -> None:
+    """Draw every unit (counts, units) as a faint dot; those above the axis as a triangle at its end."""
+    places, values = np.repeat(x, runs.shape[1]), runs.ravel()
+    above = values > limits[1]
+    ax.plot(places[~above], values[~above], "o", ms=2.2, mew=0, alpha=0.35, color=colour)
+    ax.plot(places[above], np.full(above.sum(), limits[1]), "^", ms=3.0, mew=0, alpha=0.5, color=colour, clip_on=False)
+
+
+def _medians_and_ends(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Medians over the last axis and the ends of their intervals, flat."""
+    rows = errors.reshape(-1, errors.shape[-1])
+    intervals = [bootstrap_interval(row, np.median) for row in rows]
+    return np.array([[i.low, i.value, i.high] for i in intervals]).ravel()
+
+
+def _error_limits(values: list[NDArray[np.float64]]) -> tuple[float, float]:
+    """Ends of the axis of errors for all panels: a linear axis begins at 0, a logarithmic one spans at least 10."""
+    flat = np.concatenate([v.ravel() for v in values])
+    known = flat[np.isfinite(flat) & (flat > 0.0)]
+    if not len(known):
+        return 0.0, 1.0
+    low, high = float(known.min()), float(known.max())
+    return (0.0, 1.15 * high) if high <= MAX_LINEAR_RATIO * low else (0.8 * low, max(1.25 * high, 10.0 * low))
+
+
+def _error_axis(ax: Axes, limits: tuple[float, float]) -> None:
+    if limits[0] > 0.0:
+        ax.set_yscale("log")
+        _plain_numbers(ax.yaxis)
+    ax.set_ylim(*limits)
 
 
 def _colour(k: int) -> str:
     return COLOURS[k % len(COLOURS)]
+
+
+def _paler(colour: str) -> tuple[float, ...]:
+    return tuple(0.45 + 0.55 * part for part in to_rgb(colour))
 
 
 def _shifted(table: SweepTable, k: int) -> NDArray[np.float64]:
@@ -211,21 +344,7 @@ def _count_axis(ax: Axes, table: SweepTable) -> None:
     ax.xaxis.set_minor_locator(NullLocator())
 
 
-def _log_values(ax: Axes) -> None:
-    """Logarithmic axis of errors."""
-    ax.set_yscale("log")
-    _plain_numbers(ax.yaxis)
-
-
 def _plain_numbers(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
-
-
-def _median_curve(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Median of the finite values over the first axis; NaN where there are none."""
-    known = np.isfinite(values).any(axis=0)
-    middle = np.full(values.shape[1], np.nan)
-    middle[known] = np.nanmedian(values[:, known], axis=0)
-    return middle

@@ -65,7 +65,7 @@ def write_baseline(table: SweepTable, path: str | os.PathLike[str]) -> None:
                 f"{place}, {line}, {count} particles: a run has no result, expected results of all runs for a baseline"
             )
     document = {
-        "measure": table.measure,
+        "measure": table.measure.key,
         "code": table.code,
         "groups": [
             {"place": place, "line": line, "particles": count, "errors": [round(e, 6) for e in errors.tolist()]}
@@ -81,7 +81,7 @@ def compare_with_baseline(table: SweepTable, path: str | os.PathLike[str]) -> li
 
     Raises BaselineError if the file cannot be read or belongs to another sweep.
     """
-    base, now = _read(Path(path), table.measure), _errors(table)
+    base, now = _read(Path(path), table.measure.key), _errors(table)
     if base.keys() != now.keys() or any(len(base[group]) != len(now[group]) for group in now):
         raise BaselineError(
             f"{path}: has other worlds, lines, particle counts or seeds than the sweep; renew it with --update-baseline"

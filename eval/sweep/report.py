@@ -15,15 +15,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eval.files.atomic_write import atomic_write
-from eval.report.page import Plot, render
+from eval.report.page import render
 from eval.sweep import plots as sweep_plots
-from eval.sweep.paper_tables import enough_words, latex_table, markdown_table
-from eval.sweep.plots import Unit
-from eval.sweep.results import read_sweep
-from eval.sweep.statistics import LEVEL, MIN_SEEDS, POWER, TOLERANCE, Interval
+from eval.sweep.answers import Answer, answer_of_place, answers
+from eval.sweep.decision import TOLERANCE
+from eval.sweep.measure import Unit
+from eval.sweep.paper_tables import latex_table, markdown_table
+from eval.sweep.results import SweepTable, read_sweep
+from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
 
 Draw = Callable[[SweepSummary], Figure]
+PIXELS_PER_INCH = 140
+"""Scale of the figures on the page: the same for all, so that fonts are equal."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class Drawing:
     title: str
     draw: Draw
     caption: str
+    is_first: bool = False
+    """Whether it stands directly below the answers."""
 
 
 DRAWINGS = (
@@ -42,20 +48,27 @@ DRAWINGS = (
         "accuracy",
         "Accuracy against particle count",
         sweep_plots.accuracy,
-        "Medians over the seeds with 95 % bootstrap intervals; every run is a faint dot. Both axes are logarithmic.",
+        "Line: median. Band: 95 % interval of the median. Faint dots: single runs (triangle: above the axis). "
+        "Green zone: within 10 % (or 5 mm) of the largest count, where more particles do not matter. "
+        "Filled marker: shown to be as good as the largest count; cross: shown to be worse; hollow: undecided. "
+        "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter.",
+        is_first=True,
     ),
     Drawing(
         "failures",
-        "Runs that failed",
+        "Failed runs",
         sweep_plots.failures,
-        "Share of the seeds that ended lost, with broken loops or without a result, with 95 % Wilson intervals.",
+        "Runs that ended lost, with broken loops or without a result, of all runs. Pale: the failure rates that are "
+        "compatible with it (95 % Wilson interval).",
+        is_first=True,
     ),
     Drawing(
         "cost",
         "Cost against accuracy",
         sweep_plots.cost_against_accuracy,
-        "Time in the filter per update against the median error. The black line joins what nothing else beats in both; "
-        "the numbers are particle counts. Times are those of the machine of this sweep.",
+        "Time of the filter per update and median error; numbers are particle counts. Thick grey line: the front, "
+        "where no other point is both faster and better. Times depend on the machine.",
+        is_first=True,
     ),
     Drawing(
         "honesty",
@@ -68,16 +81,27 @@ DRAWINGS = (
         "ess",
         "Effective sample size along the run",
         partial(sweep_plots.health, curve="ess", label="effective particles [%]"),
-        "Effective sample size as a share of the particles, for the baseline, median over the seeds.",
+        "Effective sample size as a share of the particles, for the baseline, median over the runs.",
     ),
     Drawing(
         "ancestors",
         "Ancestors along the run",
         partial(sweep_plots.health, curve="unique_ancestors", label="unique ancestors [%]"),
-        "Unique ancestors of the current particles as a share of their number, for the baseline, median over seeds. "
+        "Unique ancestors of the current particles as a share of their number, for the baseline, median over the runs. "
         "When one ancestor is left, counting starts again.",
     ),
 )
+
+
+@dataclass(frozen=True)
+class ShownFigure:
+    """A figure on the page."""
+
+    drawing: Drawing
+    source: str
+    """`data:` address."""
+    width: int
+    """Width on the page [px]."""
 
 
 def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
@@ -88,16 +112,16 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
     folder = Path(directory)
     summary = summarise(read_sweep(folder))
     (folder / "figures").mkdir(exist_ok=True)
-    plots = [_plot(drawing, summary, folder / "figures") for drawing in DRAWINGS]
+    figures = [_figure(drawing, summary, folder / "figures") for drawing in DRAWINGS]
     tables = {"table.md": markdown_table(summary), "table.tex": latex_table(summary)}
-    page = render("sweep.html.j2", **_context(folder, summary), plots=plots, tables=tables)
+    page = render("sweep.html.j2", **_context(folder, summary), figures=figures, tables=tables)
     for name, text in (tables | {"sweep.html": page}).items():
         with atomic_write(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return folder / "sweep.html"
 
 
-def _plot(drawing: Drawing, summary: SweepSummary, folder: Path) -> Plot:
+def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigure:
     """Write a figure to its files; the page shows the SVG."""
     svg = folder / f"{drawing.name}.svg"
     with sweep_plots.style():
@@ -111,45 +135,60 @@ def _plot(drawing: Drawing, summary: SweepSummary, folder: Path) -> Plot:
             with atomic_write(path) as temporary:
                 figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
-    return Plot(drawing.title, source, f"{drawing.caption} Files: figures/{drawing.name}.svg, .pdf.")
+    return ShownFigure(drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())))
 
 
 def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
-    table, unit = summary.table, Unit.of(summary.table.measure)
+    table, unit = summary.table, summary.unit
     return {
         "title": table.title or "Sweep",
-        "lead": _lead(summary),
+        "answers": answers(summary, table.baseline),
+        "others": _other_lines(summary),
+        "worlds": _single_worlds(summary),
         "table": table,
         "unit": unit,
-        "missing": int((~table.ran).sum()),
+        "missing": int((table.columns["status"].astype(str) == "missing").sum()),
         "without_result": int((table.columns["status"].astype(str) == "failed").sum()),
         "failed": int(table.failed.sum()),
         "runs": int(table.ran.sum()),
-        "enough": [
-            (place, [enough_words(summary.enough(place, line), table.counts[-1]) for line in table.lines])
-            for place in table.places
-        ],
+        "routes": _routes(table),
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
-        "worst": [(run, unit.factor * run.error, _links(folder, run)) for run in worst_runs(table)],
+        "worst": [(run, unit.text(run.error), _links(folder, run)) for run in worst_runs(table)],
         "level": LEVEL,
         "power": POWER,
-        "min_seeds": MIN_SEEDS,
+        "min_seeds": min_values(table.level),
         "tolerance": TOLERANCE,
     }
 
 
-def _lead(summary: SweepSummary) -> str:
-    """The answer for the baseline in one sentence."""
+def _other_lines(summary: SweepSummary) -> list[tuple[str, list[str]]]:
+    """The short answers of all filters, by world; empty if there is one filter only."""
     table = summary.table
-    counts = [summary.enough(place, table.baseline) for place in table.places]
-    known = sorted(count for count in counts if count is not None)
-    if not known and len(table.seeds) < MIN_SEEDS:
-        return f"{len(table.seeds)} seeds are too few to tell how many particles are enough."
-    if not known:
-        return f"Up to {table.counts[-1]} particles, no count is shown to be enough."
-    span = f"{known[0]}" if known[0] == known[-1] else f"{known[0]} to {known[-1]}"
-    where = "everywhere" if len(known) == len(counts) else f"in {len(known)} of {len(counts)} places"
-    return f"{span} particle{'s' if known[-1] > 1 else ''} {'are' if known[-1] > 1 else 'is'} enough {where}."
+    if len(table.lines) < 2:
+        return []
+    columns = [answers(summary, line) for line in table.lines]
+    return [(row[0].place, [answer.short for answer in row]) for row in zip(*columns, strict=True)]
+
+
+def _single_worlds(summary: SweepSummary) -> list[Answer]:
+    """The answers of the worlds that are samples of a kind of building."""
+    table = summary.table
+    families = table.family_names()
+    return [
+        answer_of_place(summary, place, table.baseline)
+        for place, family in zip(table.places, table.families, strict=True)
+        if family in families
+    ]
+
+
+def _routes(table: SweepTable) -> str:
+    """What distinguishes the runs of different seeds; empty for logs."""
+    routes = {str(route) for route in table.columns.get("setting.route", np.array(["fixed"], dtype=object)).ravel()}
+    if "log" in {str(kind) for kind in table.columns.get("kind", np.array(["world"], dtype=object)).ravel()}:
+        return "seeds change the random numbers of the filter only"
+    if routes == {"random"}:
+        return "each seed drives another route through the whole world"
+    return "all seeds drive the same route, with other noise"
 
 
 def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | None:
@@ -167,7 +206,7 @@ def _difference(interval: Interval | None, unit: Unit) -> str:
     text = f"{unit.factor * interval.value:+.2f}"
     if interval.count < 2:
         return text
-    star = "" if interval.contains(0.0) or interval.count < MIN_SEEDS else " *"
+    star = "" if interval.contains(0.0) or interval.count < min_values() else " *"
     return f"{text} [{unit.factor * interval.low:+.2f}, {unit.factor * interval.high:+.2f}]{star}"
 
 

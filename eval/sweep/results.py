@@ -18,6 +18,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from eval.report.verdict import OUTCOME_SENTENCES
+from eval.sweep.measure import Measure
+from eval.sweep.statistics import LEVEL
 
 CURVE_GRID = np.linspace(0.02, 1.0, 50)
 """Shares of a run at which its curves are interpolated."""
@@ -36,8 +38,8 @@ class SweepTable:
     """All runs of a sweep. Arrays have the shape (places, lines, counts, seeds), NaN if a run lacks the figure."""
 
     title: str
-    measure: str
-    """Key of the measure of accuracy; smaller is better."""
+    measure: Measure
+    """The measure of accuracy."""
     baseline: str
     """Name of the line with which the others are compared."""
     code: str
@@ -45,6 +47,12 @@ class SweepTable:
     lines: tuple[str, ...]
     counts: tuple[int, ...]
     seeds: tuple[int, ...]
+    families: tuple[str | None, ...]
+    """The kind of building that each place is a sample of, such as `rooms`; None for single worlds and logs."""
+    level: float
+    """Confidence level of the decisions: higher than 0.95 where the sweep was looked at several times."""
+    command: str
+    """The command that repeats the sweep."""
     columns: dict[str, NDArray[Any]]
     """Arrays by column; texts are objects, None if there is none."""
     curves: dict[str, NDArray[np.float64]]
@@ -64,7 +72,15 @@ class SweepTable:
     @cached_property
     def error(self) -> NDArray[np.float64]:
         """The measure of each run."""
-        return self.cube(self.measure)
+        return self.cube(self.measure.key)
+
+    @cached_property
+    def refined(self) -> NDArray[np.float64]:
+        """The measure of each run after the final pass; NaN for runs without one."""
+        key = self.measure.refined_key
+        if key is None:
+            return np.full(self.shape, np.nan)
+        return np.where(self.cube("refined") == 1.0, self.cube(key), np.nan)
 
     @cached_property
     def ran(self) -> NDArray[np.bool_]:
@@ -74,11 +90,22 @@ class SweepTable:
 
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
-        """Whether each run failed: its outcome is bad by `eval.report.verdict`, or it has no result."""
+        """Whether each run failed: the measured estimate has a bad outcome (`eval.report.verdict`), or no result."""
         bad = [outcome for outcome, (_, severity) in OUTCOME_SENTENCES.items() if severity == "bad"]
-        outcome = self.columns.get("outcome", np.full(self.shape, None, dtype=object)).astype(str)
+        unknown = np.full(self.shape, None, dtype=object)
+        outcome = self.columns.get(self.measure.outcome, self.columns.get("outcome", unknown)).astype(str)
         wrong: NDArray[np.bool_] = np.isin(outcome, bad) | (self.columns["status"].astype(str) == "failed")
         return wrong
+
+    @cached_property
+    def failures(self) -> NDArray[np.float64]:
+        """1 for each run that failed, 0 for the others, NaN where none was computed."""
+        return np.where(self.ran, self.failed.astype(np.float64), np.nan)
+
+    def family_names(self) -> list[str]:
+        """Kinds of buildings of which there are several worlds."""
+        names = [family for family in self.families if family is not None]
+        return [name for name in dict.fromkeys(names) if names.count(name) > 1]
 
 
 def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
@@ -104,16 +131,27 @@ def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
         columns |= {name: _cube(timings[name], at, shape) for name in _TIMINGS}
     return SweepTable(
         title=about["title"],
-        measure=about["measure"],
+        measure=Measure(about["measure"]),
         baseline=about["baseline"],
         code=about["code"],
         places=tuple(axes[0]),
         lines=tuple(axes[1]),
         counts=tuple(axes[2]),
         seeds=tuple(axes[3]),
+        families=_families(runs, axes[0]),
+        level=float(about.get("level", LEVEL)),
+        command=str(about.get("command", "")),
         columns=columns,
         curves=_curves(curves, row_of, where, shape),
     )
+
+
+def _families(runs: dict[str, NDArray[Any]], places: list[Any]) -> tuple[str | None, ...]:
+    """The family of each place; tables of versions up to 0.1 have none."""
+    if "family" not in runs:
+        return (None,) * len(places)
+    of_place = dict(zip(runs["place"].tolist(), runs["family"].tolist(), strict=True))
+    return tuple(of_place[place] for place in places)
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

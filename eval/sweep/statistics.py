@@ -19,10 +19,16 @@ POWER = 0.8
 """Probability with which the minimum detectable effect is found."""
 RESAMPLES = 4000
 """Bootstrap resamples."""
-MIN_SEEDS = 6
-"""Fewer values support no claim: their whole range holds the median in 1 - 2^(1 - n) of cases, below 95 %."""
 Statistic = Callable[..., Any]
 """`np.median` or `np.mean`: takes an array and an axis."""
+
+
+def min_values(level: float = LEVEL) -> int:
+    """The fewest values that support a claim: even their whole range holds the median in 1 - 2^(1 - n) of cases only.
+
+    6 for 95 %, 8 for 99 %.
+    """
+    return math.ceil(1.0 - math.log2(1.0 - level))
 
 
 @dataclass(frozen=True)
@@ -105,45 +111,3 @@ def wilson_interval(failures: int, runs: int, *, level: float = LEVEL) -> tuple[
 
     interval = binomtest(failures, runs).proportion_ci(level, method="wilson")
     return float(interval.low), float(interval.high)
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """The difference between two particle counts below which it does not matter."""
-
-    share: float = 0.1
-    """Relative to the median error of the largest count."""
-    floor: float = 0.005
-    """Smallest tolerance [m]: a tenth of a map cell."""
-
-    def of(self, error: float) -> float:
-        """Tolerance for an error of this size [m]."""
-        return max(self.share * error, self.floor)
-
-
-TOLERANCE = Tolerance()
-
-
-def enough_particles(
-    counts: ArrayLike, errors: ArrayLike, failures: ArrayLike, *, tolerance: Tolerance = TOLERANCE
-) -> int | None:
-    """The particle count beyond which more particles do not help; None if the tested counts do not show one.
-
-    counts (c,) ascending; errors (c, seeds) [m], smaller is better; failures (c,) numbers of failed runs.
-    A count is enough if it, and every tested count above it, is worse than the largest tested count by less than the
-    tolerance with 95 % confidence (median paired difference), and fails no more often. This is a test of
-    non-inferiority: few seeds give wide intervals and no answer, fewer than `MIN_SEEDS` none at all. The largest
-    count itself is no answer, since no larger one was tested.
-    """
-    n, e, failed = np.asarray(counts), np.asarray(errors, dtype=np.float64), np.asarray(failures)
-    finite = e[-1][np.isfinite(e[-1])]
-    if len(finite) < MIN_SEEDS:
-        return None
-    limit = tolerance.of(float(np.median(finite)))
-    found = None
-    for k in range(len(n) - 2, -1, -1):
-        difference = paired_difference(e[k], e[-1])
-        if difference.count < MIN_SEEDS or not difference.high < limit or failed[k] > failed[-1]:
-            break
-        found = int(n[k])
-    return found

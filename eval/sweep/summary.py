@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eval.sweep.decision import Decision, decide, decide_kind_of_building
+from eval.sweep.measure import Unit
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import (
     Interval,
     bootstrap_interval,
-    enough_particles,
     minimum_detectable_effect,
     paired_difference,
     wilson_interval,
@@ -19,6 +20,8 @@ from eval.sweep.statistics import (
 
 MAX_WORST_PER_LINE = 2
 """Worst runs that are listed per line."""
+UNUSUAL = 3.0
+"""A run whose error is this many times the median of its group is worth a look."""
 MAX_WORST = 8
 """Worst runs that are listed in all."""
 
@@ -39,6 +42,8 @@ class Group:
     """Wilson interval of the failure rate, in [0, 1]."""
     median: Interval
     mean: Interval
+    refined: Interval
+    """Median error after the final pass, of the runs that have one."""
     to_baseline: Interval | None
     """Median paired difference to the baseline line with the same count; None for the baseline itself."""
     to_largest: Interval | None
@@ -67,11 +72,39 @@ class SweepSummary:
         flat = (t.places.index(place) * len(t.lines) + t.lines.index(line)) * len(t.counts) + t.counts.index(count)
         return self.groups[flat]
 
-    def enough(self, place: str, line: str) -> int | None:
-        """Particle count beyond which more does not help, see `eval.sweep.statistics.enough_particles`."""
+    def decision(self, place: str, line: str) -> Decision:
+        """Which particle count is enough in one world, see `eval.sweep.decision.decide`."""
         t = self.table
         p, k = t.places.index(place), t.lines.index(line)
-        return enough_particles(t.counts, t.error[p, k], t.failed[p, k].sum(axis=1))
+        return decide(t.counts, t.error[p, k], t.failures[p, k], level=t.level)
+
+    def decision_of_family(self, family: str, line: str) -> Decision:
+        """Which particle count is enough in a kind of building, with the world as the unit."""
+        t = self.table
+        worlds, k = [p for p, name in enumerate(t.families) if name == family], t.lines.index(line)
+        return decide_kind_of_building(t.counts, t.error[worlds, k], t.failures[worlds, k], level=t.level)
+
+    def median_of_family(self, family: str, line: str, count: int) -> float:
+        """Median over the worlds of a family of the median error over seeds, in the unit of the measure."""
+        t = self.table
+        medians = [
+            self.group(place, line, count).median.value
+            for place, name in zip(t.places, t.families, strict=True)
+            if name == family
+        ]
+        return _median(np.array(medians))
+
+    @property
+    def largest_median(self) -> float:
+        """The largest median error of a group, which decides the unit of the figures; NaN if there is no result."""
+        medians = np.array([group.median.value for group in self.groups])
+        known = medians[np.isfinite(medians)]
+        return float(known.max()) if len(known) else np.nan
+
+    @property
+    def unit(self) -> Unit:
+        """The unit in which errors are shown, the same everywhere."""
+        return self.table.measure.unit(self.largest_median)
 
 
 @dataclass(frozen=True)
@@ -87,6 +120,8 @@ class WorstRun:
     outcome: str
     key: str
     """Key of the cell."""
+    is_unusual: bool
+    """Whether it failed, or its error is at least `UNUSUAL` times the median of its group."""
 
 
 def worst_runs(table: SweepTable) -> list[WorstRun]:
@@ -97,9 +132,11 @@ def worst_runs(table: SweepTable) -> list[WorstRun]:
         worst = [(p, *divmod(int(np.argmax(error[p])), len(table.seeds))) for p in range(len(table.places))]
         ranked = sorted((w for w in worst if np.isfinite(error[w])), key=lambda w: -float(error[w]))
         for p, c, s in ranked[:MAX_WORST_PER_LINE]:
-            outcome, key = (table.columns[name][p, k, c, s] for name in ("outcome", "key"))
+            outcome, key = (table.columns[name][p, k, c, s] for name in (table.measure.outcome, "key"))
             where = table.places[p], line, table.counts[c], table.seeds[s]
-            found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key)))
+            typical = _median(table.error[p, k, c])
+            unusual = bool(table.failed[p, k, c, s]) or float(error[p, c, s]) >= UNUSUAL * typical
+            found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key), unusual))
     return found[:MAX_WORST]
 
 
@@ -124,6 +161,7 @@ def _group(table: SweepTable, p: int, k: int, c: int) -> Group:
         failure_interval=wilson_interval(failures, runs),
         median=bootstrap_interval(error[p, k, c], np.median),
         mean=bootstrap_interval(error[p, k, c], np.mean),
+        refined=bootstrap_interval(table.refined[p, k, c], np.median),
         to_baseline=to_baseline,
         to_largest=to_largest,
         detectable=minimum_detectable_effect(compared) if compared is not None else np.nan,

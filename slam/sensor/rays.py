@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Rays from scans in the robot's frame: readings sorted by kind, motion during the scan undone (de-skew)."""
+"""Rays from scans in the robot's frame: readings sorted by kind, the motion during the scan undone."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
 from slam.scan import Scan
+from slam.sensor.deskew import deskewed_mounts
 
 
 class Rays(NamedTuple):
@@ -52,20 +53,6 @@ def _aimed(scan: Scan) -> NDArray[np.bool_]:
     return aimed if scan.time_offsets is None else aimed & np.isfinite(scan.time_offsets)
 
 
-def exp_twist(twist: ArrayLike, seconds: ArrayLike) -> se2.Pose:
-    """Pose (..., 3) reached from the origin at constant twist `(vx, vy, omega)` after `seconds` (...,).
-
-    The exponential map of SE(2), Sola et al. (2018), equation 158.
-    """
-    twist, seconds = np.asarray(twist, dtype=np.float64), np.asarray(seconds, dtype=np.float64)
-    angle = twist[2] * seconds
-    # sin(a)/a and (1 - cos(a))/a with their limits at 0
-    s = np.sinc(angle / np.pi)
-    c = np.sinc(angle / (2.0 * np.pi)) * np.sin(angle / 2.0)
-    x, y = twist[0] * seconds, twist[1] * seconds
-    return np.stack([s * x - c * y, c * x + s * y, angle], axis=-1)
-
-
 def make_rays(
     scans: Sequence[Scan], *, usable_range: float, free_range: float = 0.0, twist: ArrayLike | None = None
 ) -> Rays:
@@ -99,7 +86,6 @@ def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: Arra
         return Rays(
             origins=np.tile(mount[:2], (length.size, 1)), ends=se2.transform_points(mount, in_lidar), hit=hit[used]
         )
-    moved = exp_twist(twist, scan.stamp - reference + scan.time_offsets[used])
-    T_robot_lidar = se2.compose(moved, mount)
+    T_robot_lidar = deskewed_mounts(mount, twist, scan.stamp - reference + scan.time_offsets[used])
     ends = se2.transform_points(T_robot_lidar, in_lidar[:, None, :])[:, 0, :]
     return Rays(origins=np.ascontiguousarray(T_robot_lidar[:, :2]), ends=ends, hit=hit[used])

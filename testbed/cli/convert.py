@@ -7,14 +7,14 @@ from pathlib import Path
 
 from testbed.cli.shared.console import console
 from testbed.formats import open_log
-from testbed.formats.write import HOLDS, Form, parts_of, write_log
+from testbed.formats.write import HOLDS, LogFormat, parts_of, write_log
 
 
 def convert(
     log: Path,
     out: Path,
     *,
-    to: Form,
+    to: LogFormat,
     laser_offset: float | None = None,
     range_max: float | None = None,
 ) -> None:
@@ -42,6 +42,6 @@ def convert(
     write_log(out, read, to)
     for note in read.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
-    if homeless := sorted(parts_of(read) - HOLDS[to]):
-        console.print(f"{out}: {to} has no place for {', '.join(homeless)}", soft_wrap=True)
+    if lost := sorted(parts_of(read) - HOLDS[to]):
+        console.print(f"{out}: {to} cannot hold {', '.join(lost)}: left out", soft_wrap=True)
     console.print(f"{out}: {len(read.frames)} frames, {read.scan_count} of them with a scan", soft_wrap=True)

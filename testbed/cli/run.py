@@ -53,12 +53,14 @@ def run(
     output.check_directory()
     filter_config = estimator.filter_config  # raises before anything takes time
     loaded = simulator.load_world(world, seeds)
-    truth = grid_from_true_map(true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height))
+    exact = true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height)
+    truth = grid_from_true_map(exact)
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
     scene = Scene(
         title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
         particles=filter_config.max_particles,
+        motion=filter_config.motion,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
@@ -72,6 +74,7 @@ def run(
             threads=estimator.threads,
             refine=estimator.refine,
             truth_map=truth,
+            truth_walls=exact.walls,
         )
         return run_and_report(job, output.directory(loaded.name), scene, output)
 

@@ -7,8 +7,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Group, Parameter
 
+from eval.files.map_server import read_map
+from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
 from eval.trajectory.relations import read_relations
 from slam.config import LocalizationConfig
@@ -16,9 +19,8 @@ from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
-from testbed.datasets.truth import with_truth
+from testbed.datasets.truth import attach_truth
 from testbed.formats import open_log
-from testbed.formats.maps import read_map_inside
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
@@ -98,7 +100,7 @@ def slam(
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
-    frames = recording.frames if truth is None else with_truth(recording.frames, read_tum(truth))
+    frames = recording.frames if truth is None else attach_truth(recording.frames, read_tum(truth))
     settings = {
         "log": log.resolve(),
         "relations": relations and relations.resolve(),
@@ -121,19 +123,25 @@ def slam(
         relations=known_relations,
         known_map=known,
         truth_map=truth_map,
+        truth_walls=None if truth_map is None else read_true_walls(log, truth_map),
     )
     name = log.name.split(".")[0]
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
         particles=filter_config.max_particles,
+        motion=filter_config.motion,
+        true_map=truth_map,
+        T_world_map=np.zeros(3) if known is not None and known.has_frame_of_truth else None,
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
+    for note in known.notes if known is not None else ():
+        console.print(note, soft_wrap=True)
     return run_and_report(job, output.directory(name), scene, output)
 
 
 def _truth_map(log: Path) -> OccupancyGrid | None:
     """Return the true map of a dataset directory; None for other logs."""
     path = log / "truth_map.yaml"
-    return read_map_inside(path) if path.is_file() else None
+    return read_map(path, inside=True) if path.is_file() else None

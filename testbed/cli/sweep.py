@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -12,6 +15,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from eval.sweep.measure import Measure
+from eval.sweep.planning import foresight
 from eval.sweep.regression_check import compare_with_baseline, write_baseline
 from eval.sweep.results import read_sweep
 from testbed.cli.gather import gather_and_report
@@ -25,10 +30,16 @@ from testbed.sweep.execute import Executor, execute, pending, prepare
 from testbed.sweep.execution.dask_cluster import run_on_cluster
 from testbed.sweep.execution.local_pool import run_locally
 from testbed.sweep.execution.worker_process import Limits
-from testbed.sweep.spec.plan import Shard
+from testbed.sweep.forecast import MIN_COST, expected_seconds, measure_pace
+from testbed.sweep.looks import needed_cells
+from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.code_version import code_version
+from testbed.sweep.spec.command import grouped
+from testbed.sweep.spec.plan import Costs, Shard
+from testbed.sweep.spec.plan import plan as plan_cells
 from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
 from testbed.sweep.store import SweepDirectory
-from worlds import expand_names
+from worlds import expand_names, family
 
 
 @Parameter(name="*")
@@ -47,6 +58,15 @@ class SweepOptions:
     route: Literal["fixed", "random"] | None = None
     """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
     direction from another start. Default: fixed."""
+    measure: str | None = None
+    """What accuracy is measured by: online (the pose reported at each scan), filter (the best particle's path at the
+    end), refined (after the final pass), or any key of metrics.json of which less is better. Default: filter."""
+    refine: Literal["ends", "all", "none"] | None = None
+    """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
+    all where the measure needs it."""
+    until: Literal["decided"] | None = None
+    """decided: add seeds, 8 at a time, where the answer is open, up to --seeds (default: 40). Each look at the results
+    uses higher confidence, so that all looks together keep 95 %."""
     axis: tuple[str, ...] = ()
     """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
     set: tuple[str, ...] = ()
@@ -61,6 +81,10 @@ class SweepOptions:
             flags["particles"] = _counts(self.particles)
         if self.seeds is not None:
             flags["seeds"] = self.seeds
+        if self.measure is not None:
+            flags["measure"] = self.measure
+        if self.until is not None:
+            flags |= {"until": self.until, "seeds": self.seeds or MAX_SEEDS_UNTIL_DECIDED}
         if self.axis:
             flags["axes"] = parsed_axes(self.axis)
         return flags
@@ -82,9 +106,12 @@ class SweepOptions:
         settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
         if self.route is not None:
             settings["route"] = self.route
-        if not settings:
+        if self.refine in ("all", "none"):
+            settings["refine"] = self.refine == "all"
+        shared = {name: value for name, value in spec.settings.items() if name != "refine" or self.refine != "ends"}
+        if shared | settings == spec.settings:
             return spec
-        return parse_spec(spec.document() | {"settings": spec.settings | settings}, source, folder)
+        return parse_spec(spec.document() | {"settings": shared | settings}, source, folder)
 
 
 @Parameter(name="*")
@@ -119,11 +146,16 @@ class Execution:
         return None if self.shard is None else Shard.parse(self.shard)
 
     @property
+    def worker_count(self) -> int:
+        """Worker processes on this machine."""
+        return self.workers or os.cpu_count() or 1
+
+    @property
     def executor(self) -> Executor:
         """Computes the jobs as requested."""
         if self.scheduler is not None:
             return partial(run_on_cluster, address=self.scheduler, limits=self.limits)
-        return partial(run_locally, workers=self.workers or os.cpu_count() or 1, limits=self.limits)
+        return partial(run_locally, workers=self.worker_count, limits=self.limits)
 
 
 @Parameter(name="*")
@@ -144,6 +176,8 @@ class RegressionOptions:
         return self.check or self.update_baseline
 
 
+MAX_SEEDS_UNTIL_DECIDED = "40"
+"""Upper bound of the seeds for `--until decided` without --seeds."""
 REQUEST = SweepOptions()
 REGRESSION = RegressionOptions()
 EXECUTION = Execution()
@@ -169,30 +203,37 @@ def sweep(
     out
         Directory of the sweep; an unfinished sweep in it is completed. Default: a new one in runs/.
     worst
-        Repeat the worst runs at the end with a recording and a report each.
+        At the end repeat the worst runs that failed, or were three times worse than usual, with a recording and a
+        report each.
     plan
-        Print what would be computed, and stop.
+        Print what would be computed, how long it would take and what it could tell, and stop.
     """
     if spec is None and request == REQUEST and gate.is_requested:
         request = SweepOptions(preset="gate")
     specification = request.specification(spec, out)
+    part = execution.part
+    if part is not None and specification.until:
+        raise SweepError("--shard and --until: expected one of them, since a shard does not know the results of others")
     if plan:
-        results.print(f"{specification.size} jobs: {_extent(specification)}")
+        _announce(specification, Costs.of(specification), None, execution)
         return 0
     directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
-    part = execution.part
     with directory.locked(part):
-        cells = pending(directory, costs, part)
         if execution.scheduler is None:
             announce_compilation()
+        cells = pending(directory, needed_cells(directory), costs, part)
+        _announce(specification, costs, cells, execution)
         try:
-            with sweep_progress(cells, costs) as progress:
-                execute(directory, cells, execution.executor, progress)
+            while cells:
+                with sweep_progress(cells, costs, Measure(specification.key_measure), worst=worst) as progress:
+                    execute(directory, cells, execution.executor, progress)
+                tried = {cell.key for cell in cells}
+                more = pending(directory, needed_cells(directory), costs, part)
+                cells = [cell for cell in more if cell.key not in tried] if specification.until else []
+                if cells:
+                    console.print(f"looked at the results: {len(cells)} more jobs where the answer is open")
         except KeyboardInterrupt:
-            left = len(pending(directory, costs, part))
-            again = f"testbed sweep --out {directory.path}"
-            console.print(f"interrupted: {left} jobs are left; {again} continues with them", soft_wrap=True)
-            return INTERRUPTED
+            return _interrupted(directory, costs, part)
     if part is not None:
         failed = sum(directory.reason(cell.key) is not None for cell in cells)
         results.print(
@@ -204,6 +245,57 @@ def sweep(
         write_baseline(read_sweep(directory.path), gate.baseline)
         results.print(f"baseline: {gate.baseline}")
     return max(status, _compare(directory.path, gate.baseline)) if gate.check else status
+
+
+def _interrupted(directory: SweepDirectory, costs: Costs, part: Shard | None) -> int:
+    """Leave a report of what there is, and say how to go on."""
+    with suppress(KeyboardInterrupt):
+        left = len(pending(directory, needed_cells(directory), costs, part))
+        console.print(
+            f"interrupted: {left} jobs are left; testbed sweep --out {directory.path} continues with them",
+            soft_wrap=True,
+        )
+        if part is None:
+            gather_and_report(directory, worst=False)
+    return INTERRUPTED
+
+
+def _announce(spec: SweepSpec, costs: Costs, cells: Sequence[Cell] | None, execution: Execution) -> None:
+    """Say what is to be computed, how long it will take, and what it will be able to tell.
+
+    cells: those that are left; None = all, which are only planned.
+    """
+    is_plan = cells is None
+    cells = plan_cells(spec, code_version(), {}) if cells is None else cells
+    jobs = f"{len(cells)} jobs" if is_plan or len(cells) == spec.size else f"{len(cells)} of {spec.size} jobs"
+    workers = execution.worker_count
+    if is_plan:
+        announce_compilation()
+    pace = measure_pace(cells, costs) if execution.scheduler is None else None
+    if pace is None:
+        took = "" if sum(map(costs, cells)) >= MIN_COST else ", some seconds"
+    else:
+        seconds = expected_seconds(cells, costs, pace, workers)
+        most = "at most " if spec.until else ""
+        took = f", {most}about {_duration(seconds)} with {workers} worker{'s' if workers > 1 else ''}"
+    print_line = results.print if is_plan else console.print
+    print_line(f"{jobs}: {_extent(spec)}{took}", soft_wrap=True, markup=False)
+    for sentence in _foresight(spec):
+        print_line(sentence, soft_wrap=True, markup=False)
+
+
+def _foresight(spec: SweepSpec) -> list[str]:
+    """What the seeds, and the worlds of each kind of building, will be able to tell."""
+    kinds = Counter(kind for kind in map(family, spec.worlds) if kind is not None)
+    sampled = {kind: number for kind, number in kinds.items() if number > 1}
+    sentences = [f"{kind}: {foresight(number, 'world', level=spec.level)}" for kind, number in sampled.items()]
+    if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
+        sentences.insert(0, foresight(len(spec.seeds), level=spec.level))
+    return sentences
+
+
+def _duration(seconds: float) -> str:
+    return f"{max(seconds, 10.0):.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
 
 
 def _compare(directory: Path, baseline: Path) -> int:
@@ -227,7 +319,8 @@ def _counts(text: str) -> list[int]:
 
 
 def _extent(spec: SweepSpec) -> str:
-    places = [*spec.worlds, *(log.name for log in spec.logs)]
+    places = [*grouped(spec.worlds), *(log.name for log in spec.logs)]
     lines = ", ".join(line.name for line in spec.lines())
     counts = ", ".join(map(str, spec.particles))
-    return f"{', '.join(places)}; {len(spec.seeds)} seeds; {lines}; {counts} particles"
+    bound = "up to " if spec.until else ""
+    return f"{', '.join(places)}; {bound}{len(spec.seeds)} seeds; {lines}; {counts} particles"

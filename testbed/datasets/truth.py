@@ -13,7 +13,7 @@ from eval.trajectory.trajectory import Trajectory
 from testbed.frame import Frame
 
 
-def with_truth(frames: Sequence[Frame], truth: Trajectory) -> list[Frame]:
+def attach_truth(frames: Sequence[Frame], truth: Trajectory) -> list[Frame]:
     """The frames with the truth of their stamps, where there is one; ValueError where there is none at all."""
     at = Trajectory(np.array([frame.stamp for frame in frames]), np.array([frame.odometry for frame in frames]))
     found = associate(at, truth)

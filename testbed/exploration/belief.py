@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, inverse, transform_points
-from slam.sensor.rays import exp_twist, make_rays
+from slam.sensor.deskew import exp_twist
+from slam.sensor.rays import make_rays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

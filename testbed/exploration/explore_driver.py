@@ -6,7 +6,7 @@ from __future__ import annotations
 from slam.gmapping import GMapping
 from slam.scan import Scan
 from slam.se2 import compose
-from slam.sensor.rays import exp_twist
+from slam.sensor.deskew import exp_twist
 from slam.step.step_report import StepReport
 from testbed.exploration.belief import Belief
 from testbed.exploration.explorer import Explorer

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What most formats can hold of a lidar: evenly spaced angles and times of the beams, one mount."""
+"""Most formats hold a lidar with evenly spaced beam angles and beam times, and one mount."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SAME_MOUNT = 1e-5
 
 
 def same_mount(a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
-    """Whether two poses `T_robot_lidar` of a lidar are one."""
+    """Tell whether two poses `T_robot_lidar` of a lidar are equal up to rounding."""
     return bool(np.abs(se2.between(np.array(a), np.array(b))).max() <= SAME_MOUNT)
 
 

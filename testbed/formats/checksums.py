@@ -14,7 +14,7 @@ from testbed.provenance import versions
 from testbed.toml import dump_toml
 
 CONFIG = "config.toml"
-LARGEST_CONFIG = 1_000_000
+MAX_CONFIG = 1_000_000
 """Bytes."""
 
 
@@ -60,8 +60,8 @@ def verify(directory: Path) -> None:
     config = directory / CONFIG
     if not config.is_file():
         return
-    if config.stat().st_size > LARGEST_CONFIG:
-        raise LogError(f"{config}: larger than {LARGEST_CONFIG} bytes")
+    if config.stat().st_size > MAX_CONFIG:
+        raise LogError(f"{config}: larger than {MAX_CONFIG} bytes")
     try:
         written = tomllib.loads(config.read_text(encoding="utf-8")).get("checksums", {})
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:

@@ -16,7 +16,7 @@ from testbed.simulation.drivers.driver import Command
 
 COLUMNS = ("stamp", "speed", "turn_rate")
 """First line of a table of commands."""
-LARGEST_TABLE = 500_000_000
+MAX_TABLE = 500_000_000
 """Bytes."""
 
 
@@ -45,7 +45,7 @@ def commands_of(frames: Iterable[Frame]) -> list[Command]:
 
 
 def write_commands(path: str | Path, commands: Iterable[Command]) -> None:
-    """Write a table that `read_commands` reads back to the last digit; aside and renamed."""
+    """Write a table that `read_commands` reads back to the last digit; it appears whole or not at all."""
     rows = "".join(f"{stamp!r},{speed!r},{turn_rate!r}\n" for stamp, speed, turn_rate in commands)
     with atomic_write(path) as aside:
         aside.write_text(f"{','.join(COLUMNS)}\n{rows}", encoding="utf-8")
@@ -64,8 +64,8 @@ def _is_table(path: Path) -> bool:
 
 def _rows(path: Path) -> Iterator[tuple[int, Command]]:
     """Rows of a table with the numbers of their lines."""
-    if path.stat().st_size > LARGEST_TABLE:
-        raise LogError(f"{path}: larger than {LARGEST_TABLE} bytes, expected a table of commands")
+    if path.stat().st_size > MAX_TABLE:
+        raise LogError(f"{path}: larger than {MAX_TABLE} bytes, expected a table of commands")
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         lines = csv.reader(file)
         header = tuple(cell.strip() for cell in next(lines, []))

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from slam.occupancy import OccupancyGrid
+from testbed.formats.frame_table import FrameTable
 from testbed.frame import Frame
 
 
@@ -14,25 +17,54 @@ class LogError(ValueError):
     """A log cannot be read or written; the message names the file, the place and what was expected."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Log:
     """A recorded log, read whole."""
 
     path: Path
-    """Where it was read from."""
+    """The file or directory that was read."""
     format: str
     """Name of its format, as a person says it."""
-    frames: list[Frame]
-    """In the order of the file, which is not always that of the stamps."""
-    notes: tuple[str, ...]
-    """What was found out or left out while reading, one sentence each: for the user's eyes."""
+    table: FrameTable
+    """All frames as arrays, in the order of the file, which is not always that of the stamps."""
+    notes: tuple[str, ...] = ()
+    """Sentences for the user: what the reader found out, repaired or left out."""
 
     truth_map: OccupancyGrid | None = None
     """The true map, where the log holds it."""
     robot_urdf: str | None = None
     """The robot's description, where the log holds it."""
 
+    @classmethod
+    def from_frames(
+        cls,
+        frames: Sequence[Frame],
+        *,
+        path: Path,
+        format: str,
+        notes: tuple[str, ...] = (),
+        truth_map: OccupancyGrid | None = None,
+        robot_urdf: str | None = None,
+    ) -> Log:
+        """Make a log of frames."""
+        table = FrameTable.from_frames(frames)
+        return cls(path=path, format=format, table=table, notes=notes, truth_map=truth_map, robot_urdf=robot_urdf)
+
+    @cached_property
+    def frames(self) -> list[Frame]:
+        """All frames, one object each; they are made at the first use."""
+        return self.table.frames()
+
     @property
     def scan_count(self) -> int:
         """Number of frames that carry a scan."""
-        return sum(frame.scan is not None for frame in self.frames)
+        return len(self.table.scan_rows)
+
+    def __repr__(self) -> str:
+        """One line, for notebooks: a recording printed whole is megabytes long."""
+        stamps = self.table.stamps
+        span = f"{stamps.max() - stamps.min():.1f} s" if len(stamps) else "0 s"
+        lidars = ", ".join(self.table.lidars) or "no lidar"
+        return (
+            f"<Log {self.path.name!r}: {self.format}, {len(stamps)} frames, {self.scan_count} scans ({lidars}), {span}>"
+        )

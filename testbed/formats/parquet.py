@@ -2,38 +2,47 @@
 """Recordings as Apache Parquet: a directory with one table, a row a frame, and a dataset card. Nothing is rounded.
 
 `frames.parquet` is what pandas, polars, DuckDB and the Hugging Face hub read; the card (README.md) says what its
-columns mean. The true map lies beside it as a ROS map, where it is known.
+columns mean. Where the true map is known, the directory also holds it as a ROS map.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.map_server import write_map
-from slam.scan import Scan
+from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
+from testbed.formats.frame_table import BeamPattern, FrameTable, Integers
+from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError
-from testbed.formats.maps import read_map_inside
-from testbed.frame import Frame
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
-LARGEST_TABLE = 50_000_000
+MAX_TABLE = 50_000_000
 """Rows."""
-LARGEST_URDF = 10_000_000
+MAX_URDF = 10_000_000
 """Bytes."""
 
 POSE = ("x", "y", "theta")
+GROUPS = {
+    "odometry": POSE,
+    "twist": ("vx", "vy", "omega"),
+    "command": ("speed", "turn_rate"),
+    "truth": POSE,
+    "mount": POSE,
+}
+"""Columns that are known or unknown together."""
+LISTS = ("ranges", "angles", "time_offsets")
+"""Columns with a list in each row."""
 COLUMNS = {
     "stamp": "time [s]",
     "odometry_x, _y, _theta": "pose by wheel odometry, T_odom_robot [m, m, rad]",
     "twist_vx, _vy, _omega": "velocity by odometry while the scan was taken, robot's frame [m/s, m/s, rad/s]",
-    "command_speed, _turn_rate": "what the robot was told to keep from then on [m/s, rad/s]",
+    "command_speed, _turn_rate": "command that the robot keeps from then on [m/s, rad/s]",
     "truth_x, _y, _theta": "true pose, T_world_robot [m, m, rad]",
     "lidar": "name of the lidar that took the scan; null where the frame has no scan",
     "ranges": "readings [m]; infinite = no return, NaN = lost, below range_min = too near",
@@ -42,23 +51,31 @@ COLUMNS = {
     "range_min, range_max": "a reading r is a hit where range_min <= r < range_max [m]",
     "mount_x, _y, _theta": "pose of the lidar on the robot, T_robot_lidar [m, m, rad]",
 }
-"""What the card says of the columns."""
+"""Meaning of each column, as the dataset card states it."""
 
 
-def write_parquet(path: str | Path, log: Log) -> None:
-    """Write a log as a directory `path`, which must not exist yet; equal logs give equal bytes."""
-    import pyarrow as pa
+def write_parquet(path: str | Path, blocks: Iterable[FrameTable], head: LogHead) -> None:
+    """Write blocks as a directory `path`, which must not exist yet; equal blocks give equal bytes."""
     import pyarrow.parquet as pq
 
     path = Path(path)
     path.mkdir(parents=True)
-    table = pa.table(_columns(log.frames), schema=_schema())
-    pq.write_table(table, path / TABLE, compression="zstd", write_page_checksum=True)
-    (path / CARD).write_text(_card(path.name, log), encoding="utf-8")
-    if log.truth_map is not None:
-        write_map(path / MAP, log.truth_map)
-    if log.robot_urdf is not None:
-        (path / URDF).write_text(log.robot_urdf, encoding="utf-8")
+    totals = _Totals()
+    with pq.ParquetWriter(
+        path / TABLE,
+        _schema(),
+        compression="zstd",
+        write_page_checksum=True,
+        use_dictionary=["lidar", "angles.list.element", "time_offsets.list.element"],
+    ) as writer:
+        for block in blocks:
+            totals.add(block)
+            writer.write_table(arrow_table(block))
+    (path / CARD).write_text(_card(path.name, totals, head), encoding="utf-8")
+    if head.truth_map is not None:
+        write_map(path / MAP, head.truth_map)
+    if head.robot_urdf is not None:
+        (path / URDF).write_text(head.robot_urdf, encoding="utf-8")
 
 
 def read_parquet(path: Path) -> Log:
@@ -70,22 +87,15 @@ def read_parquet(path: Path) -> Log:
     directory, file = (path, path / TABLE) if path.is_dir() else (path.parent, path)
     if path.is_dir():
         verify(directory)
-    columns = _read_table(file)
-    frames = []
-    for row, values in enumerate(zip(*columns.values(), strict=True)):
-        try:
-            frames.append(_frame(dict(zip(columns, values, strict=True))))
-        except (ValueError, TypeError) as error:
-            raise LogError(f"{file}: row {row}: {error}") from None
-    if not frames:
+    table = _frame_table(file, _read_table(file))
+    if not len(table):
         raise LogError(f"{file}: no rows, expected one a frame")
     has_map, urdf = path.is_dir() and (directory / MAP).is_file(), directory / URDF
     return Log(
         path=path,
         format="Parquet table",
-        frames=frames,
-        notes=(),
-        truth_map=read_map_inside(directory / MAP) if has_map else None,
+        table=table,
+        truth_map=read_map(directory / MAP, inside=True) if has_map else None,
         robot_urdf=_read_text(urdf) if path.is_dir() and urdf.is_file() else None,
     )
 
@@ -94,133 +104,221 @@ def _schema() -> Any:
     import pyarrow as pa
 
     number, numbers = pa.float64(), pa.list_(pa.float64())
-    fields = [("stamp", number), *((f"odometry_{name}", number) for name in POSE)]
-    fields += [(f"twist_{name}", number) for name in ("vx", "vy", "omega")]
-    fields += [("command_speed", number), ("command_turn_rate", number)]
-    fields += [(f"truth_{name}", number) for name in POSE]
+    fields = [("stamp", number)]
+    fields += [(f"{group}_{name}", number) for group, names in GROUPS.items() for name in names if group != "mount"]
     fields += [("lidar", pa.string()), ("ranges", numbers), ("angles", numbers), ("time_offsets", numbers)]
     fields += [("range_min", number), ("range_max", number), *((f"mount_{name}", number) for name in POSE)]
     return pa.schema(fields)
 
 
-def _columns(frames: Sequence[Frame]) -> dict[str, list[Any]]:
-    """Values of all frames by column; None where something is unknown."""
-    rows = []
-    for frame in frames:
-        scan = frame.scan
-        row: dict[str, Any] = {"stamp": float(frame.stamp)}
-        row |= _spread("odometry", POSE, frame.odometry)
-        row |= _spread("twist", ("vx", "vy", "omega"), frame.twist)
-        row |= _spread("command", ("speed", "turn_rate"), frame.command)
-        row |= _spread("truth", POSE, frame.truth)
-        row |= _spread("mount", POSE, None if scan is None else scan.mount)
-        row["lidar"] = None if scan is None else frame.lidar
-        for name in ("ranges", "angles", "time_offsets", "range_min", "range_max"):
-            row[name] = None if scan is None else getattr(scan, name)
-        rows.append(row)
-    return {name: [row[name] for row in rows] for name in _schema().names}
+def arrow_table(block: FrameTable) -> Any:
+    """A block as an arrow table; what is unknown is null."""
+    import pyarrow as pa
+
+    n, rows = len(block), block.scan_rows
+    columns: dict[str, Any] = {"stamp": block.stamps}
+    values = {"odometry": block.odometry, "twist": block.twist, "command": block.command, "truth": block.truth}
+    values["mount"] = _spread(block.mounts, rows, n)
+    for group, names in GROUPS.items():
+        unknown = ~block.known(values[group])
+        columns |= {
+            f"{group}_{name}": pa.array(np.ascontiguousarray(values[group][:, k]), mask=unknown)
+            for k, name in enumerate(names)
+        }
+    bare = np.ones(n, dtype=bool)
+    bare[rows] = False
+    limits = _spread(block.range_limits, rows, n)
+    columns["range_min"], columns["range_max"] = (pa.array(np.ascontiguousarray(c), mask=bare) for c in limits.T)
+    names_of_rows = np.full(n, None, dtype=object)
+    names_of_rows[rows] = np.array(block.lidars, dtype=object)[block.scan_lidars]
+    columns["lidar"] = pa.array(names_of_rows, pa.string())
+    patterns = [block.patterns[k] for k in block.scan_patterns.tolist()]
+    columns["ranges"] = _lists(np.asarray(block.ranges, dtype=np.float64), rows, block.readings, n)
+    columns["angles"] = _lists(_flat([p.angles for p in patterns]), rows, block.readings, n)
+    timed = np.array([p.time_offsets is not None for p in patterns], dtype=bool)
+    times = _flat([p.time_offsets for p in patterns if p.time_offsets is not None])
+    columns["time_offsets"] = _lists(times, rows[timed], block.readings[timed], n)
+    return pa.table({name: columns[name] for name in _schema().names}, schema=_schema())
 
 
-def _spread(group: str, names: Sequence[str], values: Sequence[float] | NDArray[np.float64] | None) -> dict[str, Any]:
-    return {f"{group}_{name}": None if values is None else float(values[k]) for k, name in enumerate(names)}
+def _spread(values: NDArray[np.float64], rows: Integers, n: int) -> NDArray[np.float64]:
+    """Values of scans (m, k) at the rows of their frames, NaN elsewhere, (n, k)."""
+    spread = np.full((n, values.shape[1]), np.nan)
+    spread[rows] = values
+    return spread
 
 
-def _read_table(file: Path) -> dict[str, list[Any]]:
-    """Columns as lists; LogError for anything that is not such a table."""
+def _flat(arrays: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    return np.concatenate(arrays) if arrays else np.empty(0)
+
+
+def _lists(values: NDArray[np.float64], rows: Integers, counts: Integers, n: int) -> Any:
+    """A column of lists: `counts` values each at some rows, null at the others."""
+    import pyarrow as pa
+
+    sizes = np.zeros(n, dtype=np.int32)
+    sizes[rows] = counts
+    null = np.ones(n, dtype=bool)
+    null[rows] = False
+    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    return pa.ListArray.from_arrays(pa.array(offsets), pa.array(values), mask=pa.array(null))
+
+
+def _read_table(file: Path) -> Any:
+    """The table; LogError for anything that is not such a table."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         with pq.ParquetFile(file, page_checksum_verification=True) as parquet:
-            if parquet.metadata.num_rows > LARGEST_TABLE:
-                raise LogError(f"{file}: {parquet.metadata.num_rows} rows, expected at most {LARGEST_TABLE}")
+            if parquet.metadata.num_rows > MAX_TABLE:
+                raise LogError(f"{file}: {parquet.metadata.num_rows} rows, expected at most {MAX_TABLE}")
             if missing := [name for name in _schema().names if name not in parquet.schema_arrow.names]:
                 raise LogError(f"{file}: no column {', '.join(missing)}")
-            table = parquet.read(columns=_schema().names).cast(_schema())
+            return parquet.read(columns=_schema().names).cast(_schema()).combine_chunks()
     except (pa.ArrowException, OSError, ValueError) as error:  # all mean a damaged or foreign table
         if isinstance(error, LogError):
             raise
         raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:300]}") from None
-    lists = ("ranges", "angles", "time_offsets")
-    return {name: _arrays(table[name]) if name in lists else table[name].to_pylist() for name in table.column_names}
 
 
-def _arrays(column: Any) -> list[NDArray[np.float64] | None]:
-    """A column of lists as arrays, None where null."""
-    return [None if not item.is_valid else item.values.to_numpy(zero_copy_only=False) for item in column]
+def _frame_table(file: Path, table: Any) -> FrameTable:
+    """The frames of a table; LogError, with the first row, where they make no sense."""
 
+    def refuse(bad: Any, text: str) -> None:
+        if bad.any():
+            raise LogError(f"{file}: row {int(np.argmax(bad))}: {text}")
 
-def _frame(row: dict[str, Any]) -> Frame:
-    """One row; ValueError where it makes no sense."""
-    odometry = _gathered(row, "odometry", POSE)
-    if odometry is None or row["stamp"] is None or not math.isfinite(row["stamp"]):
-        raise ValueError("expected a finite stamp and odometry")
-    command = _gathered(row, "command", ("speed", "turn_rate"))
-    scan = None
-    if row["ranges"] is not None:
-        mount = _gathered(row, "mount", POSE)
-        if row["angles"] is None or mount is None or row["lidar"] is None:
-            raise ValueError("expected angles, mount and lidar with the ranges")
-        if not row["range_max"] > row["range_min"] >= 0.0:
-            raise ValueError(f"expected 0 <= range_min < range_max, got {row['range_min']} and {row['range_max']}")
-        scan = Scan(
-            ranges=row["ranges"],
-            angles=row["angles"],
-            range_min=row["range_min"],
-            range_max=row["range_max"],
-            stamp=row["stamp"],
-            mount=(float(mount[0]), float(mount[1]), float(mount[2])),
-            time_offsets=row["time_offsets"],
-        )
-    return Frame(
-        stamp=row["stamp"],
-        odometry=odometry,
-        scan=scan,
-        lidar=row["lidar"] or Frame.lidar,
-        twist=_gathered(row, "twist", ("vx", "vy", "omega")),
-        command=None if command is None else (float(command[0]), float(command[1])),
-        truth=_gathered(row, "truth", POSE),
+    numbers = {name: _numbers(table, name) for name in table.column_names if name not in ("lidar", *LISTS)}
+    groups = {}
+    for group, names in GROUPS.items():
+        columns = [numbers[f"{group}_{name}"] for name in names]
+        null = np.column_stack([_nulls(table, f"{group}_{name}") for name in names])
+        groups[group] = np.column_stack(columns)
+        bad = ~null.all(axis=1) & ~(np.isfinite(groups[group]).all(axis=1) & ~null.any(axis=1))
+        refuse(bad, f"{group}: expected {len(names)} finite numbers or none")
+    refuse(~np.isfinite(numbers["stamp"]) | np.isnan(groups["odometry"][:, 0]), "expected a finite stamp and odometry")
+    scanned = ~_nulls(table, "ranges")
+    incomplete = _nulls(table, "angles") | np.isnan(groups["mount"][:, 0]) | _nulls(table, "lidar")
+    refuse(scanned & incomplete, "expected angles, mount and lidar with the ranges")
+    limits = np.column_stack([numbers["range_min"], numbers["range_max"]])
+    refuse(
+        scanned & ~((limits[:, 1] > limits[:, 0]) & (limits[:, 0] >= 0.0)),
+        "expected 0 <= range_min < range_max",
+    )
+    rows = np.flatnonzero(scanned)
+    lists = {name: _flattened(table, name) for name in LISTS}
+    for name in ("angles", "time_offsets"):
+        uneven = scanned & ~_nulls(table, name) & (lists[name][1] != lists["ranges"][1])
+        refuse(uneven, f"expected as many {name} as ranges")
+    lidars, lidar_of = np.unique(
+        np.array(table["lidar"].to_pylist(), dtype=object)[rows].astype(str), return_inverse=True
+    )
+    patterns, pattern_of = _patterns(lists, rows, ~_nulls(table, "time_offsets"))
+    return FrameTable(
+        stamps=numbers["stamp"],
+        odometry=groups["odometry"],
+        twist=groups["twist"],
+        command=groups["command"],
+        truth=groups["truth"],
+        scan_rows=rows,
+        scan_lidars=lidar_of.astype(np.int64),
+        scan_patterns=pattern_of,
+        scan_starts=np.concatenate([[0], np.cumsum(lists["ranges"][1][rows])]).astype(np.int64),
+        ranges=lists["ranges"][0],
+        range_limits=limits[rows],
+        mounts=groups["mount"][rows],
+        lidars=tuple(lidars.tolist()),
+        patterns=patterns,
     )
 
 
-def _gathered(row: dict[str, Any], group: str, names: Sequence[str]) -> NDArray[np.float64] | None:
-    """Values of a group of columns; None where they are null, ValueError where some are or one is not finite."""
-    values = [row[f"{group}_{name}"] for name in names]
-    if all(value is None for value in values):
-        return None
-    if any(value is None or not math.isfinite(value) for value in values):
-        raise ValueError(f"{group}: expected {len(values)} finite numbers or none, got {values}")
-    return np.array(values)
+def _numbers(table: Any, name: str) -> NDArray[np.float64]:
+    """A column of numbers, NaN where null; another object than the table's, which is read-only."""
+    return np.array(table[name].to_numpy(), dtype=np.float64)
+
+
+def _nulls(table: Any, name: str) -> NDArray[np.bool_]:
+    return np.asarray(table[name].is_null().to_numpy(), dtype=bool)
+
+
+def _flattened(table: Any, name: str) -> tuple[NDArray[np.float64], Integers]:
+    """All values of a column of lists, and the length of each list (n,), 0 where it is null."""
+    import pyarrow.compute as pc
+
+    column = table[name]
+    values = pc.list_flatten(column)
+    lengths = pc.fill_null(pc.list_value_length(column), 0)
+    flat = np.concatenate([chunk.to_numpy(zero_copy_only=False) for chunk in values.chunks] or [np.empty(0)])
+    return flat, lengths.to_numpy().astype(np.int64)
+
+
+def _patterns(
+    lists: dict[str, tuple[NDArray[np.float64], Integers]], rows: Integers, timed: NDArray[np.bool_]
+) -> tuple[tuple[BeamPattern, ...], Integers]:
+    """The distinct beam patterns of the scans at `rows`, and the pattern of each (m,)."""
+    ends = {name: np.cumsum(lists[name][1]) for name in ("angles", "time_offsets")}
+    known: dict[tuple[bytes, bytes | None], int] = {}
+    patterns: list[BeamPattern] = []
+    numbers: list[int] = []
+    for row in rows.tolist():
+        angles, times = (
+            lists[name][0][ends[name][row] - lists[name][1][row] : ends[name][row]]
+            for name in ("angles", "time_offsets")
+        )
+        key = angles.tobytes(), times.tobytes() if timed[row] else None
+        number = known.setdefault(key, len(patterns))
+        if number == len(patterns):
+            patterns.append(BeamPattern(angles=angles.copy(), time_offsets=times.copy() if timed[row] else None))
+        numbers.append(number)
+    return tuple(patterns), np.array(numbers, dtype=np.int64)
 
 
 def _read_text(path: Path) -> str:
-    if path.stat().st_size > LARGEST_URDF:
-        raise LogError(f"{path}: larger than {LARGEST_URDF} bytes")
+    if path.stat().st_size > MAX_URDF:
+        raise LogError(f"{path}: larger than {MAX_URDF} bytes")
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise LogError(f"{path}: byte {error.start} is not UTF-8") from None
 
 
-def _card(name: str, log: Log) -> str:
+class _Totals:
+    """What the card says of the frames, summed up over blocks."""
+
+    def __init__(self) -> None:
+        self.frames, self.scans, self.first, self.last = 0, 0, math.inf, -math.inf
+        self.known: set[str] = set()
+
+    def add(self, block: FrameTable) -> None:
+        """Take in a block."""
+        self.frames += len(block)
+        self.scans += len(block.scan_rows)
+        self.first = min(self.first, float(block.stamps.min()))
+        self.last = max(self.last, float(block.stamps.max()))
+        columns = {"truth": block.truth, "twist": block.twist, "command": block.command}
+        self.known |= {name for name, column in columns.items() if block.known(column).any()}
+
+
+def _card(name: str, totals: _Totals, head: LogHead) -> str:
     """The dataset card: a YAML head for the hub, and what a person needs to know."""
-    frames = log.frames
-    lidars = sorted({frame.lidar for frame in frames if frame.scan is not None})
-    stamps = [frame.stamp for frame in frames]
-    known = [part for part in ("truth", "twist", "command") if any(getattr(f, part) is not None for f in frames)]
-    besides = ", ".join(known) or "nothing"
+    lidars = ", ".join(
+        f"`{name}` ({lidar.model})" if lidar.model else f"`{name}`" for name, lidar in sorted(head.lidars.items())
+    )
+    also = ", ".join(part for part in ("truth", "twist", "command") if part in totals.known) or "nothing"
+    licence = f"license: {head.licence}\n" if head.licence else ""
     table = "\n".join(f"| `{column}` | {meaning} |" for column, meaning in COLUMNS.items())
     return f"""---
 pretty_name: {name}
-tags: [robotics, slam, lidar, 2d-mapping]
+{licence}tags: [robotics, slam, lidar, 2d-mapping]
 configs:
 - config_name: default
   data_files: {TABLE}
 ---
 # {name}
 
-A robot's drive with a 2D lidar, for SLAM: {len(frames)} frames, {log.scan_count} of them with a scan, over
-{max(stamps) - min(stamps):.1f} s. Lidars: {", ".join(lidars) or "none"}. Known besides odometry: {besides}.
+A robot's drive with a 2D lidar, for SLAM: {totals.frames} frames, {totals.scans} of them with a scan, over
+{totals.last - totals.first:.1f} s. Lidars: {lidars or "none"}. Known apart from odometry: {also}.
 
 `{TABLE}` has a row a frame, in the order of the recording; what is unknown is null.
 

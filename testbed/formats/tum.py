@@ -4,9 +4,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
-
-import numpy as np
 
 from eval.files.tum import TumError, read_tum, write_tum
 from eval.trajectory.trajectory import Trajectory
@@ -21,9 +18,10 @@ def write_trajectories(path: str | Path, log: Log) -> None:
     """Write a directory `path`, which must not exist yet, with odometry.tum and, where it is known, truth.tum."""
     path = Path(path)
     path.mkdir(parents=True)
-    for name, trajectory in ((ODOMETRY, _known(log, "odometry")), (TRUTH, _known(log, "truth"))):
-        if trajectory is not None:
-            write_tum(path / name, trajectory)
+    for name, poses in ((ODOMETRY, log.table.odometry), (TRUTH, log.table.truth)):
+        known = log.table.known(poses)
+        if known.any():
+            write_tum(path / name, Trajectory(log.table.stamps[known], poses[known]))
 
 
 def read_trajectories(path: Path) -> Log:
@@ -46,12 +44,4 @@ def read_trajectories(path: Path) -> Log:
         Frame(stamp=stamp, odometry=pose, truth=true_poses.get(stamp))
         for stamp, pose in zip(odometry.stamps.tolist(), odometry.poses, strict=True)
     ]
-    return Log(path=path, format="TUM trajectory", frames=frames, notes=())
-
-
-def _known(log: Log, source: Literal["odometry", "truth"]) -> Trajectory | None:
-    known = [(frame.stamp, pose) for frame in log.frames if (pose := getattr(frame, source)) is not None]
-    if not known:
-        return None
-    stamps, poses = zip(*known, strict=True)
-    return Trajectory(np.array(stamps), np.array(poses))
+    return Log.from_frames(frames, path=path, format="TUM trajectory")

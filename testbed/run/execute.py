@@ -149,6 +149,7 @@ def metrics_of(
         trajectory=estimation.trajectory_at_scans("truth"),
         relations=job.relations,
         grid=job.truth_map,
+        walls=job.truth_walls,
         lidars=lidar_views(estimation.frames),
     )
     # Ctrl-C must end soon, and scoring a map takes long; a map that was given is not a result of the run
@@ -176,7 +177,10 @@ def metrics_of(
     else:
         path = PathAndMap(at_scans=filtered.at_scans, dense=filtered.dense, map=filtered.map if scores_map else None)
         metrics |= score_estimate("filter", path, reference, ended)
-    return metrics if job.known_map is None else metrics | _localized(job.known_map, estimation, estimate, ended)
+    if job.known_map is None:
+        return metrics
+    metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]
+    return metrics | _localized(job.known_map, estimation, estimate, ended)
 
 
 def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:

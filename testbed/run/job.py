@@ -7,6 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from eval.trajectory.relations import Relations
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
@@ -89,5 +92,7 @@ class Job:
     """Whether the final pass over all frames is made."""
     truth_map: OccupancyGrid | None = None
     """The true map: 1 occupied, 0 free, NaN not visible to any lidar."""
+    truth_walls: NDArray[np.float64] | None = None
+    """The exact true walls `(x0, y0, x1, y1)` [m], (n, 4), in the frame of the true map."""
     relations: Relations | None = None
     """Hand-checked relations between poses."""

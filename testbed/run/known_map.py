@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from eval.files.map_server import read_map
+from eval.files.map_server import grid_from_map_file
 from eval.outcome import LOCAL_M
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
@@ -22,6 +22,7 @@ from slam.localization.fixed_map import check_map, checked_start
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.frame import Frame
+from worlds.format.map_file import read_map_file
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,6 +37,8 @@ class KnownMap:
     """Settings of the localisation."""
     has_frame_of_truth: bool = False
     """Whether true poses are in the frame of this map, so that errors need no alignment."""
+    notes: tuple[str, ...] = ()
+    """What a reader of the map must know (`worlds.format.map_file`)."""
 
     @classmethod
     def read(cls, path: Path, start: str | None, settings: LocalizationConfig, truth: OccupancyGrid | None) -> KnownMap:
@@ -44,14 +47,15 @@ class KnownMap:
         truth: the true map; if it equals the map, true poses are in the map's frame. Raises ValueError if the map
         cannot be read, has no walls or no free space, or the start is not on it.
         """
-        grid = read_map(path)
+        file = read_map_file(path)
+        grid = grid_from_map_file(file)
         try:
             check_map(grid)
             pose = None if start is None else checked_start(parse_start(start), grid, 2.0 * settings.start_position)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         shared = truth is not None and _equal(grid, truth)
-        return cls(grid=grid, start=pose, settings=settings, has_frame_of_truth=shared)
+        return cls(grid=grid, start=pose, settings=settings, has_frame_of_truth=shared, notes=file.notes)
 
 
 def parse_start(text: str) -> tuple[float, float, float]:

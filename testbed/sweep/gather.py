@@ -8,7 +8,7 @@ same sweep gives the same bytes however it was carried out. Times are in `timing
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,12 @@ from eval.files.atomic_write import atomic_write
 from eval.report.page import flat
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.command import command_of
 from testbed.sweep.store import SweepDirectory
+from worlds import family
 
+_ABSENT = {True: "missing", False: "not needed"}
+"""Status of cells without result or reason, by whether they are needed."""
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")
 
 
@@ -38,8 +42,11 @@ class Gathered:
         return not self.failed and not self.missing
 
 
-def gather(directory: SweepDirectory) -> Gathered:
-    """Write the tables of a sweep and return what is there and what is missing. Raises SweepError for damaged cells."""
+def gather(directory: SweepDirectory, needed: Container[str] | None = None) -> Gathered:
+    """Write the tables of a sweep and return what is there and what is missing. Raises SweepError for damaged cells.
+
+    needed: keys of the cells that are needed; others that were not computed are not missing. None = all.
+    """
     rows: list[dict[str, Any]] = []
     curves: list[dict[str, Any]] = []
     timings: list[dict[str, Any]] = []
@@ -49,13 +56,15 @@ def gather(directory: SweepDirectory) -> Gathered:
         key = cell.key
         result = directory.result(key)
         reason = directory.reason(key) if result is None else None
-        rows.append(_row(cell, key, result, reason))
+        is_needed = needed is None or key in needed
+        status = "done" if result is not None else "failed" if reason is not None else _ABSENT[is_needed]
+        rows.append(_row(cell, key, result, {"status": status, "reason": reason, "key": key}))
         if result is not None:
             curves += _curve_rows(key, result)
             timings.append({"key": key} | result.timing)
         elif reason is not None:
             failed.append((cell, reason))
-        else:
+        elif is_needed:
             missing.append(cell)
     spec = directory.manifest.spec
     about = {
@@ -63,6 +72,8 @@ def gather(directory: SweepDirectory) -> Gathered:
         "measure": spec.key_measure,
         "baseline": spec.baseline or spec.lines()[0].name,
         "code": directory.manifest.code,
+        "command": command_of(spec),
+        "level": spec.level,
     }
     for name, table in zip(TABLES, (rows, curves, timings), strict=True):
         _write(directory.path / name, table, about)
@@ -76,14 +87,18 @@ def _curve_rows(key: str, result: CellResult) -> list[dict[str, Any]]:
     return [{"key": key} | {n: values[k] for n, values in columns.items()} for k in range(len(columns["share"]))]
 
 
-def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) -> dict[str, Any]:
-    """One row of `sweep.parquet`; measures that are lists are left out."""
-    status = "done" if result is not None else "failed" if reason is not None else "missing"
+def _row(cell: Cell, key: str, result: CellResult | None, state: Mapping[str, Any]) -> dict[str, Any]:
+    """One row of `sweep.parquet`; measures that are lists are left out. state: the columns status, reason, key."""
     measures = {} if result is None else {k: v for k, v in flat(result.metrics) if not isinstance(v, list)}
-    own = {"place": cell.place, "line": cell.line, "particles": cell.particles, "seed": cell.seed}
-    state = {"status": status, "reason": reason, "key": key}
+    own = {
+        "place": cell.place,
+        "family": family(str(cell.source.get("world", ""))),
+        "line": cell.line,
+        "particles": cell.particles,
+        "seed": cell.seed,
+    }
     settings = {f"setting.{name}": value for name, value in cell.settings.items()}
-    return own | state | settings | {name: value for name, value in measures.items() if name not in own}
+    return own | dict(state) | settings | {name: value for name, value in measures.items() if name not in own}
 
 
 def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from eval.estimates import SCORED
 from testbed.cli.shared.app import app
 from testbed.cli.shared.help_texts import HELP
 
@@ -20,6 +21,7 @@ PAGES = sorted([*DOCS.glob("**/*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.
 PACKAGES = ("slam", "eval", "worlds", "testbed")
 ROOMS = (*PACKAGES, "tests", "tools", "docs")
 ENVIRONMENTS = {"testbed/Drive-v0", "testbed/Explore-v0"}
+PREFIXES = {"MAX_", "MIN_"}
 FOREIGN_OPTIONS = {"--extra", "--format", "--help", "--name-only", "--remap", "--runs"}
 """Options of other programs (git, pip, ros2) and those that every program has."""
 FOREIGN_WORDS = {
@@ -79,6 +81,12 @@ def words_of_the_code() -> set[str]:
 
 
 @cache
+def names_of_estimates() -> set[str]:
+    """Keys of `metrics.json` that name a group and the estimate that it scores."""
+    return {f"{group}_{estimate}" for group in SCORED for estimate in ("online", "filter")}
+
+
+@cache
 def options_of(command: str | None = None) -> set[str]:
     """Options of a command of `testbed`, those of its subcommands included; None = of all commands."""
     if command is None:
@@ -127,7 +135,7 @@ def test_links_lead_to_files_and_headings(page):
 def test_files_it_names_exist(page):
     for span in spans_of(page):
         path = span.split("::")[0]
-        if re.fullmatch(rf"({'|'.join(ROOMS)})/[\w./*-]*", path) and path not in ENVIRONMENTS:
+        if "NAME" not in path and re.fullmatch(rf"({'|'.join(ROOMS)})/[\w./*-]*", path) and path not in ENVIRONMENTS:
             assert list(ROOT.glob(path.rstrip("/"))), f"`{span}`: no such file"
 
 
@@ -159,24 +167,35 @@ def is_importable(name: str) -> bool:
 @every_page
 def test_identifiers_are_those_of_the_code(page, finished_run):
     """Functions, classes, settings, columns and keys in code spans occur in the code or in a run's files."""
-    known = words_of_the_code() | FOREIGN_WORDS | finished_run.keys | set(finished_run.columns)
+    known = words_of_the_code() | FOREIGN_WORDS | names_of_estimates() | finished_run.keys | set(finished_run.columns)
     for span in spans_of(page):
         if re.fullmatch(r"\w+\.py", span):
             assert list(ROOT.glob(f"*/**/{span}")), f"`{span}`: no such file"
         elif re.fullmatch(r"_?[A-Za-z]\w*(\._?[A-Za-z]\w*)*(\(\))?", span) and ("_" in span or span[0].isupper()):
-            missing = [word for word in re.findall(r"\w+", span) if word not in known]
+            missing = [word for word in re.findall(r"\w+", span) if word not in known | PREFIXES]
             assert missing == [], f"`{span}`: {missing} does not occur in the code"
 
 
 @every_page
 def test_commands_and_their_options_exist(page):
     for line in commands_of(page):
-        command = line.split()[1]
-        assert command in HELP or command == "COMMAND", f"`{line}`: no such command"
-        if command in HELP:
-            for option in re.findall(r"(?<![\w-])--[a-z][\w.-]*\w", line):
-                known = options_of(command) | options_of("run" if command == "sweep" else command) | {"--help"}
-                assert option in known, f"`{line}`: {command} has no option {option}"
+        if line.split()[1] != "COMMAND":
+            assert_command(line)
+
+
+@pytest.mark.parametrize("text", HELP.values(), ids=HELP)
+def test_commands_in_the_help_exist(text):
+    for line in re.findall(r"^testbed [a-z].*$", text, flags=re.MULTILINE):
+        assert_command(line)
+
+
+def assert_command(line: str) -> None:
+    """The command of a line and its options exist."""
+    command = line.split()[1]
+    assert command in HELP, f"`{line}`: no such command"
+    for option in re.findall(r"(?<![\w-])--[a-z][\w.-]*\w", line):
+        known = options_of(command) | options_of("run" if command == "sweep" else command) | {"--help"}
+        assert option in known, f"`{line}`: {command} has no option {option}"
 
 
 @every_page

@@ -27,20 +27,25 @@ def write_sweep(
     *,
     seeds: int = 10,
     missing: frozenset[tuple[int, int, int, int]] = frozenset(),
-    measure: str = "trajectory.ate_rmse_m",
+    measure: str = "trajectory_filter.ate_rmse_m",
+    families: tuple[str | None, ...] | None = None,
 ) -> Path:
-    """Write the three tables into `folder`."""
+    """Write the three tables into `folder`; families: of each place."""
     folder.mkdir(exist_ok=True)
     rows, curves, timings = [], [], []
     for index in np.ndindex(len(PLACES), len(LINES), len(COUNTS), seeds):
         p, k, c, s = index
         key = "-".join(map(str, index))
         row = {"place": PLACES[p], "line": LINES[k], "particles": COUNTS[c], "seed": s, "key": key}
+        row["family"] = None if families is None else families[p]
         absent = index in missing
         row |= {"status": "missing" if absent else "done", "reason": None}
         row |= {
-            "outcome": None if absent else outcome(*index),
+            "outcome_filter": None if absent else outcome(*index),
+            "outcome": None if absent else "ok",
+            "refined": None if absent else COUNTS[c] in (COUNTS[0], COUNTS[-1]),
             measure: None if absent else error(*index),
+            "trajectory.ate_rmse_m": None if absent else 0.2 * error(*index),
             "filter.updates": None if absent else 100,
             "filter.consistency.inside_share": None if absent else 0.9 - 0.2 * k,
             "filter.consistency.nees_mean": None if absent else 4.0 + k,

@@ -14,7 +14,7 @@ from testbed.formats import Log, open_log
 from testbed.formats.write import HOLDS, write_log
 from testbed.frame import Frame
 
-FORMS = [form for form in HOLDS if form != "map_server"]
+LOG_FORMATS = [log_format for log_format in HOLDS if log_format != "map_server"]
 ANGLES = np.deg2rad(-90.0 + np.arange(181))  # the one layout that FLASER readers know, so that it can go everywhere
 MOUNTS = {"laser": (0.125, 0.0, 0.0), "rear_laser": (-0.25, 0.0, math.pi)}
 GRID = OccupancyGrid(
@@ -52,21 +52,26 @@ def two_lidar_drive() -> Log:
                 truth=rng.uniform(-3, 3, 3),
             )
         )
-    return Log(path=Path("made"), format="made", frames=frames, notes=(), truth_map=GRID, robot_urdf=URDF)
+    return Log.from_frames(frames, path=Path("made"), format="made", truth_map=GRID, robot_urdf=URDF)
 
 
-def through(folder: Path, log: Log, *forms: str) -> Log:
+def write_frames(path: Path, frames: list[Frame], log_format: str = "carmen") -> None:
+    """Write frames that belong to no log."""
+    write_log(path, Log.from_frames(frames, path=Path("made"), format="made"), log_format)
+
+
+def through(folder: Path, log: Log, *log_formats: str) -> Log:
     """The log after it was written and read in these formats, one after the other."""
-    for number, form in enumerate(forms):
-        out = folder / f"{number}-{form}{SUFFIX.get(form, '')}"
-        write_log(out, log, form)
+    for number, log_format in enumerate(log_formats):
+        out = folder / f"{number}-{log_format}{SUFFIX.get(log_format, '')}"
+        write_log(out, log, log_format)
         log = open_log(out, scans_needed=False)
     return log
 
 
-def assert_same(read: Log, written: Log, forms: tuple[str, ...]) -> None:
+def assert_same(read: Log, written: Log, log_formats: tuple[str, ...]) -> None:
     """Equal in all parts that all formats hold."""
-    held = frozenset.intersection(*(HOLDS[form] for form in forms))
+    held = frozenset.intersection(*(HOLDS[log_format] for log_format in log_formats))
     assert [frame.stamp for frame in read.frames] == [frame.stamp for frame in written.frames]
     for got, put in zip(read.frames, written.frames, strict=True):
         for part in ("odometry", "truth"):

@@ -17,7 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.sweep.paper_tables import enough_words, markdown_table
+from eval.sweep.answers import answers
+from eval.sweep.decision import median_over_last
+from eval.sweep.panels import panels
+from eval.sweep.paper_tables import markdown_table
 from eval.sweep.plots import style
 from eval.sweep.report import DRAWINGS
 from eval.sweep.results import read_sweep
@@ -26,61 +29,50 @@ from tools.pages import DOCS, write_table
 
 PAGE = DOCS / "study.md"
 OVERCONFIDENT = 0.8
-"""A filter whose 95 % ellipsoid holds the truth less often than this is called over-confident."""
+"""A filter whose 95 % ellipsoid holds the truth less often than this is called overconfident."""
 
 
 def draw(summary: SweepSummary) -> None:
     """All figures of the report as pictures."""
     for drawing in DRAWINGS:
         with style():
-            drawing.draw(summary).savefig(DOCS / "pictures" / f"study_{drawing.name}.png", dpi=90)
+            drawing.draw(summary).savefig(DOCS / "pictures" / f"study_{drawing.name}.png", dpi=140)
 
 
 def enough_table(summary: SweepSummary) -> str:
-    """Particle counts beyond which more does not help."""
+    """The short answers of all filters, by world."""
     table = summary.table
+    columns = [answers(summary, line) for line in table.lines]
     rows = [["", *table.lines], ["---"] * (1 + len(table.lines))]
-    for place in table.places:
-        rows.append([place, *(enough_words(summary.enough(place, line), table.counts[-1]) for line in table.lines)])
+    rows += [[row[0].place, *(answer.short for answer in row)] for row in zip(*columns, strict=True)]
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
-def honesty_table(summary: SweepSummary) -> str:
-    """How often the truth lies within the 95 % ellipsoid, of the baseline, by place and count."""
+def coverage_table(summary: SweepSummary) -> str:
+    """How often the truth lies within the 95 % ellipsoid, for the baseline, by world and count."""
     table = summary.table
     rows = [["", *(str(count) for count in table.counts)], ["---"] * (1 + len(table.counts))]
-    for place in table.places:
-        shares = [summary.group(place, table.baseline, count).inside_share for count in table.counts]
-        rows.append([place, *("–" if np.isnan(share) else f"{100.0 * share:.0f} %" for share in shares)])
+    for panel in panels(summary):
+        shares = median_over_last(panel.inside[table.lines.index(table.baseline)])
+        rows.append([panel.answer.place, *("–" if np.isnan(share) else f"{100.0 * share:.0f} %" for share in shares)])
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
 def sentences(summary: SweepSummary) -> list[str]:
     """What the figures show, in words."""
     table = summary.table
-    largest = table.counts[-1]
-    told = []
-    for line in table.lines:
-        counts = {place: summary.enough(place, line) for place in table.places}
-        known = [f"{place} {count}" for place, count in counts.items() if count is not None]
-        open_ = [place for place, count in counts.items() if count is None]
-        failed = sum(summary.group(place, line, largest).failures for place in table.places)
-        runs = sum(summary.group(place, line, largest).runs for place in table.places)
-        text = f"**{line}**: enough are " + ", ".join(known) if known else f"**{line}**: no count is shown to be enough"
-        text += f"; not shown up to {largest}: {', '.join(open_)}" if known and open_ else ""
-        told.append(f"{text}. With {largest} particles {failed} of {runs} runs failed.")
-    sure = [
-        place
-        for place in table.places
-        if all(summary.group(place, table.baseline, n).inside_share < OVERCONFIDENT for n in table.counts)
+    base = table.lines.index(table.baseline)
+    found = [answer.sentence for answer in answers(summary, table.baseline)]
+    overconfident = [
+        panel.answer.place for panel in panels(summary) if (median_over_last(panel.inside[base]) < OVERCONFIDENT).all()
     ]
-    if sure:
-        told.append(
-            f"Over-confident whatever the count: {', '.join(sure)}. There the truth lies within the 95 % ellipsoid of "
-            f"`{table.baseline}` in less than {100.0 * OVERCONFIDENT:.0f} % of the updates with any number of "
-            "particles that was tried, as Bailey, Nieto and Nebot (2006) say of filters of this kind."
+    if overconfident:
+        found.append(
+            f"Overconfident whatever the count: {', '.join(overconfident)}. There the truth lies within the 95 % "
+            f"ellipsoid of `{table.baseline}` in less than {100.0 * OVERCONFIDENT:.0f} % of the updates with every "
+            "tested count, as Bailey, Nieto and Nebot (2006) say of filters of this kind."
         )
-    return told
+    return found
 
 
 def page(summary: SweepSummary, study: Path) -> str:
@@ -107,7 +99,7 @@ The rule is in [sweep.md](sweep.md#the-statistics).
 ### How often the truth lies within the filter's own 95 % ellipsoid
 Of `{table.baseline}`, by particle count; median over the seeds.
 
-{honesty_table(summary)}
+{coverage_table(summary)}
 
 ### All figures
 {markdown_table(summary)}"""

@@ -16,7 +16,8 @@ from pydantic import ValidationError
 from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
 from worlds.errors import WorldError
-from worlds.format.floor_plan import import_map, is_map
+from worlds.format.floor_plan import import_map
+from worlds.format.map_file import is_map
 from worlds.movers import Door, Person
 from worlds.world import Difficulty, Start, Tour, World
 

@@ -27,7 +27,9 @@ app = App(
     result_action="return_value",
 )
 for _name, _help in HELP.items():
-    app.command(f"testbed.cli.{_name}:{'app' if _name in ('worlds', 'presets') else _name}", name=_name, help=_help)
+    app.command(
+        f"testbed.cli.{_name}:{'app' if _name in ('datasets', 'worlds', 'presets') else _name}", name=_name, help=_help
+    )
 
 
 def run_app(arguments: Sequence[str] | None) -> int:

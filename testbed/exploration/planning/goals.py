@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.grid.particle_maps import LOG_ODDS_LIMITS
+from slam.occupancy import LOG_ODDS_LIMITS
 from testbed.exploration.planning._grid_kernels import visible_sum
 from testbed.exploration.planning.floor import Floor
 from testbed.exploration.planning.frontiers import Frontier

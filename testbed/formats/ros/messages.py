@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""ROS messages made from scans, poses, commands and maps, for ROS 1 and ROS 2 alike."""
+"""The single messages at the begin of a bag: static transforms, robot, true map. For ROS 1 and ROS 2 alike."""
 
 from __future__ import annotations
 
@@ -11,12 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from slam.occupancy import OccupancyGrid
-from slam.scan import Scan
 from slam.se2 import Pose
-from testbed.formats.beams import even_spacing
-
-FLOAT32 = 7
-"""PointField.FLOAT32."""
 
 
 class Joint(NamedTuple):
@@ -59,84 +54,14 @@ def _triple(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def nanoseconds(stamp: float) -> int:
-    """A time in whole nanoseconds; `stamp * 1e9` would lose digits."""
-    seconds = math.floor(stamp)
-    return seconds * 1_000_000_000 + round((stamp - seconds) * 1e9)
-
-
 @dataclass(frozen=True)
 class Messages:
     """Makes messages out of the types of one ROS."""
 
     types: Any
-    """By name, of a rosbags typestore."""
+    """The message types of a rosbags typestore, by name."""
 
-    def scan(self, stamp: float, frame_id: str, scan: Scan) -> Any:
-        """A LaserScan; ValueError where the beams are not evenly spaced in angle and time."""
-        times = scan.time_offsets if scan.time_offsets is not None else np.zeros(scan.ranges.size)
-        angles, beats = even_spacing(scan.angles), even_spacing(times)
-        if angles is None or beats is None or abs(beats[0]) > 1e-9:
-            raise ValueError("LaserScan needs beams evenly spaced in angle and time, these are not")
-        return self.types["sensor_msgs/msg/LaserScan"](
-            header=self.header(stamp, frame_id),
-            angle_min=angles[0],
-            angle_max=angles[0] + angles[1] * max(scan.angles.size - 1, 0),
-            angle_increment=angles[1],
-            time_increment=beats[1],
-            scan_time=0.0,  # unknown; the message has no word for that but zero
-            range_min=scan.range_min,
-            range_max=scan.range_max,
-            ranges=scan.ranges.astype(np.float32),
-            intensities=np.empty(0, dtype=np.float32),
-        )
-
-    def odometry(self, stamp: float, frame_id: str, pose: Pose, twist: Pose | None) -> Any:
-        """An Odometry message of base_link; a twist that is unknown is NaN."""
-        vx, vy, omega = (math.nan,) * 3 if twist is None else map(float, twist)
-        geometry = self._geometry
-        return self.types["nav_msgs/msg/Odometry"](
-            header=self.header(stamp, frame_id),
-            child_frame_id="base_link",
-            pose=geometry(
-                "PoseWithCovariance",
-                pose=geometry(
-                    "Pose",
-                    position=geometry("Point", x=float(pose[0]), y=float(pose[1]), z=0.0),
-                    orientation=self._rotation(0.0, 0.0, float(pose[2])),
-                ),
-                covariance=np.zeros(36),
-            ),
-            twist=geometry("TwistWithCovariance", twist=self.twist(vx, vy, omega), covariance=np.zeros(36)),
-        )
-
-    def twist(self, vx: float, vy: float, omega: float) -> Any:
-        """A Twist in the plane [m/s, m/s, rad/s]."""
-        return self._geometry(
-            "Twist",
-            linear=self._geometry("Vector3", x=vx, y=vy, z=0.0),
-            angular=self._geometry("Vector3", x=0.0, y=0.0, z=omega),
-        )
-
-    def cloud(self, stamp: float, frame_id: str, scan: Scan) -> Any:
-        """The hits of a scan as a PointCloud2; float32 x, y, z in the lidar's frame."""
-        points = np.zeros((np.count_nonzero(scan.hit), 3), dtype="<f4")
-        ranges, angles = scan.ranges[scan.hit], scan.angles[scan.hit]
-        points[:, 0], points[:, 1] = ranges * np.cos(angles), ranges * np.sin(angles)
-        field = self.types["sensor_msgs/msg/PointField"]
-        return self.types["sensor_msgs/msg/PointCloud2"](
-            header=self.header(stamp, frame_id),
-            height=1,
-            width=len(points),
-            fields=[field(name=name, offset=4 * k, datatype=FLOAT32, count=1) for k, name in enumerate("xyz")],
-            is_bigendian=False,
-            point_step=12,
-            row_step=points.nbytes,
-            data=points.view(np.uint8).ravel(),
-            is_dense=True,
-        )
-
-    def transforms(self, stamp: float, joints: list[Joint]) -> Any:
+    def transforms(self, stamp: int, joints: list[Joint]) -> Any:
         """A TFMessage."""
         stamped = [
             self._geometry(
@@ -153,7 +78,7 @@ class Messages:
         ]
         return self.types["tf2_msgs/msg/TFMessage"](transforms=stamped)
 
-    def map(self, stamp: float, grid: OccupancyGrid) -> Any:
+    def map(self, stamp: int, grid: OccupancyGrid) -> Any:
         """An OccupancyGrid message: percent, -1 unknown."""
         rows, cols = grid.probability.shape
         x, y, theta = grid.origin
@@ -178,15 +103,15 @@ class Messages:
         """A String."""
         return self.types["std_msgs/msg/String"](data=content)
 
-    def header(self, stamp: float, frame_id: str) -> Any:
+    def header(self, stamp: int, frame_id: str) -> Any:
         """A Header; ROS 1 counts messages in it, which nobody reads any more."""
         header = self.types["std_msgs/msg/Header"]
         counted = {"seq": 0} if "seq" in header.__dataclass_fields__ else {}
         return header(stamp=self.time(stamp), frame_id=frame_id, **counted)
 
-    def time(self, stamp: float) -> Any:
-        """A Time."""
-        seconds, rest = divmod(nanoseconds(stamp), 1_000_000_000)
+    def time(self, stamp: int) -> Any:
+        """A Time; stamp [ns]."""
+        seconds, rest = divmod(stamp, 1_000_000_000)
         return self.types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
 
     def _rotation(self, roll: float, pitch: float, yaw: float) -> Any:

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,13 +21,22 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam.occupancy import OccupancyGrid
-from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
+from testbed.formats.frame_table import BeamPattern, FrameTable
 from testbed.formats.log import Log, LogError
-from testbed.formats.ros.mcap_checksums import verify_mcap
+from testbed.formats.ros.decode import (
+    NO_TRACK,
+    BadMessageError,
+    RawScan,
+    Track,
+    decode_commands,
+    decode_odometry,
+    decode_scan,
+)
+from testbed.formats.ros.layouts import Encoding
+from testbed.formats.ros.mcap import verify_mcap
 from testbed.formats.ros.transforms import Transforms, planar_pose
-from testbed.frame import Frame
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
@@ -39,8 +48,8 @@ COMMANDS = "/cmd_vel"
 MAX_CELLS = 100_000_000
 """Cells."""
 TRUTH_WORDS = ("ground_truth", "truth", "groundtruth")
-"""What a topic with the true pose is called."""
-LARGEST_METADATA = 1_000_000
+"""A topic whose name contains one of these words holds the true pose."""
+MAX_METADATA = 1_000_000
 """Bytes of a metadata.yaml."""
 ODOMETRY_REACH = 0.2
 """A scan may lie outside of the odometry's time by this much [s], one period of slow odometry."""
@@ -63,60 +72,41 @@ def read_bag(path: Path, *, range_max: float | None = None) -> Log:
             if part.suffix == ".mcap":
                 verify_mcap(part)
         _read_messages(path, content)
-    if not content.odometry.stamps:
+    if not len(content.odometry.stamps):
         raise LogError(f"{path}: no odometry: the topic {content.topics['odometry']} is empty")
     return _assemble(path, content, range_max)
 
 
 @dataclass
-class _Track:
-    """Stamped poses of one Odometry topic, in the order of the bag."""
-
-    stamps: list[float] = field(default_factory=list)
-    poses: list[Pose] = field(default_factory=list)
-    twists: list[Pose] = field(default_factory=list)
-    child_frame: str = ""
-
-    def take(self, message: Any) -> None:
-        """Append an Odometry message; ValueError where its pose makes no sense."""
-        pose = planar_pose(message.pose.pose.position, message.pose.pose.orientation)
-        self.stamps.append(_stamp(message))
-        self.poses.append(pose)
-        linear, angular = message.twist.twist.linear, message.twist.twist.angular
-        self.twists.append(np.array([linear.x, linear.y, angular.z]))
-        self.child_frame = self.child_frame or message.child_frame_id
-
-    def in_time(self) -> tuple[NDArray[np.float64], Pose, Pose]:
-        """Stamps (n,), poses (n, 3) and twists (n, 3) sorted by time; of equal stamps the first counts."""
-        stamps, rows = np.unique(np.array(self.stamps), return_index=True)
-        return stamps, np.array(self.poses)[rows], np.array(self.twists)[rows]
-
-
-class _SeenScan(NamedTuple):
-    """A scan before the transforms are known."""
-
-    stamp: float
-    place: str
-    """File, message and topic, for complaints."""
-    message: Any
-
-
-@dataclass
 class _Content:
+    """What is read of a bag."""
+
     topics: dict[str, str] = field(default_factory=dict)
-    """Of odometry, truth, commands, map: as far as there are any."""
+    """Topics of odometry, truth, commands and map, as far as there are any."""
     others: list[str] = field(default_factory=list)
-    """What is left out, for the user's eyes."""
-    scans: dict[str, list[_SeenScan]] = field(default_factory=dict)
-    """By topic."""
-    odometry: _Track = field(default_factory=_Track)
-    truth: _Track = field(default_factory=_Track)
-    commands: list[tuple[float, float, float]] = field(default_factory=list)
+    """Topics that are left out, as the user reads them."""
+    scans: dict[str, list[RawScan]] = field(default_factory=dict)
+    """The scans of each topic."""
+    places: dict[int, str] = field(default_factory=dict)
+    """Number and topic of each scan in the bag, by its `id`, for messages to the user."""
+    odometry: Track = NO_TRACK
+    truth: Track = NO_TRACK
+    commands: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     """Stamp [s], speed [m/s], turn rate [rad/s], in the order of the bag."""
     transforms: Transforms = field(default_factory=Transforms)
     truth_map: OccupancyGrid | None = None
     robot_urdf: str | None = None
     messages: int = 0
+
+
+class _Raw(NamedTuple):
+    """A serialised message."""
+
+    number: int
+    """Counts the messages that are read, from 1."""
+    time: int
+    """Time of the bag [ns]."""
+    data: bytes
 
 
 @contextmanager
@@ -136,12 +126,13 @@ def _read_messages(path: Path, content: _Content) -> None:
     from rosbags.typesys import Stores, get_typestore
 
     metadata = path / "metadata.yaml"
-    if path.is_dir() and metadata.stat().st_size > LARGEST_METADATA:
-        raise LogError(f"{metadata}: larger than {LARGEST_METADATA} bytes")
+    if path.is_dir() and metadata.stat().st_size > MAX_METADATA:
+        raise LogError(f"{metadata}: larger than {MAX_METADATA} bytes")
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         wanted = _choose_topics(path, reader, content)
         topics = {connection.topic for connection in wanted}
         sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
+        raws: dict[str, tuple[Any, list[_Raw]]] = {}
         for connection, time, raw in reader.messages(connections=reader.connections if sealed else wanted):
             if connection.topic == SEAL_TOPIC:
                 seal = str(getattr(reader.deserialize(raw, connection.msgtype), "data", ""))
@@ -151,11 +142,16 @@ def _read_messages(path: Path, content: _Content) -> None:
             if connection.topic not in topics:
                 continue
             content.messages += 1
-            if connection.msgtype == TRANSFORM_TYPE and "static" not in connection.topic:
-                continue  # moving joints are no mount
-            _take(path, content, connection, time, reader.deserialize(raw, connection.msgtype))
+            raws.setdefault(connection.topic, (connection, []))[1].append(_Raw(content.messages, time, raw))
         if sealed and seal != total.text:
             raise LogError(f"{path}: damaged bag: its messages differ from the SHA-256 in {SEAL_TOPIC}")
+        for connection, messages in raws.values():
+            try:
+                _decode(content, connection, messages, reader)
+            except BadMessageError as error:
+                raise LogError(
+                    f"{path}: message {messages[error.number].number} ({connection.topic}): {error}"
+                ) from None
 
 
 def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
@@ -164,7 +160,7 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
     for connection in reader.connections:
         by_type[connection.msgtype].add(connection.topic)
     poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
-    truths = [topic for topic in poses if _tells_truth(topic)]
+    truths = [topic for topic in poses if _is_ground_truth(topic)]
     others = [topic for topic in poses if topic not in truths]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
     content.scans = {topic: [] for topic in sorted(by_type[SCAN_TYPE])}
@@ -173,7 +169,7 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
         content.topics["truth"] = truths[0]
     if COMMANDS in commands or len(commands) == 1:
         content.topics["commands"] = COMMANDS if COMMANDS in commands else commands[0]
-    if true_maps := [topic for topic in maps if _tells_truth(topic)]:
+    if true_maps := [topic for topic in maps if _is_ground_truth(topic)]:
         content.topics["map"] = true_maps[0]
     taken = {*content.topics.values(), *content.scans, *(by_type["std_msgs/msg/String"] & {DESCRIPTION})}
     wanted = [c for c in reader.connections if c.topic in taken or c.msgtype == TRANSFORM_TYPE]
@@ -188,7 +184,7 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
     return wanted
 
 
-def _tells_truth(topic: str) -> bool:
+def _is_ground_truth(topic: str) -> bool:
     return any(word in topic.lower() for word in TRUTH_WORDS)
 
 
@@ -201,42 +197,41 @@ def _choose(path: Path, kind: str, topics: list[str], usual: str, reader: Any) -
     return usual if usual in topics else topics[0]
 
 
-def _take(path: Path, content: _Content, connection: Any, time: int, message: Any) -> None:
+def _decode(content: _Content, connection: Any, raws: list[_Raw], reader: Any) -> None:
+    """Decode all messages of a topic; BadMessageError where one makes no sense."""
     topic, topics = connection.topic, content.topics
-    place = f"{path}: message {content.messages} ({topic})"
-    try:
-        if connection.msgtype == TRANSFORM_TYPE:
-            content.transforms.add(message)
-        elif topic == DESCRIPTION:
-            content.robot_urdf = message.data
-        elif topic in content.scans:
-            content.scans[topic].append(_SeenScan(_stamp(message), place, message))
-        elif topic == topics.get("commands"):
-            content.commands.append(_command(time, message))
-        elif topic == topics.get("map"):
-            content.truth_map = _grid(message)
-        else:
-            (content.odometry if topic == topics["odometry"] else content.truth).take(message)
-    except ValueError as error:
-        raise LogError(f"{place}: {error}") from None
+    encoding: Encoding = "cdr" if reader.is2 else "ros1"
+    data = [raw.data for raw in raws]
+
+    def deserialise(raw: bytes) -> Any:
+        return reader.deserialize(raw, connection.msgtype)
+
+    if connection.msgtype == TRANSFORM_TYPE:
+        if "static" in topic:  # moving joints are no mount
+            _one_by_one(data, lambda raw: content.transforms.add(deserialise(raw)))
+    elif topic == DESCRIPTION:
+        content.robot_urdf = deserialise(data[-1]).data
+    elif topic in content.scans:
+        content.scans[topic] = [decode_scan(raw, encoding, deserialise) for raw in data]
+        places = (f"message {raw.number} ({topic})" for raw in raws)
+        content.places |= dict(zip(map(id, content.scans[topic]), places, strict=True))
+    elif topic == topics.get("commands"):
+        content.commands = decode_commands(data, [raw.time for raw in raws], encoding, deserialise)
+    elif topic == topics.get("map"):
+        _one_by_one(data[-1:], lambda raw: setattr(content, "truth_map", _grid(deserialise(raw))))
+    elif topic == topics["odometry"]:
+        content.odometry = decode_odometry(data, encoding, deserialise)
+    else:
+        content.truth = decode_odometry(data, encoding, deserialise)
 
 
-def _stamp(message: Any) -> float:
-    time = message.header.stamp
-    return _seconds(time.sec * 1_000_000_000 + time.nanosec)
-
-
-def _seconds(nanoseconds: int) -> float:
-    return nanoseconds / 1_000_000_000  # division of integers: correctly rounded
-
-
-def _command(time: int, message: Any) -> tuple[float, float, float]:
-    """Stamp, speed and turn rate; only stamped messages have a clock of their own."""
-    stamp, twist = (_stamp(message), message.twist) if hasattr(message, "header") else (_seconds(time), message)
-    speed, turn_rate = float(twist.linear.x), float(twist.angular.z)
-    if not (math.isfinite(speed) and math.isfinite(turn_rate)):
-        raise ValueError(f"expected a finite command, got {speed} m/s and {turn_rate} rad/s")
-    return stamp, speed, turn_rate
+def _one_by_one(raws: list[bytes], take: Callable[[bytes], None]) -> None:
+    """Take messages; BadMessageError with the number of the one that makes no sense."""
+    for number, raw in enumerate(raws):
+        try:
+            take(raw)
+        except ValueError as error:
+            raise BadMessageError(number, str(error)) from None
 
 
 def _grid(message: Any) -> OccupancyGrid:
@@ -256,32 +251,15 @@ def _grid(message: Any) -> OccupancyGrid:
 
 
 def _assemble(path: Path, content: _Content, range_max: float | None) -> Log:
-    stamps, poses, twists = content.odometry.in_time()
+    track = content.odometry.in_time()
+    first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = _one_topic_per_lidar(path, content)
-    reachable = [s for s in scans if stamps[0] - ODOMETRY_REACH <= s.stamp <= stamps[-1] + ODOMETRY_REACH]
+    reachable = [scan for scan in scans if first - ODOMETRY_REACH <= scan.stamp <= last + ODOMETRY_REACH]
     if scans and not reachable:
         raise LogError(
             f"{path}: the clocks of scans and odometry do not meet: scans from {scans[0].stamp:.3f} to "
-            f"{scans[-1].stamp:.3f} s, odometry from {stamps[0]:.3f} to {stamps[-1]:.3f} s"
+            f"{scans[-1].stamp:.3f} s, odometry from {first:.3f} to {last:.3f} s"
         )
-    with_scan = {seen.stamp for seen in reachable}  # their frames tell the odometry of the same stamp already
-    frames = [
-        Frame(stamp=float(t), odometry=pose, twist=_finite(twist))
-        for t, pose, twist in zip(stamps, poses, twists, strict=True)
-        if float(t) not in with_scan
-    ]
-    for seen in reachable:
-        at = int(np.clip(np.searchsorted(stamps, seen.stamp), 0, len(stamps) - 1))
-        frames.append(
-            Frame(
-                stamp=seen.stamp,
-                odometry=interpolate(stamps, poses, seen.stamp),
-                scan=_scan(seen, content, range_max),
-                lidar=seen.message.header.frame_id,
-                twist=_finite(twists[at]),
-            )
-        )
-    frames.sort(key=lambda frame: frame.stamp)
     chosen = " and ".join(topic for topic in content.scans if topic not in repeated) or "nowhere"
     notes = [f"scans from {chosen}, odometry from {content.topics['odometry']}"]
     if len(reachable) < len(scans):
@@ -292,96 +270,144 @@ def _assemble(path: Path, content: _Content, range_max: float | None) -> Log:
     return Log(
         path=path,
         format="ROS bag",
-        frames=_with_commands(_with_truth(frames, content.truth), content.commands),
+        table=_table(path, content, track, reachable, range_max),
         notes=tuple(notes),
         truth_map=content.truth_map,
         robot_urdf=content.robot_urdf,
     )
 
 
-def _one_topic_per_lidar(path: Path, content: _Content) -> tuple[list[_SeenScan], list[str]]:
+def _table(path: Path, content: _Content, track: Track, scans: list[RawScan], range_max: float | None) -> FrameTable:
+    """A frame for each scan, and one for each odometry message at whose stamp there is no scan."""
+    stamps = np.array([scan.stamp for scan in scans])
+    alone = ~np.isin(track.stamps, stamps)
+    at = np.clip(np.searchsorted(track.stamps, stamps), 0, len(track.stamps) - 1)
+    all_stamps = np.concatenate([track.stamps[alone], stamps])
+    order = np.argsort(all_stamps, kind="stable")
+    twists = np.concatenate([track.twists[alone], track.twists[at]])[order]
+    twists[~np.isfinite(twists).all(axis=1)] = np.nan
+    all_stamps, seen = all_stamps[order], _Scans(path, content, scans, range_max)
+    rows = np.empty(len(order), dtype=np.int64)
+    rows[order] = np.arange(len(order))
+    return FrameTable(
+        stamps=all_stamps,
+        odometry=np.concatenate([track.poses[alone], interpolate(track.stamps, track.poses, stamps)])[order],
+        twist=twists,
+        command=_latest(content.commands, all_stamps),
+        truth=_truth_at(content.truth, all_stamps),
+        scan_rows=rows[int(alone.sum()) :],
+        scan_lidars=np.array(seen.lidar_of, dtype=np.int64),
+        scan_patterns=np.array(seen.pattern_of, dtype=np.int64),
+        scan_starts=np.cumsum([0, *(scan.ranges.size for scan in scans)], dtype=np.int64),
+        ranges=np.concatenate([scan.ranges for scan in scans]) if scans else np.empty(0, dtype=np.float32),
+        range_limits=np.array(seen.limits).reshape(-1, 2),
+        mounts=np.array(seen.mounts).reshape(-1, 3),
+        lidars=tuple(seen.lidars),
+        patterns=tuple(seen.patterns),
+    )
+
+
+class _Scans:
+    """Lidars, beam patterns, limits and mounts of scans; LogError, with the place, where they make no sense."""
+
+    def __init__(self, path: Path, content: _Content, scans: list[RawScan], range_max: float | None) -> None:
+        self._path, self._content = path, content
+        self.lidars: dict[str, int] = {}
+        self.lidar_of: list[int] = []
+        self.patterns: list[BeamPattern] = []
+        self.pattern_of: list[int] = []
+        self.limits: list[tuple[float, float]] = []
+        self.mounts: list[tuple[float, float, float]] = []
+        known: dict[tuple[Any, ...], int] = {}
+        mounts: dict[str, tuple[tuple[float, float, float], bool]] = {}
+        for scan in scans:
+            self._check(scan)
+            if scan.frame_id not in mounts:
+                mounts[scan.frame_id] = self._mount(scan)
+            mount, upside_down = mounts[scan.frame_id]
+            key = scan.angle_min, scan.angle_increment, scan.time_increment, scan.ranges.size, upside_down
+            number = known.setdefault(key, len(self.patterns))
+            if number == len(self.patterns):
+                self.patterns.append(_pattern(*key))
+            self.pattern_of.append(number)
+            self.lidar_of.append(self.lidars.setdefault(scan.frame_id, len(self.lidars)))
+            self.limits.append((scan.range_min, scan.range_max if range_max is None else range_max))
+            self.mounts.append(mount)
+
+    def _check(self, scan: RawScan) -> None:
+        if not (math.isfinite(scan.angle_min) and math.isfinite(scan.angle_increment)):
+            numbers = f"angle_min {scan.angle_min} and angle_increment {scan.angle_increment}"
+            raise LogError(f"{self._place(scan)}: angles must be finite, got {numbers}")
+        if not scan.range_max > scan.range_min >= 0.0:
+            limits = f"{scan.range_min} and {scan.range_max}"
+            raise LogError(f"{self._place(scan)}: expected 0 <= range_min < range_max, got {limits}")
+
+    def _mount(self, scan: RawScan) -> tuple[tuple[float, float, float], bool]:
+        try:
+            return self._content.transforms.mount(self._content.odometry.child_frame, scan.frame_id)
+        except ValueError as error:
+            raise LogError(f"{self._place(scan)}: {error}") from None
+
+    def _place(self, scan: RawScan) -> str:
+        return f"{self._path}: {self._content.places[id(scan)]}"
+
+
+def _pattern(first: float, step: float, between: float, count: int, upside_down: bool) -> BeamPattern:
+    beams = np.arange(count, dtype=np.float64)
+    angles = first + step * beams
+    return BeamPattern(
+        angles=-angles if upside_down else angles, time_offsets=between * beams if between != 0.0 else None
+    )
+
+
+def _one_topic_per_lidar(path: Path, content: _Content) -> tuple[list[RawScan], list[str]]:
     """The scans of all lidars in the order of time, and the topics that are left out: scans with the same frame are
     the same lidar's, once more or processed somehow."""
     by_lidar: defaultdict[str, list[str]] = defaultdict(list)
     for topic, scans in content.scans.items():
-        for name in sorted({seen.message.header.frame_id for seen in scans}):
+        for name in sorted({scan.frame_id for scan in scans}):
             by_lidar[name].append(topic)
     chosen = set()
     for topics in by_lidar.values():
         if len(topics) > 1 and "/scan" not in topics:
             raise LogError(f"{path}: several topics with scans of one lidar, none is /scan: {', '.join(topics)}")
         chosen.add("/scan" if "/scan" in topics else topics[0])
-    kept = [seen for topic in sorted(chosen) for seen in content.scans[topic]]
-    return sorted(kept, key=lambda seen: seen.stamp), [topic for topic in content.scans if topic not in chosen]
+    kept = [scan for topic in sorted(chosen) for scan in content.scans[topic]]
+    return sorted(kept, key=lambda scan: scan.stamp), [topic for topic in content.scans if topic not in chosen]
 
 
-def interpolate(stamps: NDArray[np.float64], poses: Pose, stamp: float) -> Pose:
-    """Pose (3,) at `stamp` between its neighbours in time, along a constant motion; beyond the ends the nearest.
+def interpolate(stamps: NDArray[np.float64], poses: Pose, times: NDArray[np.float64]) -> Pose:
+    """Poses (m, 3) at `times` (m,) between their neighbours in time, along a constant motion; beyond the ends the
+    nearest.
 
     stamps (n,) increasing [s];  poses (n, 3)
     """
-    after = int(np.searchsorted(stamps, stamp))
-    if after == 0 or after == len(stamps):
-        end: Pose = poses[min(after, len(stamps) - 1)].copy()
-        return end
-    share = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-    if share == 1.0:  # exactly, where the frame was written with its odometry
-        there: Pose = poses[after].copy()
-        return there
-    step = se2.between(poses[after - 1], poses[after])
-    return se2.compose(poses[after - 1], share * step)
+    after = np.searchsorted(stamps, times)
+    inside = (after > 0) & (after < len(stamps))
+    found: Pose = poses[np.minimum(after, len(stamps) - 1)]
+    after, times = after[inside], times[inside]
+    share = (times - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
+    between = se2.compose(poses[after - 1], share[:, None] * se2.between(poses[after - 1], poses[after]))
+    exact = share == 1.0  # where the frame was written with its odometry
+    found[inside] = np.where(exact[:, None], poses[after], between)
+    return found
 
 
-def _with_truth(frames: list[Frame], truth: _Track) -> list[Frame]:
-    """The frames with truth, where its topic covers their stamps."""
-    if not truth.stamps:
-        return frames
-    stamps, poses, _ = truth.in_time()
-    return [
-        replace(frame, truth=interpolate(stamps, poses, frame.stamp))
-        if stamps[0] - 1e-9 <= frame.stamp <= stamps[-1] + 1e-9
-        else frame
-        for frame in frames
-    ]
+def _truth_at(truth: Track, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The true poses (n, 3) where their topic covers the stamps (n,), NaN elsewhere."""
+    found = np.full((len(stamps), 3), np.nan)
+    if len(truth.stamps):
+        track = truth.in_time()
+        covered = (track.stamps[0] - 1e-9 <= stamps) & (stamps <= track.stamps[-1] + 1e-9)
+        found[covered] = interpolate(track.stamps, track.poses, stamps[covered])
+    return found
 
 
-def _with_commands(frames: list[Frame], commands: list[tuple[float, float, float]]) -> list[Frame]:
-    """The frames with the latest command at their stamps, where there is one by then."""
-    if not commands:
-        return frames
-    commands = sorted(commands, key=lambda command: command[0])
-    latest = np.searchsorted([stamp for stamp, *_ in commands], [frame.stamp for frame in frames], side="right") - 1
-    return [
-        replace(frame, command=commands[k][1:]) if k >= 0 else frame
-        for frame, k in zip(frames, latest.tolist(), strict=True)
-    ]
-
-
-def _scan(seen: _SeenScan, content: _Content, range_max: float | None) -> Scan:
-    message, place = seen.message, seen.place
-    ranges = np.asarray(message.ranges, dtype=np.float64)
-    first, step = float(message.angle_min), float(message.angle_increment)
-    if not (math.isfinite(first) and math.isfinite(step)):
-        raise LogError(f"{place}: angles must be finite, got angle_min {first} and angle_increment {step}")
-    if not message.range_max > message.range_min >= 0.0:
-        raise LogError(f"{place}: expected 0 <= range_min < range_max, got {message.range_min} and {message.range_max}")
-    try:
-        mount, upside_down = content.transforms.mount(content.odometry.child_frame, message.header.frame_id)
-    except ValueError as error:
-        raise LogError(f"{place}: {error}") from None
-    between_beams = float(message.time_increment)
-    beams = np.arange(ranges.size, dtype=np.float64)
-    angles = first + step * beams
-    return Scan(
-        ranges=ranges,
-        angles=-angles if upside_down else angles,
-        range_min=float(message.range_min),
-        range_max=float(message.range_max) if range_max is None else range_max,
-        stamp=seen.stamp,
-        mount=mount,
-        time_offsets=between_beams * beams if between_beams != 0.0 else None,
-    )
-
-
-def _finite(twist: Pose) -> Pose | None:
-    return twist if np.all(np.isfinite(twist)) else None
+def _latest(commands: NDArray[np.float64], stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The latest command at stamps (n,), NaN where there is none by then, (n, 2)."""
+    found = np.full((len(stamps), 2), np.nan)
+    if len(commands):
+        commands = commands[np.argsort(commands[:, 0], kind="stable")]
+        latest = np.searchsorted(commands[:, 0], stamps, side="right") - 1
+        found[latest >= 0] = commands[latest[latest >= 0], 1:]
+    return found

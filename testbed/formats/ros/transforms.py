@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 
-LARGEST_TILT = math.radians(5.0)
+MAX_TILT = math.radians(5.0)
 """Lidars and poses that lean more than this are not planar [rad]."""
 
 
@@ -39,7 +39,7 @@ class Transforms:
             return (0.0, 0.0, 0.0), False
         T = np.linalg.inv(self._from_root(robot, lidar)) @ self._from_root(lidar, robot)
         up = float(T[2, 2])
-        if abs(up) < math.cos(LARGEST_TILT):
+        if abs(up) < math.cos(MAX_TILT):
             raise ValueError(f"the lidar ({lidar}) leans by {math.degrees(math.acos(abs(up))):.0f} degrees")
         return (float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0])), up < 0.0
 
@@ -67,7 +67,7 @@ class Transforms:
 def planar_pose(position: Any, orientation: Any) -> Pose:
     """x, y, yaw (3,) of a geometry_msgs pose; ValueError where it is not finite, no rotation, or leans."""
     T = _matrix(position, orientation)
-    if T[2, 2] < math.cos(LARGEST_TILT):
+    if T[2, 2] < math.cos(MAX_TILT):
         raise ValueError(f"the robot leans by {math.degrees(math.acos(max(T[2, 2], -1.0))):.0f} degrees")
     return np.array([T[0, 3], T[1, 3], math.atan2(T[1, 0], T[0, 0])])
 

@@ -103,6 +103,7 @@ class Lidar:
         self._max_beams = math.ceil(preset.beams * (1.0 + _MAX_JITTER * preset.beam_jitter))
         self._optics = optics_of(preset, layers)
         self._device = draw_device(preset, mount, layers, rng)
+        self._times: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._numbers = RandomRows(1, 2 * self._max_beams, 2 * self._max_beams + 1, rows=BEAM_ROWS)
         self._numbers.seed(0, rng)
         self.mount = mount.pose
@@ -121,8 +122,15 @@ class Lidar:
         true_angles = angles
         if layers.angle_noise and preset.angle_noise_deg > 0.0:
             true_angles = angles + normal[: len(angles)] * math.radians(preset.angle_noise_deg)
-        offsets = (angles - angles[0]) / (2.0 * math.pi * preset.scan_rate) if layers.motion else None
-        return Sweep(angles=angles, true_angles=true_angles, time_offsets=offsets)
+        return Sweep(angles=angles, true_angles=true_angles, time_offsets=self._time_offsets(angles))
+
+    def _time_offsets(self, angles: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Time of each beam after the first [s]: one array for all scans of the same angles, to save time."""
+        if not self._layers.motion:
+            return None
+        if self._times is None or self._times[0] is not angles:
+            self._times = angles, (angles - angles[0]) / (2.0 * math.pi * self._preset.scan_rate)
+        return self._times[1]
 
     def ranges(self, hits: Hits) -> NDArray[np.float64]:
         """Return the readings [m] of the last sweep, (beams,).

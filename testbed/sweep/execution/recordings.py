@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -13,7 +13,7 @@ from eval.files.tum import read_tum
 from eval.map.grids import grid_from_true_map
 from eval.trajectory.relations import Relations, read_relations
 from slam.occupancy import OccupancyGrid
-from testbed.datasets.truth import with_truth
+from testbed.datasets.truth import attach_truth
 from testbed.formats import open_log
 from testbed.run.job import RecordedFrames
 from testbed.seeds import RunSeeds
@@ -34,11 +34,17 @@ class Recording:
     """Draws the true map with cells of a given size [m]; returns None if it is unknown."""
 
 
+def recording_key(cell: Cell) -> Hashable:
+    """What the recording of a cell depends on; cells with equal keys have the same frames."""
+    if "world" not in cell.source:
+        return json.dumps(cell.source, sort_keys=True)
+    return str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds
+
+
 def recording_of(cell: Cell) -> Recording:
     """Simulate or read the recording of a cell. The last two are kept for further cells of the same drive."""
-    if "world" not in cell.source:
-        return _logged(json.dumps(cell.source, sort_keys=True))
-    return _driven(str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds)
+    key = recording_key(cell)
+    return _driven(*key) if isinstance(key, tuple) else _logged(str(key))
 
 
 @lru_cache(maxsize=2)
@@ -60,7 +66,7 @@ def _logged(source: str) -> Recording:
     log: Mapping[str, Any] = json.loads(source)
     frames = open_log(log["log"], laser_offset=log.get("laser_offset"), range_max=log.get("range_max")).frames
     if "truth" in log:
-        frames = with_truth(frames, read_tum(log["truth"]))
+        frames = attach_truth(frames, read_tum(log["truth"]))
     return Recording(
         source=RecordedFrames(frames), relations=read_relations(log["relations"]) if "relations" in log else None
     )

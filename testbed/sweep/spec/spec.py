@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from importlib import resources
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from eval.sweep.statistics import LEVEL
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
@@ -26,6 +27,16 @@ _PRESETS = resources.files("testbed") / "sweep" / "presets"
 BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
 """Baseline of the preset `gate` (`eval.sweep.regression_check`)."""
 
+SEEDS_PER_LOOK = 8
+"""With `until` so many seeds are added at a time."""
+ESTIMATES = {"online": "_online", "filter": "_filter", "refined": ""}
+"""The three estimates of a run by their words for `measure`, and the suffix of their keys in `metrics.json`."""
+FINAL = ("trajectory", "map", "relations", "outcome")
+"""Heads of keys that describe the final estimate, which the final pass refines."""
+MEASURES = {f"{head}{suffix}" for head in ("trajectory", "relations", "map") for suffix in ESTIMATES.values()} | {
+    "filter"
+}
+"""Heads of keys by which accuracy can be measured."""
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Seed = Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)]
 
@@ -85,8 +96,12 @@ class SweepSpec(BaseModel):
     baseline: str = ""
     """Name of the line that the others are compared with; default: the first."""
     measure: str = ""
-    """Key of `metrics.json` that accuracy is read from, less is better; default: `trajectory.ate_rmse_m` for worlds,
-    `relations.trans_mean_m` for logs."""
+    """Key of `metrics.json` by which accuracy is measured, smaller is better; or one of the words `online`, `filter`,
+    `refined`, which stand for the main measure of that estimate. Default: `filter`, which shows what the particles
+    do (`trajectory_filter.ate_rmse_m` for worlds, `relations_filter.trans_mean_m` for logs)."""
+
+    until: Literal["", "decided"] = ""
+    """decided: the seeds are an upper bound, and worlds whose answer is known get no more (`testbed.sweep.looks`)."""
 
     @field_validator("seeds", mode="before")
     @classmethod
@@ -138,6 +153,12 @@ class SweepSpec(BaseModel):
     def _complete(self) -> Self:
         if bool(self.worlds) == bool(self.logs):
             raise ValueError("expected either worlds or logs")
+        head, dot, rest = self.key_measure.partition(".")
+        if head not in MEASURES or not (dot and rest):
+            raise ValueError(
+                f"measure {self.measure!r}: expected one of {', '.join(ESTIMATES)}, or a key of metrics.json such as "
+                "trajectory_online.ate_rmse_m or map_filter.wall_thickness_m"
+            )
         names = [line.name for line in self.lines()]
         if self.baseline and self.baseline not in names:
             raise ValueError(f"baseline {self.baseline!r}: no such line, expected one of {', '.join(names)}")
@@ -152,8 +173,34 @@ class SweepSpec(BaseModel):
 
     @property
     def key_measure(self) -> str:
-        """Key of the measure that accuracy is read from."""
-        return self.measure or ("relations.trans_mean_m" if self.logs else "trajectory.ate_rmse_m")
+        """Key of the measure of accuracy in `metrics.json`."""
+        word = self.measure or "filter"
+        if word not in ESTIMATES:
+            return word
+        head, rest = ("relations", "trans_mean_m") if self.logs else ("trajectory", "ate_rmse_m")
+        return f"{head}{ESTIMATES[word]}.{rest}"
+
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """After how many seeds the results are looked at; the last is the number of all seeds."""
+        count = len(self.seeds)
+        return (*range(SEEDS_PER_LOOK, count, SEEDS_PER_LOOK), count) if self.until else (count,)
+
+    @property
+    def level(self) -> float:
+        """Confidence level of the intervals at each look, so that all looks together keep `LEVEL`."""
+        return 1.0 - (1.0 - LEVEL) / len(self.looks)
+
+    def refines(self, line: Line, particles: int) -> bool:
+        """Whether runs of a line with so many particles end with the final pass.
+
+        Where neither the setting `refine` says so nor the measure needs it, the smallest and the largest count do: the
+        final pass takes longer than a filter of few particles, and the question is about the particles.
+        """
+        if "refine" in line.settings:
+            return bool(line.settings["refine"])
+        head = self.key_measure.partition(".")[0]
+        return head in FINAL or particles in (self.particles[0], self.particles[-1])
 
     def lines(self) -> list[Line]:
         """All combinations of variants and values of axes; raises SweepError for wrong or repeated settings."""

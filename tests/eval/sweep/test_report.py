@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from eval.sweep.measure import Measure
 from eval.sweep.paper_tables import latex_table, markdown_table
-from eval.sweep.plots import Unit, pareto_front
+from eval.sweep.plots import pareto_front
 from eval.sweep.report import DRAWINGS, write_sweep_report
 from eval.sweep.results import SweepTableError, read_sweep
 from eval.sweep.statistics import paired_difference
@@ -46,8 +47,11 @@ def test_groups_tell_medians_differences_and_costs(folder):
     assert group.cost == pytest.approx(2.5)  # ms: 0.25 s for 100 updates
     assert summary.group("cave", "improved", 5).to_baseline is None
     assert summary.group("cave", "motion", 20).to_largest is None
-    assert summary.enough("cave", "improved") == 1
-    assert summary.enough("cave", "motion") is None
+    assert summary.decision("cave", "improved").count == 1
+    assert summary.decision("cave", "motion").kind == "more"
+    refined = summary.group("cave", "motion", 20).refined
+    assert refined.value == pytest.approx(0.2 * np.median([errors_of(1, 1, 2, s) for s in range(10)]))
+    assert summary.group("cave", "motion", 5).refined.count == 0
 
 
 def test_failed_and_missing_runs_are_counted_separately(tmp_path):
@@ -65,7 +69,7 @@ def test_a_sweep_with_few_results_has_a_report(tmp_path):
     everything = set(np.ndindex(len(PLACES), len(LINES), len(COUNTS), 10))
     write_sweep(tmp_path, missing=frozenset(everything - there))
     page = write_sweep_report(tmp_path).read_text()
-    assert "no count is shown to be enough" in page
+    assert "undecided with 0 seeds" in page
     assert "118 jobs have not been computed" in page
     assert "nan" not in re.sub(r"base64,[^\"]+", "", page).lower()
 
@@ -89,7 +93,8 @@ def test_page_and_figures_need_no_network_and_links_exist(tmp_path):
     assert page.count('src="data:image/svg+xml') == len(DRAWINGS)
     assert f'href="worst/{worst.key}/report.html"' in page
     assert f'href="worst/{worst.key}/recording.rrd"' not in page
-    assert "1 particle is enough everywhere." in page
+    assert page.count("1 particle is enough") == len(PLACES)
+    assert "of the best particle&#39;s path at the end, before any final pass" in page
 
     figures = {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()}
     assert sorted(figures) == sorted(f"{drawing.name}.{form}" for drawing in DRAWINGS for form in ("pdf", "svg"))
@@ -124,17 +129,45 @@ def test_the_latex_table_compiles_whatever_the_names(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("measure", "unit"),
+    ("key", "words", "estimate", "outcome", "refined", "unit"),
     [
-        ("trajectory.ate_rmse_m", ("trajectory error [cm]", 100.0, "cm")),
-        ("map.wall_distance_m", ("map.wall_distance [cm]", 100.0, "cm")),
-        ("trajectory.heading_rmse_deg", ("trajectory.heading_rmse [deg]", 1.0, "deg")),
-        ("map.log_loss", ("map.log_loss", 1.0, "")),
+        (
+            "trajectory_filter.ate_rmse_m",
+            "trajectory error",
+            "filter",
+            "outcome_filter",
+            "trajectory.ate_rmse_m",
+            ("cm", 100.0),
+        ),
+        ("trajectory_online.ate_rmse_m", "trajectory error", "online", "outcome_online", None, ("cm", 100.0)),
+        ("trajectory.ate_rmse_m", "trajectory error", "final", "outcome", None, ("cm", 100.0)),
+        (
+            "map_filter.wall_distance_m",
+            "map wall distance",
+            "filter",
+            "outcome_filter",
+            "map.wall_distance_m",
+            ("cm", 100),
+        ),
+        ("trajectory.heading_rmse_deg", "trajectory heading rmse", "final", "outcome", None, ("deg", 1.0)),
+        ("map.log_loss", "map log loss", "final", "outcome", None, ("", 1.0)),
     ],
 )
-def test_measures_are_shown_in_units_for_people(measure, unit):
-    shown = Unit.of(measure)
-    assert (shown.words, shown.factor, shown.name) == unit
+def test_a_measure_knows_its_estimate_words_and_unit(key, words, estimate, outcome, refined, unit):
+    measure = Measure(key)
+    assert (measure.words, measure.estimate, measure.outcome, measure.refined_key) == (
+        words,
+        estimate,
+        outcome,
+        refined,
+    )
+    assert (measure.unit(0.5).name, measure.unit(0.5).factor) == unit
+
+
+def test_lengths_are_shown_in_the_unit_that_fits():
+    measure = Measure("trajectory_filter.ate_rmse_m")
+    assert [measure.unit(v).name for v in (0.002, 1.9, 2.0, 40.0)] == ["cm", "cm", "m", "m"]
+    assert [measure.unit(0.1).text(v) for v in (0.00234, 0.0234, 0.234, 1.5)] == ["0.23", "2.3", "23.4", "150"]
 
 
 @pytest.mark.parametrize("content", [None, b"", b"PAR1 no table"])

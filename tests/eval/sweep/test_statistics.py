@@ -10,11 +10,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from eval.sweep.statistics import (
-    MIN_SEEDS,
-    TOLERANCE,
-    Tolerance,
     bootstrap_interval,
-    enough_particles,
+    min_values,
     minimum_detectable_effect,
     paired_difference,
     wilson_interval,
@@ -138,49 +135,7 @@ def test_the_rate_of_no_runs_is_unknown():
     assert all(map(math.isnan, wilson_interval(0, 0)))
 
 
-COUNTS = [1, 2, 5, 10, 20, 50]
-
-
-def sweep(levels: list[float], noise: float, seeds: int = 10, seed: int = 0) -> np.ndarray:
-    """Errors (counts, seeds) about a level for each count, half of the noise common to all counts."""
-    rng = np.random.default_rng(seed)
-    common = rng.normal(size=seeds)
-    own = rng.normal(size=(len(levels), seeds))
-    return np.array(levels)[:, None] * np.exp(noise * (common + own) / math.sqrt(2.0))
-
-
-def test_the_count_from_which_on_more_does_not_help_is_found():
-    errors = sweep([0.5, 0.2, 0.1, 0.05, 0.05, 0.05], noise=0.05)
-    assert enough_particles(COUNTS, errors, [0] * 6) == 10
-    assert enough_particles(COUNTS, errors, [3, 2, 1, 1, 0, 0]) == 20  # ten lost more runs than fifty did
-    assert enough_particles(COUNTS, errors, [3, 2, 1, 1, 1, 1]) == 10
-
-
-def test_counts_that_still_help_give_no_answer():
-    assert enough_particles(COUNTS, sweep([0.6, 0.5, 0.4, 0.3, 0.2, 0.1], noise=0.05), [0] * 6) is None
-    assert enough_particles(COUNTS, np.full((6, 10), math.nan), [10] * 6) is None
-
-
-def test_too_few_seeds_give_no_answer_rather_than_a_wrong_one():
-    flat = [0.1] * 6
-    for seeds in range(1, MIN_SEEDS):
-        assert enough_particles(COUNTS, sweep(flat, noise=0.0, seeds=seeds), [0] * 6) is None
-    assert enough_particles(COUNTS, sweep(flat, noise=0.8, seeds=MIN_SEEDS), [0] * 6) is None
-    assert enough_particles(COUNTS, sweep(flat, noise=0.05, seeds=20), [0] * 6) == 1
-
-
-def test_a_dip_at_a_small_count_is_not_taken_for_enough():
-    errors = sweep([0.05, 0.5, 0.5, 0.05, 0.05, 0.05], noise=0.02)
-    assert enough_particles(COUNTS, errors, [0] * 6) == 10
-
-
-def test_a_wrong_enough_is_rare():
-    """The errors of 20 are a fifth above those of 50, twice the tolerance: of 200 sweeps hardly any may overlook it."""
-    levels = [0.5, 0.4, 0.3, 0.2, 0.12, 0.1]
-    wrong = sum(enough_particles(COUNTS, sweep(levels, 0.3, seed=seed), [0] * 6) is not None for seed in range(200))
-    assert wrong <= 10
-
-
-def test_the_tolerance_is_a_share_but_not_below_its_floor():
-    assert TOLERANCE.of(1.0) == pytest.approx(0.1)
-    assert Tolerance(share=0.1, floor=0.005).of(0.01) == 0.005
+@pytest.mark.parametrize("level", [0.9, 0.95, 0.99])
+def test_the_fewest_values_hold_the_median_in_their_range(level):
+    n = min_values(level)
+    assert 1.0 - 2.0 ** (1 - n) >= level > 1.0 - 2.0 ** (2 - n)

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam import Scan, se2
-from slam.sensor.rays import BeamCounts, count_beams, exp_twist, make_rays
+from slam.sensor.deskew import exp_twist
+from slam.sensor.rays import BeamCounts, count_beams, make_rays
 
 READINGS = np.array([1.0, 5.0, 10.0, math.inf, math.nan, -1.0, 0.0, 0.05])
 ANGLES = np.array([0.0, math.pi / 2.0, math.pi, 0.1, 0.2, 0.3, 0.4, 0.5])

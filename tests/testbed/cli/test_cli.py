@@ -18,11 +18,11 @@ import pytest
 import worlds
 from slam.scan import Scan
 from testbed.formats import open_log
-from testbed.formats.carmen.writer import write_carmen
 from testbed.frame import Frame
 from testbed.run.run_directory import RUN_FILES, RunDirectory
 from testbed.settings.simulator import SimulatorOptions
 from tests.shell import TESTBED, assert_refused, call
+from tests.testbed.recordings import write_frames
 from worlds import catalogue, load
 
 
@@ -38,7 +38,7 @@ def room_log(path: Path, scans: int = 5) -> Path:
         scan = Scan(ranges=np.minimum(to_x, to_y), angles=angles, range_max=20.0)
         pose = np.array([x, 0.0, 0.0])
         frames.append(Frame(stamp=float(k), odometry=pose, scan=scan, truth=pose))
-    write_carmen(path, frames)
+    write_frames(path, frames)
     return path
 
 

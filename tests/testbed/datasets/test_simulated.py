@@ -17,9 +17,9 @@ from eval.files.atomic_write import discard_unfinished
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
 from testbed.datasets import simulated as dataset
+from testbed.datasets.index import datasets_in
 from testbed.datasets.simulated import is_complete, write_dataset
 from testbed.formats import LogError, open_log
-from testbed.formats.maps import read_map_inside
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig
@@ -49,7 +49,7 @@ def copy(made: Path, to: Path) -> Path:
     return to
 
 
-def test_it_holds_what_a_reader_needs(made):
+def test_a_dataset_holds_recording_truth_map_and_settings(made):
     log = open_log(made)
     truth = read_tum(made / "truth.tum")
     scans = [frame for frame in log.frames if frame.scan is not None]
@@ -60,10 +60,10 @@ def test_it_holds_what_a_reader_needs(made):
     assert tomllib.loads((made / "config.toml").read_text())["settings"] == {"seed": 3}
 
 
-@pytest.mark.parametrize("form", ["rosbag2", "rosbag2-lean", "carmen"])
-def test_the_same_settings_give_the_same_bytes(tmp_path, form):
+@pytest.mark.parametrize("log_format", ["rosbag2", "rosbag2-lean", "carmen"])
+def test_the_same_settings_give_the_same_bytes(tmp_path, log_format):
     for parent in ("a", "b"):
-        write_dataset(tmp_path / parent / "loop", load("loop"), CONFIG, {}, form=form)
+        write_dataset(tmp_path / parent / "loop", load("loop"), CONFIG, {}, log_format=log_format)
     names = sorted(path.name for path in (tmp_path / "a" / "loop").iterdir())
     for name in names:
         assert (tmp_path / "a" / "loop" / name).read_bytes() == (tmp_path / "b" / "loop" / name).read_bytes(), name
@@ -94,7 +94,7 @@ def test_a_strange_config_is_refused(made, tmp_path, text):
         open_log(strange)
 
 
-def test_what_breaks_off_leaves_nothing(tmp_path, monkeypatch):
+def test_a_failed_write_leaves_nothing(tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError("No space left on device")
 
@@ -117,9 +117,9 @@ def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
     killed.wait()
     (tmp_path / f".loop-0002.{socket.gethostname()}.{killed.pid}.tmp").mkdir()  # as a kill leaves it
     assert simulate(tmp_path, "--count", "3", "--workers", "2") == 0
-    assert "1 datasets written, 2 were there already" in capsys.readouterr().out
+    assert "wrote 1 dataset; 2 existed already and were kept" in capsys.readouterr().out
     assert first.stat().st_mtime_ns == written
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["loop-0000", "loop-0001", "loop-0002"]
+    assert [path.name for path in datasets_in(tmp_path)] == ["loop-0000", "loop-0001", "loop-0002"]
 
 
 def test_ctrl_c_ends_soon_and_leaves_whole_datasets_only(tmp_path):
@@ -162,7 +162,7 @@ def test_a_worker_that_outlived_its_parent_is_let_be(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_job_that_was_killed_leaves_no_workers_and_goes_on_to_the_same_bytes(tmp_path):
+def test_a_killed_job_continues_to_the_same_bytes(tmp_path):
     command = [*TESTBED, "simulate", "apartment", "--duration", "8"]
     job = subprocess.Popen([*command, "--count", "4", "--workers", "2", "--out", tmp_path / "a"])
     deadline = time.monotonic() + 120
@@ -178,7 +178,7 @@ def test_a_job_that_was_killed_leaves_no_workers_and_goes_on_to_the_same_bytes(t
         time.sleep(0.05)
     subprocess.run([*command, "--count", "4", "--workers", "2", "--out", tmp_path / "a"], check=True)
     names = [f"apartment-{k:04d}" for k in range(4)]
-    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == names
+    assert [path.name for path in datasets_in(tmp_path / "a")] == names
     again = tmp_path / "a" / names[2] / "config.toml"
     subprocess.run([*command[:-3], "--config", again, "--out", tmp_path / "b"], check=True)
     for file in again.parent.iterdir():
@@ -192,4 +192,4 @@ def test_a_map_that_names_a_picture_elsewhere_is_refused(made, tmp_path):
     (tmp_path / "secret.pgm").write_bytes((leading_out / "truth_map.pgm").read_bytes())
     (leading_out / "truth_map.yaml").write_text(text.replace("truth_map.pgm", "../secret.pgm"))
     with pytest.raises(ValueError, match="lies outside of the map's folder"):
-        read_map_inside(leading_out / "truth_map.yaml")
+        read_map(leading_out / "truth_map.yaml", inside=True)

@@ -48,6 +48,39 @@ def test_every_option_of_filter_and_simulator_can_be_an_axis():
     assert settings.filter.resample.scheme == "residual"
 
 
+@pytest.mark.parametrize(
+    ("more", "refined"),
+    [
+        ({}, (1, 9)),
+        ({"measure": "online"}, (1, 9)),
+        ({"measure": "map_filter.wall_thickness_m"}, (1, 9)),
+        ({"measure": "refined"}, (1, 3, 9)),
+        ({"measure": "map.wall_thickness_m"}, (1, 3, 9)),
+        ({"settings": {"refine": True}}, (1, 3, 9)),
+        ({"settings": {"refine": False}}, ()),
+    ],
+)
+def test_the_final_pass_is_made_for_the_smallest_and_largest_count(more, refined):
+    spec = spec_of({"worlds": ["office"], "seeds": 2, "particles": [1, 3, 9], **more})
+    made = {cell.particles: cell.settings["refine"] for cell in plan(spec, "code", {})}
+    assert tuple(count for count, is_refined in made.items() if is_refined) == refined
+
+
+@pytest.mark.parametrize(
+    ("measure", "of_worlds", "of_logs"),
+    [
+        ("online", "trajectory_online.ate_rmse_m", "relations_online.trans_mean_m"),
+        ("filter", "trajectory_filter.ate_rmse_m", "relations_filter.trans_mean_m"),
+        ("refined", "trajectory.ate_rmse_m", "relations.trans_mean_m"),
+        ("", "trajectory_filter.ate_rmse_m", "relations_filter.trans_mean_m"),
+        ("map_filter.log_loss", "map_filter.log_loss", "map_filter.log_loss"),
+    ],
+)
+def test_a_word_stands_for_the_main_measure_of_an_estimate(measure, of_worlds, of_logs):
+    assert spec_of({"worlds": ["office"], "measure": measure}).key_measure == of_worlds
+    assert spec_of({"logs": [{"log": "a.log"}], "measure": measure}).key_measure == of_logs
+
+
 def test_worlds_and_seeds_are_lists_texts_or_numbers():
     spec = spec_of({"worlds": ["office", "generated:rooms*2"], "seeds": "2:4", "particles": [1]})
     assert [(cell.place, cell.source["world"], cell.seed) for cell in plan(spec, "code", {})] == [
@@ -100,6 +133,8 @@ def test_values_take_the_type_of_their_setting():
         ({"worlds": ["generated:rooms*3", "office"], "seeds": 10_000}, "280000 jobs, expected at most 100000"),
         ({"worlds": ["generated:rooms*1000000000"]}, "expected a number of worlds from 1 to 1000"),
         ({"worlds": ["generated:castle*3"]}, "unknown kind of world 'castle'"),
+        ({"worlds": ["office"], "measure": "accuracy"}, "measure 'accuracy': expected one of online, filter, refined"),
+        ({"worlds": ["office"], "measure": "trajectory"}, "measure 'trajectory': expected one of"),
         ({"worlds": ["office"], "settings": {"route": "round"}}, "expected 'fixed' or 'random'"),
         ({"logs": [{"log": "a.log"}], "settings": {"route": "random"}}, "recorded logs are not simulated"),
     ],
@@ -134,7 +169,7 @@ def test_the_examples_of_the_documentation_are_valid():
     text = (Path(__file__).parents[4] / "docs" / "sweep.md").read_text(encoding="utf-8")
     first, second = (tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL))
     assert len(spec_of(first).lines()) == 4
-    assert spec_of(second).key_measure == "relations.trans_mean_m"
+    assert spec_of(second).key_measure == "relations_filter.trans_mean_m"
 
 
 def test_only_tours_can_be_shared_by_all_cells():

@@ -18,8 +18,8 @@ from shapely.geometry.base import BaseGeometry
 from worlds.check import check_world
 from worlds.elements import Block, Box, Position, Wall
 from worlds.errors import WorldError
-from worlds.generate.clutter import MAX_CLUTTER, scatter
-from worlds.generate.graph import closed_walk, lattice_edges, random_graph
+from worlds.generation.clutter import MAX_CLUTTER, scatter
+from worlds.generation.graph import closed_walk, lattice_edges, random_graph
 from worlds.world import Start, Tour, World
 
 Kind = Literal["rooms", "corridors", "loops", "maze", "warehouse", "cave"]

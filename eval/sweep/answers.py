@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: MIT
+"""The answers of a sweep in words: one sentence per world, or per kind of building."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from eval.sweep.decision import MAX_UNITS, Decision, Kind
+from eval.sweep.statistics import min_values
+from eval.sweep.summary import SweepSummary
+
+MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
+"""Colour of an answer, as the templates name them."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a sweep says of one world, or one kind of building, with one filter."""
+
+    place: str
+    """Name of the world or log; for a kind of building with the number of worlds."""
+    line: str
+    kind: Kind
+    short: str
+    """For a table: `5`, `more than 15`, `undecided`."""
+    headline: str
+    """For a person who looks for ten seconds: `5 particles are enough`."""
+    detail: str
+    """The figures behind it."""
+
+    @property
+    def mark(self) -> str:
+        """Colour of the answer."""
+        return MARKS[self.kind]
+
+    @property
+    def short_with_noun(self) -> str:
+        """For the title of a panel: `5 are enough`."""
+        is_enough = f"{self.short} {'is' if self.short == '1' else 'are'} enough"
+        return is_enough if self.kind == "enough" else "no count works" if self.kind == "fails" else self.short
+
+    @property
+    def sentence(self) -> str:
+        """All of it: `office: 5 particles are enough (2.4 cm; 30 give 2.2 cm).`"""
+        return f"{self.place}: {self.headline} ({self.detail})." if self.detail else f"{self.place}: {self.headline}."
+
+
+def answers(summary: SweepSummary, line: str) -> list[Answer]:
+    """The answers for one filter: of each kind of building, then of each world that is no sample of one."""
+    table = summary.table
+    families = table.family_names()
+    found = [answer_of_family(summary, family, line) for family in families]
+    singles = [p for p, family in zip(table.places, table.families, strict=True) if family not in families]
+    return found + [answer_of_place(summary, place, line) for place in singles]
+
+
+def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
+    """The answer for one world."""
+    decision = summary.decision(place, line)
+    largest = summary.group(place, line, summary.table.counts[-1])
+    return _answer(
+        summary,
+        decision,
+        (place, line),
+        median=lambda count: summary.group(place, line, count).median.value,
+        failed=(largest.failures, largest.runs),
+        unit="seed",
+    )
+
+
+def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
+    """The answer for a kind of building: the unit of the statistics is the world."""
+    table = summary.table
+    worlds = [place for place, name in zip(table.places, table.families, strict=True) if name == family]
+    largest = [summary.group(place, line, table.counts[-1]) for place in worlds]
+    return _answer(
+        summary,
+        summary.decision_of_family(family, line),
+        (f"{family}, {len(worlds)} worlds", line),
+        median=lambda count: summary.median_of_family(family, line, count),
+        failed=(sum(group.failures for group in largest), sum(group.runs for group in largest)),
+        unit="world",
+    )
+
+
+def _answer(
+    summary: SweepSummary,
+    decision: Decision,
+    names: tuple[str, str],
+    *,
+    median: Callable[[int], float],
+    failed: tuple[int, int],
+    unit: str,
+) -> Answer:
+    table = summary.table
+    largest = table.counts[-1]
+
+    def gives(count: int) -> str:
+        value = median(count)
+        return f"{summary.unit.text(value)} {summary.unit.name}".strip() if math.isfinite(value) else "no result"
+
+    count, kind = decision.count, decision.kind
+    if kind == "enough":
+        assert count is not None
+        short, headline = str(count), f"{particles(count)} {'is' if count == 1 else 'are'} enough"
+        detail = f"{gives(count)}; {largest} give {gives(largest)}{_below(decision, table.counts)}"
+    elif kind == "more":
+        assert count is not None
+        short, headline = f"more than {count}", f"more than {particles(count)}"
+        detail = f"{count} {_give(count)} {gives(count)}, {largest} give {gives(largest)}; more were not tested"
+    elif kind == "fails":
+        short, headline = "none works", f"no tested count works, up to {particles(largest)}"
+        detail = f"{largest} {_fail(largest)} in {failed[0]} of {failed[1]} runs"
+    else:
+        short, headline = "undecided", f"undecided with {_count(decision.units, unit)}"
+        detail = _would_tell(decision, unit, table.level)
+    return Answer(*names, kind=kind, short=short, headline=headline, detail=detail)
+
+
+def particles(count: int) -> str:
+    """`1 particle`, `5 particles`."""
+    return _count(count, "particle")
+
+
+def _below(decision: Decision, counts: tuple[int, ...]) -> str:
+    """What is known of the counts below the one that is enough."""
+    assert decision.count is not None
+    lower = decision.states[: counts.index(decision.count)]
+    still_open = [str(count) for count, state in zip(counts, lower, strict=False) if state == "open"]
+    if not still_open:
+        return ""
+    return f"; {' and '.join(still_open[-1:])} may be enough too" + (
+        f", {decision.needed} would tell" if decision.needed is not None and decision.needed > decision.units else ""
+    )
+
+
+def _would_tell(decision: Decision, unit: str, level: float) -> str:
+    if decision.needed is not None:
+        return f"{_count(decision.needed, unit)} would probably tell"
+    if decision.units < min_values(level):
+        return f"at least {_count(min_values(level), unit)} are needed"
+    return f"the difference is close to the limit: more than {MAX_UNITS} {unit}s would be needed"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _give(count: int) -> str:
+    return "gives" if count == 1 else "give"
+
+
+def _fail(count: int) -> str:
+    return "fails" if count == 1 else "fail"

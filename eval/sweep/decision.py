@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: MIT
+"""The answer of a sweep for one world or one kind of building: which particle count is enough, or why none is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import bdtrc, stdtrit
+
+from eval.sweep.statistics import LEVEL, POWER, Interval, min_values, paired_difference
+
+State = Literal["good", "worse", "open"]
+"""A count compared with the largest one: not worse by more than the tolerance, worse by more, or not known."""
+Kind = Literal["enough", "more", "fails", "undecided"]
+MAX_UNITS = 200
+"""More seeds or worlds than this are not suggested."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """The difference between two particle counts below which it does not matter."""
+
+    share: float = 0.1
+    """Relative to the median error of the largest count."""
+    floor: float = 0.005
+    """Smallest tolerance [m]: a tenth of a map cell."""
+
+    def of(self, error: float) -> float:
+        """Tolerance for an error of this size [m]."""
+        return max(self.share * error, self.floor)
+
+
+TOLERANCE = Tolerance()
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the runs say about the particle count."""
+
+    kind: Kind
+    """enough: `count` is; more: `count` is shown to be too few, and only the largest count was above it; fails: even
+    the largest count fails in most runs; undecided: the differences are too uncertain."""
+    count: int | None
+    """The count that `kind` is about; None if undecided."""
+    states: tuple[State, ...]
+    """Of each count below the largest, in their order."""
+    units: int
+    """Independent runs of the largest count with a result: seeds, or worlds for a kind of building."""
+    needed: int | None
+    """How many seeds or worlds would probably decide the largest open count; None if none is open, or if it cannot be
+    said."""
+
+
+def decide(
+    counts: tuple[int, ...],
+    errors: NDArray[np.float64],
+    failures: NDArray[np.float64],
+    *,
+    tolerance: Tolerance = TOLERANCE,
+    level: float = LEVEL,
+) -> Decision:
+    """Decide which particle count is enough.
+
+    counts ascending; errors (counts, units) in metres or the unit of the measure, smaller is better, NaN = no result;
+    failures (counts, units), 1 = failed, 0 = not, NaN = not run; a unit is a seed. Rule: a count is enough if it, and
+    every tested count above it, is worse than the largest tested count by less than the tolerance with confidence
+    `level` (median paired difference), and fails no more often. This is a test of non-inferiority: few seeds give wide
+    intervals and no answer, fewer than `min_values(level)` none at all. Nothing is said about the largest count itself,
+    since no larger one was tested.
+    """
+    differences = errors[:-1] - errors[-1]
+    return decide_by_differences(counts, differences, errors[-1], failures, tolerance=tolerance, level=level)
+
+
+def decide_kind_of_building(
+    counts: tuple[int, ...],
+    errors: NDArray[np.float64],
+    failures: NDArray[np.float64],
+    *,
+    tolerance: Tolerance = TOLERANCE,
+    level: float = LEVEL,
+) -> Decision:
+    """Decide which count is enough for a kind of building, with the world as the unit.
+
+    errors and failures (worlds, counts, seeds). Each world counts once, with the median of its seeds: runs of one world
+    are alike, and taking them for independent ones would make the intervals too narrow (cluster bootstrap over worlds;
+    Davison, Hinkley, "Bootstrap Methods and their Application", 1997, section 3.8).
+    """
+    differences = median_over_last(errors[:, :-1] - errors[:, -1:]).T
+    largest, rate = median_over_last(errors[:, -1]), _mean_over_last(failures).T
+    return decide_by_differences(counts, differences, largest, rate, tolerance=tolerance, level=level)
+
+
+def decide_by_differences(
+    counts: tuple[int, ...],
+    differences: NDArray[np.float64],
+    largest: NDArray[np.float64],
+    failures: NDArray[np.float64],
+    *,
+    tolerance: Tolerance,
+    level: float,
+) -> Decision:
+    """As `decide`, from differences (counts - 1, units) to the errors `largest` (units,) of the largest count."""
+    known = largest[np.isfinite(largest)]
+    limit = tolerance.of(float(np.median(known))) if len(known) else math.nan
+    intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in differences]
+    states = tuple(_state(interval, limit, failures[c], failures[-1], level) for c, interval in enumerate(intervals))
+    open_counts = [c for c, state in enumerate(states) if state == "open"]
+    needed = units_to_decide(intervals[open_counts[-1]], limit, level=level) if open_counts else None
+    kind, count = _answer(counts, states, failures[-1])
+    return Decision(
+        kind=kind,
+        count=count,
+        states=states,
+        units=len(known),
+        needed=needed,
+    )
+
+
+def _answer(counts: tuple[int, ...], states: tuple[State, ...], failed: NDArray[np.float64]) -> tuple[Kind, int | None]:
+    if np.nansum(failed) > 0.5 * np.isfinite(failed).sum():
+        return "fails", counts[-1]
+    good = 0
+    for state in reversed(states):
+        if state != "good":
+            break
+        good += 1
+    if good:
+        return "enough", counts[len(counts) - 1 - good]
+    if states and states[-1] == "worse":
+        return "more", counts[-2]
+    return "undecided", None
+
+
+def _state(
+    difference: Interval, limit: float, failed: NDArray[np.float64], base: NDArray[np.float64], level: float
+) -> State:
+    both = np.isfinite(failed) & np.isfinite(base)
+    more, fewer = int((failed[both] > base[both]).sum()), int((failed[both] < base[both]).sum())
+    if more and bdtrc(more - 1, more + fewer, 0.5) < 1.0 - level:  # McNemar's exact test, one-sided
+        return "worse"
+    if difference.count < min_values(level):
+        return "open"
+    if difference.low > limit:
+        return "worse"
+    return "good" if difference.high < limit and np.nansum(failed) <= np.nansum(base) else "open"
+
+
+def units_to_decide(difference: Interval, limit: float, *, level: float = LEVEL) -> int | None:
+    """How many seeds would show with probability `POWER` on which side of a limit a difference lies.
+
+    It is assumed that they vary as those at hand do. None if that cannot be said: from fewer than two values, or beyond
+    `MAX_UNITS` because the difference is too close to the limit.
+    """
+    fewest = min_values(level)
+    if difference.count < 2 or not math.isfinite(limit):
+        return fewest if difference.count < fewest else None
+    gap = abs(limit - difference.value)
+    deviation = difference.standard_error * math.sqrt(difference.count)
+    for n in range(max(fewest, difference.count + 1), MAX_UNITS + 1):
+        quantiles = stdtrit(n - 1, 0.5 + 0.5 * level) + stdtrit(n - 1, POWER)
+        if quantiles * deviation / math.sqrt(n) < gap:
+            return n
+    return None
+
+
+def median_over_last(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Median over the last axis of what is known; NaN where nothing is."""
+    known = np.isfinite(values).any(axis=-1)
+    medians = np.full(values.shape[:-1], np.nan)
+    medians[known] = np.nanmedian(values[known], axis=-1)
+    return medians
+
+
+def _mean_over_last(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    known = np.isfinite(values).any(axis=-1)
+    means = np.full(values.shape[:-1], np.nan)
+    means[known] = np.nanmean(values[known], axis=-1)
+    return means

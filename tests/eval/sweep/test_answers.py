@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: MIT
+"""Answers in words."""
+
+from eval.sweep.answers import answers
+from eval.sweep.results import read_sweep
+from eval.sweep.summary import summarise
+from tests.eval.synthetic_sweep import COUNTS, write_sweep
+
+
+def sentences(folder, line="improved", **options):
+    return [answer.sentence for answer in answers(summarise(read_sweep(write_sweep(folder, **options))), line)]
+
+
+def level(*errors):
+    """Errors [m] by count, with 2 % noise between seeds."""
+    return lambda p, k, c, s: errors[c] * (1.0 + 0.02 * ((7 * s + 3 * c) % 5 - 2) / 2.0)
+
+
+def test_a_count_that_is_enough_stands_with_its_error(tmp_path):
+    assert sentences(tmp_path, error=level(0.05, 0.0241, 0.022)) == [
+        "hall_a: 5 particles are enough (2.4 cm; 20 give 2.2 cm).",
+        "cave: 5 particles are enough (2.4 cm; 20 give 2.2 cm).",
+    ]
+    assert sentences(tmp_path, error=level(0.022, 0.022, 0.022))[0] == (
+        "hall_a: 1 particle is enough (2.2 cm; 20 give 2.2 cm)."
+    )
+
+
+def test_more_and_undecided_are_different_answers(tmp_path):
+    assert sentences(tmp_path, error=level(0.5, 0.2, 0.1))[0] == (
+        "hall_a: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
+    )
+    assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
+        "hall_a: undecided with 3 seeds (6 seeds would probably tell)."
+    )
+    assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
+        "hall_a: undecided with 1 seed (6 seeds would probably tell)."
+    )
+
+
+def test_a_world_in_which_all_counts_fail_says_so(tmp_path):
+    lost = sentences(tmp_path, outcome=lambda p, k, c, s: "lost" if p == 0 else "ok")
+    assert lost[0] == "hall_a: no tested count works, up to 20 particles (20 fail in 10 of 10 runs)."
+    assert "enough" in lost[1]
+
+
+def test_long_errors_are_told_in_metres(tmp_path):
+    assert "(6.0 m; 20 give 6.0 m)" in sentences(tmp_path, error=level(6.0, 6.0, 6.0))[0]
+
+
+def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monkeypatch):
+    places = (*(f"rooms-{n}" for n in range(8)), "office")
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", places)
+    families = (*["rooms"] * 8, None)
+    found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
+    assert found == [
+        "rooms, 8 worlds: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+        "office: undecided with 2 seeds (6 seeds would probably tell).",
+    ]
+    assert len(COUNTS) == 3

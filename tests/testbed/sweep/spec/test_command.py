@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+"""The command on a sweep's page gives the same sweep again."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from testbed.cli.sweep import SweepOptions
+from testbed.sweep.spec.command import command_of
+from testbed.sweep.spec.spec import parse_spec
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"worlds": ["office", "loop"], "seeds": 3, "particles": [1, 5]},
+        {"worlds": "generated:rooms*4,office,generated:loops:size=30x20:3", "seeds": "4:9", "measure": "online"},
+        {"worlds": "generated:cave:5", "seeds": [7], "settings": {"refine": False, "route": "random"}},
+        {
+            "worlds": ["a b.toml"],
+            "seeds": [1, 5],
+            "axes": {"odometry.grade": ["good", "poor"], "layers.motion": [True]},
+        },
+        {"worlds": ["office"], "settings": {"filter.gate.distance": 0.3}, "until": "decided", "seeds": 40},
+    ],
+)
+def test_the_command_gives_the_same_specification(document):
+    spec = parse_spec(document, "x.toml", Path())
+    program, command, *words = shlex.split(command_of(spec))
+    assert (program, command) == ("testbed", "sweep")
+    options: dict = {}
+    for name, value in zip(words[::2], words[1::2], strict=True):
+        key = name.removeprefix("--")
+        options[key] = (*options.get(key, ()), value) if key in ("axis", "set") else value
+    assert SweepOptions(**options).specification(None, None).document() == spec.document()
+
+
+def test_a_sweep_that_needs_a_file_names_it():
+    spec = parse_spec({"logs": [{"log": "a.log"}]}, "x.toml", Path())
+    assert "sweep.toml" in command_of(spec)
