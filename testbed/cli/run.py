@@ -60,6 +60,7 @@ def run(
         title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
         particles=filter_config.max_particles,
+        motion=filter_config.motion,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,

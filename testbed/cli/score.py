@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -27,6 +28,7 @@ def score(
     trajectory: Path,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     relations: Path | None = None,
+    time_offset: str = "0",
     out: Path | None = None,
     fail_if: tuple[str, ...] = (),
 ) -> int:
@@ -40,18 +42,27 @@ def score(
         Directory of a dataset or a run, with truth.tum and, to score a map, truth_map.yaml. Cells that its lidars could
         not see are not scored.
     trajectory
-        The system's trajectory in the TUM format, `t x y z qx qy qz qw`.
+        The system's trajectory: TUM (`t x y z qx qy qz qw`), EuRoC, or KITTI poses with stamps.
     map_
-        The system's map in the ROS map_server format (.yaml and .pgm).
+        The system's map in the ROS map_server format (.yaml and a picture).
     relations
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw`.
+    time_offset
+        Seconds to add to the trajectory's stamps, or "auto": the constant offset, if any, that explains the error.
     out
         Directory for metrics.json.
     fail_if
         Exit with status 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
     """
     limits = [Limit.parse(text) for text in fail_if]
-    metrics = score_files(dataset, trajectory, map_, relations=relations, lidars=_lidars(dataset) if map_ else ())
+    metrics = score_files(
+        dataset,
+        trajectory,
+        map_,
+        relations=relations,
+        lidars=_lidars(dataset) if map_ else (),
+        time_offset=_time_offset(time_offset),
+    )
     text = json.dumps(metrics, indent=2, allow_nan=False) + "\n"
     if out is None:
         sys.stdout.write(text)
@@ -66,6 +77,18 @@ def score(
     for sentence in broken:
         console.print(f"limit broken: {sentence}", soft_wrap=True)
     return GATE_FAILED if broken else 0
+
+
+def _time_offset(text: str) -> float | Literal["auto"]:
+    if text == "auto":
+        return "auto"
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise ValueError(f"--time-offset {text!r}: expected seconds, such as -0.3, or auto")
+    return seconds
 
 
 def _lidars(dataset: Path) -> tuple[LidarView, ...]:

@@ -24,7 +24,6 @@ from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.output import FLAG
 from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.shared.sweep_progress import sweep_progress
-from testbed.run.interruption import sigterm_interrupts
 from testbed.run.run_directory import default_directory
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import Executor, execute, pending, prepare
@@ -225,15 +224,14 @@ def sweep(
         cells = pending(directory, needed_cells(directory), costs, part)
         _announce(specification, costs, cells, execution)
         try:
-            with sigterm_interrupts():
-                while cells:
-                    with sweep_progress(cells, costs, Measure(specification.key_measure), worst=worst) as progress:
-                        execute(directory, cells, execution.executor, progress)
-                    tried = {cell.key for cell in cells}
-                    more = pending(directory, needed_cells(directory), costs, part)
-                    cells = [cell for cell in more if cell.key not in tried] if specification.until else []
-                    if cells:
-                        console.print(f"looked at the results: {len(cells)} more jobs where the answer is open")
+            while cells:
+                with sweep_progress(cells, costs, Measure(specification.key_measure), worst=worst) as progress:
+                    execute(directory, cells, execution.executor, progress)
+                tried = {cell.key for cell in cells}
+                more = pending(directory, needed_cells(directory), costs, part)
+                cells = [cell for cell in more if cell.key not in tried] if specification.until else []
+                if cells:
+                    console.print(f"looked at the results: {len(cells)} more jobs where the answer is open")
         except KeyboardInterrupt:
             return _interrupted(directory, costs, part)
     if part is not None:

@@ -120,7 +120,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         """The estimate, by which an explorer of `testbed.exploration` steers."""
         if not self._running:
             raise ResetNeeded("call reset() first")
-        return Belief(stamp=self._stamp, pose=self._pose, scans=(self._scan,), map=lambda: self._map)
+        return Belief(stamp=self._stamp, pose=self._pose, scans=(self._scan,), twist=self._twist, map=lambda: self._map)
 
     def action(self, speed: float, turn_rate: float) -> NDArray[np.float32]:
         """Return the action for a speed [m/s] and a turn rate [rad/s], clipped to the robot's limits."""
@@ -173,7 +173,8 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         motion = between(before, readings.odometry[0])
         self._scan = scan_of(self._setup, readings.ranges[0], self._stamp)
         self._stamp += self._setup.period
-        report = self._mapper.process(before, self._scan, twist=motion / self._setup.period)
+        self._twist = motion / self._setup.period
+        report = self._mapper.process(before, self._scan, twist=self._twist)
         self._pose = compose(report.pose, motion)
         if report.updated:
             self._map = self._mapper.map()

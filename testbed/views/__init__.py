@@ -2,6 +2,6 @@
 """Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
 
 from testbed.views.opening import OpenedRun, open_run, open_view
-from testbed.views.view import NullView, Scene, Snapshot, View, ViewOptions
+from testbed.views.view import NullView, Proposal, Scene, Snapshot, View, ViewOptions
 
-__all__ = ["NullView", "OpenedRun", "Scene", "Snapshot", "View", "ViewOptions", "open_run", "open_view"]
+__all__ = ["NullView", "OpenedRun", "Proposal", "Scene", "Snapshot", "View", "ViewOptions", "open_run", "open_view"]

@@ -26,7 +26,7 @@ METRICS = {
         ("trajectory.drift_percent > 100", True),
     ],
 )
-def test_a_limit_is_broken_when_it_holds_and_when_nothing_was_measured(text, broken):
+def test_a_limit_is_broken_when_it_holds_or_is_not_measured(text, broken):
     sentences = check(METRICS, [Limit.parse(text)])
     assert len(sentences) == int(broken)
     if broken:
@@ -63,6 +63,20 @@ def test_any_text_is_read_or_refused(text):
     except GateError:
         return
     assert limit.comparison in text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "relations.trans_mean_m > 1",
+        "localization.fit < 0.5",
+        "map_filter.iou < 0.5",
+        "trajectory.rpe.50m.trans_rmse_m > 1",
+    ],
+)
+def test_a_measure_that_is_missing_breaks_its_limit(text):
+    (sentence,) = check(METRICS, [Limit.parse(text)])
+    assert "could not be measured" in sentence
 
 
 def test_an_unknown_key_is_an_error_that_names_the_nearest():

@@ -18,7 +18,7 @@ def lengths(segments):
     return np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
 
 
-def test_closed_wall_with_thickness_is_a_frame_with_mitred_corners():
+def test_a_closed_thick_wall_has_mitred_corners():
     frame = Wall(points=SQUARE, closed=True, thickness=0.2).shape()
     assert frame.area == pytest.approx(4.2 * 3.2 - 3.8 * 2.8, abs=1e-12)
 

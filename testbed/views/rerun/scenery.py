@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a layout depends on."""
+"""What the layout of a run depends on."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ class Scenery:
     """Whether there are errors to plot."""
     extent: Extent | None
     """What the views of the map show; None = not known yet, they follow the robot."""
+    max_error_m: float | None = None
+    """Largest position error of estimate or odometry [m]; None = not known yet."""
+    max_error_deg: float | None = None
+    """Largest heading error [deg]; None = not known yet."""
+    final_pass: bool = False
+    """Whether there is a final pass to show."""
 
     def to_json(self) -> dict[str, Any]:
         """As plain data, for another process."""

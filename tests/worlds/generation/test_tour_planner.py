@@ -32,7 +32,7 @@ def divided(gap: float) -> World:
 
 
 @pytest.mark.parametrize("name", ["office", "loop", "apartment", "museum", "maze"])
-def test_a_tour_is_drivable_comes_past_everything_and_ends_at_home(name):
+def test_a_tour_is_drivable_complete_and_closed(name):
     world = plan_tour(bare(worlds.load(name)), footprint_radius=RADIUS)
     worlds.check_world(world, footprint_radius=RADIUS)
     path = shapely.LineString(world.path())
@@ -47,7 +47,7 @@ def test_the_same_world_gets_the_same_tour():
 
 
 @pytest.mark.parametrize(("gap", "crossed"), [(1.2, True), (0.6, False)])
-def test_a_gap_is_crossed_where_the_robot_fits_through_with_a_margin(gap, crossed):
+def test_a_gap_is_crossed_if_the_robot_fits_with_a_margin(gap, crossed):
     world = plan_tour(divided(gap), footprint_radius=RADIUS)
     worlds.check_world(world, footprint_radius=RADIUS)
     assert bool((world.path()[:, 0] > 4.2).any()) == crossed
