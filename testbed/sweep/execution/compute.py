@@ -31,7 +31,7 @@ def compute(cell: Cell) -> CellResult:
     started = time.perf_counter()
     check_inputs(cell)
     recording = recording_of(cell)
-    job = job_of(cell, recording)
+    job = replace(job_of(cell, recording), aligns_map=False)  # it would take most of the time of scoring
     began = time.perf_counter()
     estimation = Estimation(job.filter, job.seeds.filter, job.threads)
     for frame in job.source:
@@ -49,6 +49,7 @@ def compute(cell: Cell) -> CellResult:
 def job_of(cell: Cell, recording: Recording) -> Job:
     """The job that `testbed run` or `testbed slam` would execute with the settings of the cell."""
     settings = RunSettings.of(cell.settings)
+    truth = recording.truth_map(settings.filter.map.cell)
     return Job(
         source=recording.source,
         document={},
@@ -56,7 +57,8 @@ def job_of(cell: Cell, recording: Recording) -> Job:
         filter=replace(settings.filter, particles=cell.particles),
         threads=1,
         refine=settings.refine,
-        truth_map=recording.truth_map(settings.filter.map.cell),
+        truth_map=truth.grid,
+        truth_walls=truth.walls,
         relations=recording.relations,
     )
 

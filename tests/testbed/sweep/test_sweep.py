@@ -89,7 +89,10 @@ def test_a_cell_gives_what_testbed_run_gives(swept, world, tmp_path):
     rows = pq.read_table(swept / "sweep.parquet").to_pylist()
     (row,) = (row for row in rows if (row["line"], row["particles"], row["seed"]) == ("motion", 3, 1))
     assert row["result_hash"] == metrics["result_hash"]
-    assert row["trajectory.ate_rmse_m"] == metrics["trajectory"]["ate_rmse_m"]
+    for estimate in ("trajectory_online", "trajectory_filter", "trajectory"):
+        assert row[f"{estimate}.ate_rmse_m"] == metrics[estimate]["ate_rmse_m"]
+    assert row["map_filter.wall_distance_m"] == metrics["map_filter"]["wall_distance_m"]
+    assert "map.best_rigid.iou" not in row  # left out of sweeps, since it would take most of the time of scoring
 
 
 def test_shards_give_the_bytes_of_the_single_sweep(swept, world, tmp_path, capsys):
