@@ -41,6 +41,7 @@ def compute(cell: Cell) -> CellResult:
     metrics = metrics_of(
         job, estimation, filtered, estimate, wall_seconds=time.perf_counter() - began, ended=job.source.ended
     )
+    metrics["features"] = recording.features
     timing = {name: metrics.pop(name, None) for name in MEASURED} | {"cell_s": time.perf_counter() - started}
     del timing["peak_rss_mb"]  # this process has computed other cells, whose memory would count too
     return CellResult(metrics, _curves(estimation.steps.columns()), timing)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from testbed.run.job import RecordedFrames
 from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import SimulationConfig, simulate
+from testbed.sweep.execution.features import Features, features_of
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings
 from worlds import World, true_map
@@ -40,6 +41,8 @@ class Recording:
     """Frames of a drive or log, with what is known of the truth."""
 
     source: RecordedFrames
+    features: Features = field(default_factory=dict)
+    """Features of world, route and sensors; empty for logs."""
     relations: Relations | None = None
     truth_map: Callable[[float], TruthMap] = lambda cell: TruthMap(None, None)
     """Draws the true map with cells of a given size [m]."""
@@ -64,7 +67,7 @@ def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recordi
     with simulate(loaded, config) as simulation:
         frames = list(simulation)
         source = RecordedFrames(frames, simulation.ended(simulator.duration))
-    return Recording(source=source, truth_map=_true_map(loaded, config))
+    return Recording(source=source, features=features_of(loaded, config), truth_map=_true_map(loaded, config))
 
 
 def _true_map(world: World, config: SimulationConfig) -> Callable[[float], TruthMap]:
