@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slam.grid.particle_maps import ParticleMaps
+from slam.grid.particle_maps import ParticleMaps, probability_of_counts
 from slam.occupancy import LOG_ODDS_LIMITS
 
 UNKNOWN = 205
