@@ -61,6 +61,8 @@ class Reference:
     lidars: Sequence[LidarView] = ()
     """Fields of view of the lidars: true cells that were never in view are not scored. Empty = lidars unknown: all
     cells in sight of the true path are scored, and a note says so."""
+    aligns_map: bool = True
+    """Whether a map is also scored where it fits the true one best (`map.best_rigid`), which takes the most time."""
 
 
 def score(
@@ -238,22 +240,20 @@ def _score_map(
     if matched is not None:
         alignment, how = absolute_error(matched, "se2").alignment.T_reference_estimate, "se2"
     observable = _observable(truth, reference, notes)
-    best = best_rigid_alignment(grid, truth, alignment)
-    moved, turned = _moved(grid, alignment, best), float(np.degrees(wrap_angle(best[2] - alignment[2])))
-    notes += [*_cell_notes(grid, truth), *_place_notes(moved, turned, outcome)]
-    return {
-        **metrics,
+    notes += _cell_notes(grid, truth)
+    metrics |= {
         "alignment": how,
         "observable_cells": int(observable.sum()),
         "lidars": [lidar.metrics for lidar in reference.lidars],
         **map_error_json(map_error(grid, truth, alignment, observable, reference.walls)),
-        "best_rigid": {
-            "T_truth_map": best,
-            "moved_m": moved,
-            "turned_deg": turned,
-            **map_error_json(map_error(grid, truth, best, observable, reference.walls)),
-        },
     }
+    if not reference.aligns_map:
+        return metrics
+    best = best_rigid_alignment(grid, truth, alignment)
+    moved, turned = _moved(grid, alignment, best), float(np.degrees(wrap_angle(best[2] - alignment[2])))
+    notes += _place_notes(moved, turned, outcome)
+    best_error = map_error_json(map_error(grid, truth, best, observable, reference.walls))
+    return {**metrics, "best_rigid": {"T_truth_map": best, "moved_m": moved, "turned_deg": turned, **best_error}}
 
 
 def _observable(truth: OccupancyGrid, reference: Reference, notes: list[str]) -> NDArray[np.bool_]:

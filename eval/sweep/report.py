@@ -126,8 +126,6 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
     svg = folder / f"{drawing.name}.svg"
     with sweep_plots.style():
         figure = drawing.draw(summary)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # laid out once for both files
         for path, metadata in (
             (svg, {"Date": None, "Creator": None}),
             (svg.with_suffix(".pdf"), {"CreationDate": None}),

@@ -21,6 +21,23 @@ from testbed.sweep.spec.command import command_of
 from testbed.sweep.store import SweepDirectory
 from worlds import family
 
+DESCRIPTIONS = {
+    "place": "name of the world or log",
+    "family": "kind of building that the world is a sample of, such as rooms; null for single worlds and logs",
+    "line": "name of the combination of settings",
+    "particles": "particle count",
+    "seed": "seed of the simulation and of the filter",
+    "status": "done, failed (no result), missing (not computed yet) or not needed (--until)",
+    "reason": "why there is no result",
+    "key": "hash of everything that decides the result; joins sweep, curves and timings",
+    "share": "share of the updates that are done, 0 to 1",
+    "ess": "effective sample size as a share of the particles",
+    "unique_ancestors": "unique ancestors as a share of the particles",
+    "founders": "the same as unique_ancestors, for readers of versions up to 0.1",
+    "nees": "normalised estimation error squared",
+    "cell_s": "time of the whole job [s]",
+}
+"""What the columns hold that are no settings (`setting.NAME`), features (`features.NAME`) or measures."""
 _ABSENT = {True: "missing", False: "not needed"}
 """Status of cells without result or reason, by whether they are needed."""
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")
@@ -109,9 +126,21 @@ def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, An
     names = list(dict.fromkeys(name for row in rows for name in row))
     columns = {name: [row.get(name) for row in rows] for name in names}
     arrays = {name: _array(values) for name, values in columns.items()}
-    table = pa.table(arrays).replace_schema_metadata({"sweep": json.dumps(about, sort_keys=True)})
+    fields = [pa.field(name, array.type, metadata=_description(name)) for name, array in arrays.items()]
+    schema = pa.schema(fields, metadata={"sweep": json.dumps(about, sort_keys=True)})
+    table = pa.table(list(arrays.values()), schema=schema)
     with atomic_write(path) as temporary:
         pq.write_table(table, temporary)
+
+
+def _description(name: str) -> dict[str, str]:
+    """Metadata of a column: what it holds."""
+    head, _, rest = name.partition(".")
+    if head == "setting":
+        return {"description": f"setting {rest}; null = default"}
+    if head == "features":
+        return {"description": f"{rest.replace('_', ' ')}, a feature of world, route and sensors (docs/sweep.md)"}
+    return {"description": DESCRIPTIONS.get(name, f"{name} of metrics.json (docs/metrics.md)")}
 
 
 def _array(values: Sequence[Any]) -> Any:
