@@ -4,7 +4,7 @@
 
     python -m tools.measure.measure_collisions [--seeds 10] [--backends fast,pybullet] [--duration 200]
 
-Prints: the collisions of docs/gymnasium.md
+Prints: the number of contacts per world and backend
 
 The worlds are five of the catalogue and one of each kind of generated world with interiors; the strategy is
 `information`, the filter has 5 particles. Takes about 15 s of one core for each run.
