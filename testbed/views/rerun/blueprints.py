@@ -107,7 +107,7 @@ def legend_view(name: str) -> rrb.Spatial2DView:
 
 def compare_particles(extent: Extent | None) -> rrb.Vertical:
     """The maps of four particles side by side, above their weights."""
-    names = ("Heaviest particle", "Lightest particle", "Most different histories (1)", "Most different histories (2)")
+    names = ("Best particle", "Lightest particle", "Most different histories (1)", "Most different histories (2)")
     views = []
     for rank, name in zip(entities.RANKS, names, strict=True):
         base = f"{entities.COMPARE}/{rank}"

@@ -334,8 +334,8 @@ class RerunView:
         if everything or resampled or self._updates_in_tree >= TREE_UPDATES:
             self._updates_in_tree = 0
             self._columns.add(entities.PARTICLE_PATHS, *self._tree.strips(), build=line_columns(Z_FAN))
-        if snapshot.cells is not None and snapshot.weights is not None:
-            self._add_squares(entities.MAP, self._tiles, snapshot, int(np.argmax(snapshot.weights)), everything)
+        if snapshot.cells is not None:
+            self._add_squares(entities.MAP, self._tiles, snapshot, snapshot.best, everything)
         elif snapshot.map is not None:
             self._log_whole_map(snapshot.map(None))
 
