@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slam import se2
-from slam.sensor.rays import exp_twist
+from slam.sensor.deskew import exp_twist
 from tests.testbed.exploration.hand_drawn_maps import belief, scan_of
 
 
