@@ -63,7 +63,7 @@ class CollisionLimiter:
         path = self._predict(np.copysign(fastest, speed), now[2], turn_rate)
         away = np.hypot(*(obstacles[near] - path[:, :, None]).transpose(3, 0, 1, 2))
         # what is nearer already, such as a wall that is left, must not come nearer still
-        allowed = np.minimum(self._radius + CLEARANCE, distances[near] - 1e-3)
+        allowed = np.minimum(self._radius + CLEARANCE, distances[near] - 1e-6)
         clear = (away >= allowed).all(axis=(1, 2))
         return float(candidates[np.argmax(clear)]) if clear.any() else 0.0
 

@@ -132,7 +132,7 @@ class FrontierExplorer:
         return any(math.dist(at, other) < _BLOCKED_RADIUS for other in self._blocked)
 
     def _give_up_goal(self) -> None:
-        """Block the current goal, because the robot did not reach it, and plan anew."""
+        """Block the current goal, because the robot did not reach it, and plan again."""
         self._failures += 1
         self._planned = -math.inf
         if self._goal is not None:

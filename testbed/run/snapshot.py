@@ -32,6 +32,7 @@ def take_snapshot(
         localization=mapper.status.state if isinstance(mapper, Localization) and report.updated else None,
         collided=collided,
         path=mapper.path,
+        best=mapper.best if isinstance(mapper, GMapping) else report.best,
         cells=partial(map_cells, mapper.maps) if isinstance(mapper, GMapping) else None,
         map=mapper.map,
     )

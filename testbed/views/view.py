@@ -83,6 +83,8 @@ class Snapshot:
     """`T_map_robot` of each particle, (particles, 3)."""
     weights: NDArray[np.float64] | None = None
     """Weights of the particles, (particles,)."""
+    best: int = 0
+    """Number of the best particle among `poses`: the step's own `best` is its number before resampling."""
     proposal: Proposal | None = None
     """How the new pose of the best particle was found; None where matching failed, or with another proposal."""
     localization: str | None = None
@@ -101,7 +103,7 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """Where a run can be watched while it goes on, beside its recording; several at once."""
+    """Live viewers of a run, in addition to its recording; several can be combined."""
 
     window: bool = False
     """Open the native viewer."""

@@ -132,6 +132,12 @@ def test_links_lead_to_files_and_headings(page):
 
 
 @every_page
+def test_every_table_has_rows(page):
+    text = prose_of(page)
+    assert re.findall(r"^\|(?: ?-+ ?\|)+\n(?!\|).*$", text, flags=re.MULTILINE) == []
+
+
+@every_page
 def test_files_it_names_exist(page):
     for span in spans_of(page):
         path = span.split("::")[0]

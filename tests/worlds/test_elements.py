@@ -29,6 +29,14 @@ def test_openings_cut_their_width_out_of_the_wall():
     assert wall.shape().distance(shapely.Point(2.0, 0.0)) == pytest.approx(0.5, abs=1e-12)
 
 
+@pytest.mark.parametrize(("closed", "length"), [(False, 2.0), (True, 4.0)])
+def test_openings_beyond_the_end_of_the_wall_are_refused(closed, length):
+    points = [(0, 0), (2, 0)]
+    assert Wall(points=points, closed=closed, openings=[Opening(at=length)]).openings
+    with pytest.raises(ValueError, match=f"expected openings within the {length:.2f} m of the wall, got one at"):
+        Wall(points=points, closed=closed, openings=[Opening(at=length + 0.01)])
+
+
 def test_opening_in_a_closed_wall_may_lie_on_the_closing_side():
     wall = Wall(points=SQUARE, closed=True, thickness=0.1, openings=[Opening(at=12.5, width=1.0)])
     assert not wall.shape().intersects(shapely.Point(0.0, 1.5))  # 4 + 3 + 4 = 11 m lead to (0, 3)

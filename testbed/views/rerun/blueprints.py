@@ -49,7 +49,7 @@ def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
 
 
 def overview(scenery: Scenery) -> rrb.Horizontal:
-    """The map with everything on it, beside the plots, the event log and the settings."""
+    """Lay out the map with everything on it, next to the plots, the event log and the settings."""
     errors = [
         plot(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m),
         plot(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg),
@@ -107,7 +107,7 @@ def legend_view(name: str) -> rrb.Spatial2DView:
 
 def compare_particles(extent: Extent | None) -> rrb.Vertical:
     """The maps of four particles side by side, above their weights."""
-    names = ("Heaviest particle", "Lightest particle", "Most different histories (1)", "Most different histories (2)")
+    names = ("Best particle", "Lightest particle", "Most different histories (1)", "Most different histories (2)")
     views = []
     for rank, name in zip(entities.RANKS, names, strict=True):
         base = f"{entities.COMPARE}/{rank}"

@@ -44,7 +44,7 @@ ROBOT_MODELS = (TRUE_MODEL, ESTIMATED_MODEL)
 
 COMPARE = "/compare"
 """The map's frame once more, for the views that compare particles."""
-RANKS = ("heaviest", "lightest", "most_different_a", "most_different_b")
+RANKS = ("best", "lightest", "most_different_a", "most_different_b")
 FINAL = "/final"
 """The map's frame once more, for the views of the final pass."""
 FINAL_STEPS = ("before", "after")

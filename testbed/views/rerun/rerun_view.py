@@ -49,7 +49,7 @@ from testbed.views.view import Scene, Snapshot, ViewOptions
 MAX_POINTS = 240
 """Beams of a scan that are drawn."""
 TREE_UPDATES = 3
-"""The tree of histories is drawn anew with the next map after this many updates."""
+"""The tree of histories is drawn again with the next map after this many updates."""
 ARROW = 2.0
 """Length of a particle's arrow in radii of the robot."""
 SEND_PERIOD = 1.0
@@ -334,8 +334,8 @@ class RerunView:
         if everything or resampled or self._updates_in_tree >= TREE_UPDATES:
             self._updates_in_tree = 0
             self._columns.add(entities.PARTICLE_PATHS, *self._tree.strips(), build=line_columns(Z_FAN))
-        if snapshot.cells is not None and snapshot.weights is not None:
-            self._add_squares(entities.MAP, self._tiles, snapshot, int(np.argmax(snapshot.weights)), everything)
+        if snapshot.cells is not None:
+            self._add_squares(entities.MAP, self._tiles, snapshot, snapshot.best, everything)
         elif snapshot.map is not None:
             self._log_whole_map(snapshot.map(None))
 

@@ -80,6 +80,14 @@ def test_a_few_poses_or_a_hundredth_of_the_path_are_unjudged(rows):
     assert "expected 5 or more" in metrics["outcome_reason"] or "spans only" in metrics["outcome_reason"]
 
 
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_few_poses_of_a_short_path_are_unjudged(count):
+    rows = np.linspace(0, 60, count).astype(int)  # 6 m
+    metrics = score(TRUTH[rows], reference=Reference(trajectory=TRUTH[:61]))
+    assert metrics["outcome"] == "unjudged"
+    assert metrics["outcome_reason"] == f"{count} matched poses, expected 5 or more to judge by"
+
+
 def test_ten_poses_at_both_ends_do_not_cover_the_path():
     ends = TRUTH[[*range(6), *range(-6, 0)]]
     assert score(ends, reference=Reference(trajectory=TRUTH))["outcome"] == "unjudged"

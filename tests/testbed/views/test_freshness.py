@@ -87,7 +87,7 @@ def test_compared_particles_have_their_own_maps(tmp_path: Path) -> None:
             view.show(snapshot)
     assert snapshot.map is not None
     assert snapshot.weights is not None
-    for rank, particle in (("heaviest", np.argmax(snapshot.weights)), ("lightest", np.argmin(snapshot.weights))):
+    for rank, particle in (("best", snapshot.best), ("lightest", np.argmin(snapshot.weights))):
         grid = snapshot.map(int(particle))
         seen = ShownMap(path, f"{entities.COMPARE}/{rank}/map").at(snapshot.stamp, grid)
         held = kinds(grid)

@@ -62,3 +62,12 @@ def test_nowhere_to_go_is_refused():
     cell = Wall(name="outline", points=[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], closed=True)
     with pytest.raises(worlds.WorldError, match="no floor can be reached"):
         plan_tour(World(name="cell", start=Start(x=0.5, y=0.5), walls=[cell]), footprint_radius=RADIUS)
+
+
+def test_planning_reports_the_visited_share():
+    world = worlds.load("office").model_copy(update={"tour": None})
+    shares = []
+    planned = worlds.plan_tour(world, footprint_radius=0.2, progress=shares.append)
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < shares[-1] == 1.0
+    assert planned == worlds.plan_tour(world, footprint_radius=0.2)

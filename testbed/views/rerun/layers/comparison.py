@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Four particles side by side: the heaviest, the lightest, and the two whose histories differ most."""
+"""Four particles side by side: the best, the lightest, and the two whose histories differ most."""
 
 from __future__ import annotations
 
@@ -30,4 +30,4 @@ def chosen(snapshot: Snapshot, most_different: tuple[int, int]) -> list[int]:
     assert snapshot.weights is not None
     last = len(snapshot.weights) - 1
     a, b = (min(number, last) for number in most_different)
-    return [int(np.argmax(snapshot.weights)), int(np.argmin(snapshot.weights)), a, b]
+    return [snapshot.best, int(np.argmin(snapshot.weights)), a, b]
