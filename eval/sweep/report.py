@@ -180,9 +180,9 @@ def _single_worlds(summary: SweepSummary) -> list[Answer]:
 
 
 def _routes(table: SweepTable) -> str:
-    """What distinguishes the runs of different seeds; empty for logs."""
+    """What distinguishes the runs of different seeds."""
     routes = {str(route) for route in table.columns.get("setting.route", np.array(["fixed"], dtype=object)).ravel()}
-    if "log" in {str(kind) for kind in table.columns.get("kind", np.array(["world"], dtype=object)).ravel()}:
+    if table.recorded:
         return "seeds change the random numbers of the filter only"
     if routes == {"random"}:
         return "each seed drives another route through the whole world"

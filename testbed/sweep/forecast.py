@@ -11,8 +11,9 @@ from testbed.sweep.execution.compute import compute
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Costs
 
-PROBES = (2.0, 15.0)
-"""Simulated time of the short runs [s]: the first loads the kernels, the second is measured."""
+PROBES = (2.0, 2.0, 15.0)
+"""Simulated time of the short runs [s]: the first loads the kernels; the difference of the others is measured, so that
+what does not depend on the length of a run drops out."""
 PROBE_PARTICLES = 5
 """Particles of the short runs."""
 MIN_COST = 500.0
@@ -29,14 +30,18 @@ def measure_pace(cells: Sequence[Cell], costs: Costs) -> float | None:
     cell = next((cell for cell in cells if "world" in cell.source), None)
     if cell is None or sum(map(costs, cells)) < MIN_COST:
         return None
-    for duration in PROBES:
-        shortened = {**cell.settings, "duration": duration, "refine": False}
-        probe = replace(cell, settings=shortened, particles=PROBE_PARTICLES)
-        started = time.perf_counter()
-        metrics = compute(probe).metrics
-        seconds = time.perf_counter() - started
-    length = float(metrics["trajectory"]["length_m"])
-    return seconds / costs.of_length(length, probe) if length > 0.0 else None
+    probes = [_probe(cell, duration, costs) for duration in PROBES]
+    (short, short_cost), (long, long_cost) = probes[1:]
+    return (long - short) / (long_cost - short_cost) if long > short and long_cost > short_cost else None
+
+
+def _probe(cell: Cell, duration: float, costs: Costs) -> tuple[float, float]:
+    """Time [s] and cost of the first seconds of a run."""
+    shortened = {**cell.settings, "duration": duration, "refine": False}
+    probe = replace(cell, settings=shortened, particles=PROBE_PARTICLES)
+    started = time.perf_counter()
+    metrics = compute(probe).metrics
+    return time.perf_counter() - started, costs.of_length(float(metrics["trajectory"]["length_m"]), probe)
 
 
 def expected_seconds(cells: Sequence[Cell], costs: Costs, pace: float, workers: int) -> float:

@@ -91,6 +91,7 @@ def gather(directory: SweepDirectory, needed: Container[str] | None = None) -> G
         "code": directory.manifest.code,
         "command": command_of(spec),
         "level": spec.level,
+        "recorded": bool(spec.logs),
     }
     for name, table in zip(TABLES, (rows, curves, timings), strict=True):
         _write(directory.path / name, table, about)

@@ -80,7 +80,7 @@ def test_share_of_the_filter_in_a_whole_sweep(tmp_path):
     own, cells = (sum(timings.column(name).to_pylist()) for name in ("wall_s", "cell_s"))
     count = timings.num_rows
     print(
-        f"\n{count} jobs of {cells / count:.1f} s: filter and final pass {100.0 * own / whole:.1f} % of the workers' time, "
+        f"\n{count} jobs of {cells / count:.1f} s: filter and final pass {100.0 * own / whole:.1f} %, "
         f"simulation and scoring {100.0 * (cells - own) / whole:.1f} %, the rest {100.0 * (1.0 - cells / whole):.1f} %"
     )
     assert own > 0.5 * whole

@@ -177,7 +177,9 @@ class SweepSpec(BaseModel):
         word = self.measure or "filter"
         if word not in ESTIMATES:
             return word
-        head, rest = ("relations", "trans_mean_m") if self.logs else ("trajectory", "ate_rmse_m")
+        has_relations = any(log.relations for log in self.logs) or not any(log.truth for log in self.logs)
+        by_relations = bool(self.logs) and has_relations
+        head, rest = ("relations", "trans_mean_m") if by_relations else ("trajectory", "ate_rmse_m")
         return f"{head}{ESTIMATES[word]}.{rest}"
 
     @property

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from testbed.cli.sweep import SweepOptions
+from testbed.cli.shared.sweep_options import SweepOptions
 from testbed.sweep.spec.command import command_of
 from testbed.sweep.spec.spec import parse_spec
 
