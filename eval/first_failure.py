@@ -59,10 +59,9 @@ class Failure:
     reason: str
     """A sentence with the numbers."""
     estimated: Pose
-    """Where the estimate puts the robot, (3,): in the truth's frame where there is one, laid upon it at `since`; else
-    in the map's."""
+    """Estimated pose, (3,): in the frame of the truth, aligned with it at `since`; without truth in the map's frame."""
     true_pose: Pose | None
-    """Where it truly was, in that frame, (3,); None where that is unknown."""
+    """True pose in the same frame, (3,); None if it is unknown."""
     blips: tuple[Blip, ...] = ()
     """Where the estimate left the truth before and came back."""
     cause: str | None = None
@@ -77,10 +76,10 @@ def find_failure(
     dense: Trajectory | None = None,
     steps: Columns | None = None,
 ) -> Failure | None:
-    """By the best that is known: the truth, else relations (scored on `dense`), else how the scans fitted the map.
+    """Find the first failure by the truth, else by relations (scored on `dense`), else by how the scans fitted the map.
 
-    estimate: a pose per scan. Relations are used only where they show that something is wrong: the worst of good ones
-    says nothing of a place. None where there is nothing to judge by.
+    estimate: a pose per scan. Relations are used only if they show a failure: the worst of good ones does not mark
+    a place. Returns None if there is nothing to judge by.
     """
     if truth is not None:
         return first_bad_stretch(estimate, truth)

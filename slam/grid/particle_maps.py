@@ -206,10 +206,9 @@ class ParticleMaps:
         if len(rows) == 0:
             raise ValueError("the map is empty: no scan was taken in")
         counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        hits, visits = (counts >> HIT_SHIFT) & HITS, counts & VISITS  # a kernel would be compiled for each run's shape
         cell = self.config.cell
         return OccupancyGrid(
-            probability=occupancy_probability(hits, visits, self.config.occupied_share),
+            probability=probability_of_counts(counts, self.config.occupied_share),
             resolution=cell,
             origin=(
                 float(self._corner[0] + columns[0]) * cell,
@@ -224,3 +223,8 @@ class ParticleMaps:
         tiles = self._counts.data[0][table].reshape(*table.shape, SIDE, SIDE)
         dense: NDArray[np.uint16] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
         return dense
+
+
+def probability_of_counts(counts: NDArray[np.uint16], occupied_share: float) -> NDArray[np.float32]:
+    """P(occupied) of counts words (see `_cell_kernels`), any shape; NaN where a cell was never visited."""
+    return occupancy_probability((counts >> HIT_SHIFT) & HITS, counts & VISITS, occupied_share)

@@ -4,42 +4,34 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
+import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.progress import track
 
 from eval.files.atomic_write import discard_unfinished
-from testbed.cli.shared.console import announce_compilation, console, results
-from testbed.cli.shared.variants import Variant, variants
+from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, results
+from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
+from testbed.cli.shared.draws import Draw, drawn, parse_draws
+from testbed.cli.shared.variants import variants
+from testbed.datasets.card import write_card, write_contact_sheet
+from testbed.datasets.index import datasets_in, write_index
 from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
-from testbed.settings.simulator import SimulatorOptions
-from testbed.simulation import SimulationConfig
-from testbed.simulation.drivers.driver import Command
+from testbed.settings.simulator import FAST_SIMULATOR, FastSimulatorOptions, SimulatorOptions
 from testbed.simulation.simulator import check_fits
-from worlds import World
+from worlds import expand_names, label
 from worlds.file_names import RULE, is_name
-
-
-@dataclass(frozen=True, kw_only=True)
-class FastSimulatorOptions(SimulatorOptions):
-    """The simulated robot and its sensors, with the fast backend by default."""
-
-    backend: Literal["pybullet", "fast"] = "fast"
-    """pybullet: physics and rays of PyBullet; fast: exact arcs and the testbed's own ray caster."""
-
-
-FAST = FastSimulatorOptions()
 
 
 @Parameter(name="*")
@@ -48,21 +40,31 @@ class DatasetOptions:
     """The datasets to make."""
 
     out: Path
-    """Directory that takes the datasets; those that are there already are kept."""
+    """Directory that takes the datasets; those that exist already are kept."""
     seed: int = 0
     """Seed of the first dataset; each further one has the next."""
     count: int = 1
-    """Number of datasets, of each variant."""
+    """Number of datasets of each world and variant."""
     workers: int = 1
     """Datasets that are made at the same time."""
     format: DatasetFormat = "rosbag2"
     """rosbag2: directory with an MCAP file that ROS 2 plays and Rerun shows; rosbag2-lean: without the point clouds
     that Rerun draws, in half the space; rosbag2-sqlite: with a .db3 file; rosbag1: a .bag file; carmen: packed CARMEN
     log; parquet: a table."""
+    compress: Annotated[bool, Parameter(negative=())] = False
+    """Pack the chunks of rosbag2 with zstd, those of rosbag1 with LZ4. The other formats do not change."""
     vary: tuple[str, ...] = ()
     """KEY=A,B,C: the same drives with each of these values of lidar, beams, noise, clutter, odometry.… or layers.…; may
     be repeated, for all combinations."""
-    variant: str = ""
+    draw: tuple[str, ...] = ()
+    """KEY=A,B or KEY=LOW..HIGH: for each dataset a value of robot, lidar, beams, noise, clutter, odometry.… or layers.…
+    drawn at random; may be repeated."""
+    shard: str | None = None
+    """i/n: make only shard i of n (from 0); `testbed datasets index` combines the shards."""
+    scheduler: str | None = None
+    """Address of a dask.distributed scheduler, such as tcp://host:8786, whose workers make the datasets; --out must be
+    a directory that they share."""
+    variant: Annotated[str, Parameter(show=False)] = ""
     """Part of the datasets' names; --vary sets it."""
     config: Path | None = None
     """TOML file with settings, such as the config.toml of a dataset; the command line wins."""
@@ -70,39 +72,68 @@ class DatasetOptions:
     def __post_init__(self) -> None:
         if self.count < 1 or self.workers < 1:
             raise ValueError(f"count and workers must be at least 1, got {self.count} and {self.workers}")
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed}")
         if self.variant and not is_name(self.variant):
             raise ValueError(f"variant {self.variant!r}: expected {RULE}")
         if self.out.exists() and not self.out.is_dir():
             raise ValueError(f"{self.out}: is a file, expected a directory")
 
 
-def simulate(world: str, *, datasets: DatasetOptions, simulator: SimulatorOptions = FAST) -> None:
+def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOptions = FAST_SIMULATOR) -> None:
     """Write synthetic datasets.
 
     Parameters
     ----------
     world
-        Name from the catalogue (`testbed worlds list`), a TOML file, or a ROS map (`.yaml`).
+        Name from the catalogue (`testbed worlds list`), a TOML file, a ROS map (`.yaml`), or `generated:KIND:SEED`;
+        several are separated by commas, and `generated:KIND*N` stands for N generated worlds.
         A world without a tour gets a tour of all the floor that the robot can reach.
     """
     if simulator.driver.kind in ("explore", "teleop"):
         raise ValueError(f"--driver {simulator.driver.kind} needs a mapper or a person: use testbed run")
-    jobs = [job for variant in variants(simulator, datasets.vary) for job in _jobs(world, datasets, variant)]
+    jobs = _jobs(world, datasets, simulator.settled())
+    if datasets.shard is not None:
+        from testbed.sweep.spec.plan import Shard  # here, since a plain job does without the sweep
+
+        shard = Shard.parse(datasets.shard)
+        jobs = jobs[shard.index :: shard.count]
     missing = [job for job in jobs if not is_complete(job.path)]
     for job in missing:
         if job.path.exists():
             raise ValueError(f"{job.path}: exists and is no dataset; choose another --out")
     announce_compilation()
     datasets.out.mkdir(parents=True, exist_ok=True)
-    drives = _carry_out(missing, datasets)
+    with dataset_progress(len(missing)) as progress:
+        drives = _make_all(missing, datasets, progress)
     results.print(f"{datasets.out}: {_written(len(missing), len(jobs) - len(missing))}")
     for trouble in ("collided", "stuck"):
         if names := sorted(job.path.name for job, drive in drives.items() if drive[trouble]):
             results.print(f"{len(names)} {trouble}: {', '.join(names[:10])}{' and others' if names[10:] else ''}")
+    if len(datasets_in(datasets.out)) > 1:
+        describe(datasets.out, "testbed " + shlex.join(sys.argv[1:]))
+
+
+def describe(directory: Path, command: str) -> None:
+    """Write index, card and contact sheet of a collection, and print what it holds."""
+    from testbed.datasets import Collection
+
+    rows = write_index(directory)
+    if not rows:
+        raise ValueError(f"{directory}: no datasets in it, expected directories that testbed simulate wrote")
+    card = write_card(directory, rows, command)
+    write_contact_sheet(directory, rows)
+    totals = Collection(directory, rows).totals()
+    splits = ", ".join(f"{count} {split}" for split, count in totals["splits"].items())
+    results.print(
+        f"{directory}: {totals['datasets']} datasets of {totals['worlds']} worlds ({splits}), "
+        f"{totals['seconds'] / 3600:.2f} h, {totals['metres'] / 1000:.2f} km, {totals['bytes'] / 1e6:.0f} MB; see "
+        + ("README.md and contact_sheet.png" if card else "contact_sheet.png; README.md is yours and was kept")
+    )
 
 
 def _written(new: int, old: int) -> str:
-    """The sentence that reports how many datasets were written and how many existed before."""
+    """Return the sentence that reports how many datasets were written and how many existed before."""
     existed = f"; {old} existed already and {'was' if old == 1 else 'were'} kept" if old else ""
     return f"wrote {new} dataset{'' if new == 1 else 's'}{existed}"
 
@@ -112,41 +143,114 @@ class _Job:
     """One dataset to make."""
 
     path: Path
-    place: World
-    config: SimulationConfig
-    settings: dict[str, Any]
-    commands: list[Command] | None
+    world: str
+    """Name or file of the world."""
+    simulator: SimulatorOptions
+    seed: int
+    variant: str
+    draws: dict[str, Any]
+    """Values that were drawn, by setting."""
+    log_format: DatasetFormat
+    compress: bool
 
 
-def _jobs(world: str, datasets: DatasetOptions, variant: Variant) -> Iterator[_Job]:
-    """The datasets of one variant; complains about settings here, not in a worker."""
-    simulator, name = variant.simulator, variant.name or datasets.variant
-    first = RunSeeds.from_seed(datasets.seed)
-    place, commands = simulator.load_world(world, first), simulator.recorded_commands()
-    settings = {"world": world, "format": datasets.format, "variant": name, **asdict(simulator)}
-    check_fits(place, simulator.simulation(first).robot)
-    for seed in range(datasets.seed, datasets.seed + datasets.count):
-        path = datasets.out / "-".join(part for part in (place.name, f"{seed:04d}", name) if part)
-        seeds = RunSeeds.from_seed(seed)
-        if simulator.route == "random":
-            place = simulator.load_world(world, seeds)
-        yield _Job(path, place, simulator.simulation(seeds), settings | {"seed": seed}, commands)
+def _jobs(worlds: str, options: DatasetOptions, simulator: SimulatorOptions) -> list[_Job]:
+    """Return all datasets to make. Raises ValueError for invalid settings, before any worker starts."""
+    draws = parse_draws(options.draw, simulator)
+    if twice := {draw.key for draw in draws} & {text.partition("=")[0].strip() for text in options.vary}:
+        raise ValueError(f"{', '.join(sorted(twice))}: given to --vary and --draw, expected one of them")
+    jobs, out = [], options.out if options.scheduler is None else options.out.resolve()
+    for world in expand_names(worlds):
+        for variant in variants(simulator, options.vary):
+            name, variant_name = _checked_name(world, variant.simulator), variant.name or options.variant
+            for seed in range(options.seed, options.seed + options.count):
+                path = out / "-".join(part for part in (name, f"{seed:04d}", variant_name) if part)
+                jobs.append(_job(path, world, seed, draws, variant.simulator, variant_name, options))
+    if len({job.path for job in jobs}) < len(jobs):
+        raise ValueError(f"{worlds}: two worlds have the same name, expected different ones")
+    return jobs
 
 
-def _carry_out(jobs: list[_Job], datasets: DatasetOptions) -> dict[_Job, dict[str, Any]]:
-    """Make all datasets; how each drive went."""
+def _job(
+    path: Path,
+    world: str,
+    seed: int,
+    draws: list[Draw],
+    simulator: SimulatorOptions,
+    variant: str,
+    options: DatasetOptions,
+) -> _Job:
+    settings, values = drawn(simulator, draws, label(world), seed)
+    return _Job(path, world, settings, seed, variant, values, options.format, options.compress)
+
+
+def _checked_name(world: str, simulator: SimulatorOptions) -> str:
+    """Return the name of a world for its datasets, after a check that the robot fits into it.
+
+    Generated worlds are made by the workers: there may be a thousand of them.
+    """
+    if world.startswith("generated:"):
+        return label(world)
+    seeds = RunSeeds.from_seed(0)
+    loaded = simulator.load_world(world, seeds, SlowProgress("planning a tour"))
+    announce_world(loaded)
+    check_fits(loaded, simulator.simulation(seeds).robot)
+    simulator.recorded_commands()
+    return loaded.name
+
+
+def _make(job: _Job) -> dict[str, Any]:
+    """Make one dataset, in a worker; return how the drive went, and the bytes written."""
+    seeds, simulator = RunSeeds.from_seed(job.seed), job.simulator
+    packed = {"compress": True} if job.compress else {}
+    settings = {"world": job.world, "format": job.log_format, **packed, "variant": job.variant, **asdict(simulator)}
+    drive = write_dataset(
+        job.path,
+        simulator.load_world(job.world, seeds),
+        simulator.simulation(seeds),
+        settings | {"seed": job.seed},
+        log_format=job.log_format,
+        commands=simulator.recorded_commands(),
+        draws=job.draws,
+        compressed=job.compress,
+    )
+    return drive | {"bytes": sum(file.stat().st_size for file in job.path.iterdir())}
+
+
+def _make_all(jobs: list[_Job], options: DatasetOptions, progress: DatasetProgress) -> dict[_Job, dict[str, Any]]:
+    """Make all datasets; return how each drive went."""
+    drives = {}
+    for job, drive in _made(jobs, options):
+        drives[job] = drive
+        progress.done(job.path.name, drive["seconds"], drive["bytes"])
+    return drives
+
+
+def _made(jobs: list[_Job], options: DatasetOptions) -> Iterator[tuple[_Job, dict[str, Any]]]:
+    """Make datasets in this process, in a pool, or on a cluster; yield each as it is finished."""
+    if options.scheduler is not None:
+        from testbed.sweep.execution.dask_cluster import compute_on_cluster
+
+        yield from compute_on_cluster(_make, jobs, options.scheduler)
+    elif options.workers == 1 or len(jobs) == 1:
+        for job in jobs:
+            yield job, _make(job)
+    else:
+        yield from _made_by_pool(jobs, options.workers)
+
+
+def _made_by_pool(jobs: list[_Job], workers: int) -> Iterator[tuple[_Job, dict[str, Any]]]:
     context = get_context("spawn")  # not forked: PyBullet and numba keep threads
-    pool = ProcessPoolExecutor(datasets.workers, mp_context=context, initializer=_end_with_parent)
-    with pool, _ended_with_us(job.path for job in jobs):
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context, initializer=_end_with_parent)
+    with pool, _workers_end_with_block([job.path for job in jobs]):
         with _ctrl_c_blocked():  # workers inherit this for good: Ctrl-C is the parent's business
-            futures = {pool.submit(_make, job, datasets.format): job for job in jobs}
-        silent = not console.is_terminal
-        done = track(as_completed(futures), "simulating", len(futures), console=console, transient=True, disable=silent)
+            futures = {pool.submit(_make, job): job for job in jobs}
         try:
-            return {futures[future]: future.result() for future in done}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
         except BrokenProcessPool:
             raise ValueError(
-                "a worker was killed, perhaps for want of memory; the same command goes on with what is missing"
+                "a worker was killed, perhaps because memory ran out; the same command continues with what is missing"
             ) from None
 
 
@@ -161,13 +265,8 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _make(job: _Job, log_format: DatasetFormat) -> dict[str, Any]:
-    """Make one dataset, in a worker; how the drive went."""
-    return write_dataset(job.path, job.place, job.config, job.settings, log_format=log_format, commands=job.commands)
-
-
 @contextmanager
-def _ended_with_us(datasets: Iterable[Path]) -> Iterator[None]:
+def _workers_end_with_block(paths: list[Path]) -> Iterator[None]:
     """End the workers at once where the block ends early: the datasets at hand are made again by the next start."""
     try:
         yield
@@ -175,7 +274,7 @@ def _ended_with_us(datasets: Iterable[Path]) -> Iterator[None]:
         for worker in active_children():
             worker.terminate()
             worker.join()
-        for path in datasets:
+        for path in paths:
             discard_unfinished(path)
         raise
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ from cyclopts import App, Parameter
 from rich.table import Table
 
 from eval.files.atomic_write import atomic_write
-from testbed.cli.shared.console import console, results
+from testbed.cli.shared.console import announce_world, console, results
 from worlds import World, catalogue, dumps, generate, import_map_with_notes, load, true_map
 from worlds.generation.generators import Kind
 
@@ -54,6 +55,7 @@ def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> Non
         raise ValueError(f"{out}: exists; choose another --out or add --overwrite")
     _draw(loaded, out)
     truth = true_map(loaded)
+    announce_world(loaded)
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_row("name", loaded.name)
     table.add_row("description", loaded.description)
@@ -69,14 +71,14 @@ def generate_world(
     kind: Kind,
     *,
     out: Path,
-    size: tuple[float, float] = (20.0, 15.0),
+    size: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = ("20x15",),
     clutter: float = 1.0,
     loops: int = 2,
     seed: int = 0,
 ) -> None:
     """Generate a random world with a tour through all of it; the same options give the same world.
 
-    Example: `testbed worlds generate cave --size 30 20 --clutter 1.5 --seed 7 --out cave.toml`
+    Example: `testbed worlds generate cave --size 30x20 --clutter 1.5 --seed 7 --out cave.toml`
 
     Parameters
     ----------
@@ -85,7 +87,7 @@ def generate_world(
     out
         TOML file for the world.
     size
-        Width and depth [m].
+        Width and depth [m], as 80x60 or 80,60.
     clutter
         Objects per 10 m² of floor.
     loops
@@ -95,7 +97,7 @@ def generate_world(
     """
     if seed < 0:
         raise ValueError(f"seed must not be negative, got {seed}")
-    _write(generate(kind, size=size, clutter=clutter, loops=loops, seed=seed), out)
+    _write(generate(kind, size=_parsed_size(size), clutter=clutter, loops=loops, seed=seed), out)
 
 
 @app.command(name="import")
@@ -123,6 +125,15 @@ def _write(world: World, out: Path) -> None:
     with atomic_write(out) as aside:
         aside.write_text(dumps(world), encoding="utf-8")
     results.print(f"{out}: {world.name}, {_size(world)}, tour {_tour(world)}")
+
+
+def _parsed_size(words: tuple[str, ...]) -> tuple[float, float]:
+    """Return width and depth [m] of `80x60`, `80,60`, or `80 60` as two words; ValueError for anything else."""
+    try:
+        width, depth = map(float, re.split("[x,]", "x".join(words)))
+    except ValueError:
+        raise ValueError(f"--size {' '.join(words)}: expected width and depth in metres, such as 80x60") from None
+    return width, depth
 
 
 def _size(world: World) -> str:

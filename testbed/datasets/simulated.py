@@ -52,6 +52,8 @@ def write_dataset(
     *,
     log_format: DatasetFormat = "rosbag2",
     commands: Sequence[Command] | None = None,
+    draws: Mapping[str, Any] | None = None,
+    compressed: bool = False,
 ) -> dict[str, Any]:
     """Simulate a drive and write it as a dataset directory, which must not exist; returns how the drive went.
 
@@ -60,11 +62,14 @@ def write_dataset(
     world and settings give the same bytes. The directory appears whole or not at all.
 
     commands: the robot follows these instead of the tour
+    draws: settings that were drawn at random, for the index
+    compressed: pack the chunks of bags
     """
     try:
         with atomic_directory(path) as temporary:
-            drive = _write(temporary, world, config, log_format, commands)
-            seal_directory(temporary, {"settings": dict(settings), "drive": drive})
+            drive = _write(temporary, world, config, log_format, commands, compressed)
+            document = {"settings": dict(settings), "drive": drive, "world": {"name": world.name}}
+            seal_directory(temporary, document | ({"draws": dict(draws)} if draws else {}))
     except FileExistsError:
         if not is_complete(path):  # a worker that outlived its parent may have made it meanwhile: the same bytes
             raise
@@ -72,7 +77,12 @@ def write_dataset(
 
 
 def _write(
-    path: Path, world: World, config: SimulationConfig, log_format: DatasetFormat, commands: Sequence[Command] | None
+    path: Path,
+    world: World,
+    config: SimulationConfig,
+    log_format: DatasetFormat,
+    commands: Sequence[Command] | None,
+    compressed: bool,
 ) -> dict[str, Any]:
     driver = None if commands is None else RecordedDriver(commands, CONTROL_PERIOD)
     truth_map = grid_from_true_map(true_map(world, MAP_RESOLUTION, height=config.robot.lidar_mount.height))
@@ -81,7 +91,8 @@ def _write(
         drive = _Drive(simulation)
         file = path / f"{path.name}{ONE_FILE[log_format]}" if log_format in ONE_FILE else path
         file.parent.mkdir(exist_ok=True)
-        write_blocks(file, drive.blocks(), head, log_format, source={"name": path.name, "format": "simulation"})
+        source = {"name": path.name, "format": "simulation"}
+        write_blocks(file, drive.blocks(), head, log_format, source=source, compressed=compressed)
     (path / "world.toml").write_text(dumps(world), encoding="utf-8")
     write_map(path / "truth_map.yaml", truth_map)
     write_tum(path / "truth.tum", drive.truth_at_scans(path.name))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 from testbed.formats.carmen.reader import MESSAGES, read_carmen
@@ -44,6 +45,11 @@ def open_log(
 def _read(path: Path, laser_offset: float | None, range_max: float | None) -> Log:
     if not path.exists():
         raise LogError(f"{path}: no such file")
+    if within := _recordings_below(path):
+        if len(within) > 1:
+            raise LogError(f"{path}: holds {len(within)} recordings, expected one of {_listed(within)}")
+        log = _read(within[0], laser_offset, range_max)
+        return replace(log, notes=(f"read {within[0].name}, the only recording in {path}", *log.notes))
     path = _recording_in(path)
     if _is_carmen(path):
         return read_carmen(path, laser_offset=laser_offset, range_max=range_max)
@@ -60,6 +66,20 @@ def _read(path: Path, laser_offset: float | None, range_max: float | None) -> Lo
         f"{path}: not a log that can be read: expected a CARMEN log (plain or .gz), a ROS 1 or 2 bag, a Parquet table "
         "or a TUM trajectory"
     )
+
+
+def _recordings_below(path: Path) -> list[Path]:
+    """The recordings in a directory that is none itself, sorted by name: what `testbed simulate --out` wrote to."""
+    if not path.is_dir() or (path / CONFIG).is_file() or _is_bag(path) or _is_parquet(path) or _is_trajectory(path):
+        return []
+    below = (child for child in sorted(path.iterdir()) if child.is_dir() and not child.name.startswith("."))
+    return [child for child in below if (child / CONFIG).is_file() or (child / "metadata.yaml").is_file()]
+
+
+def _listed(paths: list[Path]) -> str:
+    """The first names, for messages."""
+    more = f" and {len(paths) - 6} others" if paths[6:] else ""
+    return ", ".join(str(path) for path in paths[:6]) + more
 
 
 def _recording_in(path: Path) -> Path:

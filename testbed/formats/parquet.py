@@ -70,7 +70,7 @@ def write_parquet(path: str | Path, blocks: Iterable[FrameTable], head: LogHead)
     ) as writer:
         for block in blocks:
             totals.add(block)
-            writer.write_table(_arrow_table(block))
+            writer.write_table(arrow_table(block))
     (path / CARD).write_text(_card(path.name, totals, head), encoding="utf-8")
     if head.truth_map is not None:
         write_map(path / MAP, head.truth_map)
@@ -111,7 +111,7 @@ def _schema() -> Any:
     return pa.schema(fields)
 
 
-def _arrow_table(block: FrameTable) -> Any:
+def arrow_table(block: FrameTable) -> Any:
     """A block as an arrow table; what is unknown is null."""
     import pyarrow as pa
 

@@ -178,6 +178,7 @@ def metrics_of(
         grid=job.truth_map,
         walls=job.truth_walls,
         lidars=lidar_views(estimation.frames),
+        aligns_map=job.aligns_map,
     )
     # Ctrl-C must end soon, and scoring a map takes long; a map that was given is not a result of the run
     scores_map = ended != "interrupted" and job.known_map is None

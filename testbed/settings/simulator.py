@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -97,17 +98,20 @@ class SimulatorOptions:
             }
         )
 
-    def load_world(self, name: str, seeds: RunSeeds) -> World:
+    def load_world(self, name: str, seeds: RunSeeds, progress: Callable[[float], None] | None = None) -> World:
         """Load the world of that name or file, with --clutter added and, for --route random, a route of the seed.
 
         Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
+        progress: called with the share of the tour that is planned, 0 to 1.
         """
         world, clearance = load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
-        if world.tour is None and self.driver.kind == "tour":
-            world = plan_tour(world, footprint_radius=clearance)
+        # A recorded drive begins where the drive began that its commands are from.
+        on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route == "random")
+        if world.tour is None and on_tour:
+            world = plan_tour(world, footprint_radius=clearance, progress=progress)
         if self.clutter:
             world = add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
-        if self.route == "random" and self.driver.kind == "tour":
+        if self.route == "random" and on_tour:
             world = random_route(world, np.random.default_rng(seeds.route))
         return world
 
@@ -123,3 +127,24 @@ class SimulatorOptions:
 
 
 SIMULATOR = SimulatorOptions()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FastSimulatorOptions(SimulatorOptions):
+    """The simulated robot and its sensors; the fast backend and random routes by default."""
+
+    backend: Literal["pybullet", "fast"] = "fast"
+    """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics."""
+    route: Literal["fixed", "random"] | None = None  # type: ignore[assignment]  # settled before use
+    """random: the whole tour in another order and direction from another start for each seed; fixed: the tour of the
+    world, the same for every seed. Default: random for --driver tour, otherwise fixed."""
+
+    def settled(self) -> FastSimulatorOptions:
+        """Return the options with the route decided."""
+        if self.route is not None:
+            return self
+        return replace(self, route="random" if self.driver.kind == "tour" else "fixed")
+
+
+FAST_SIMULATOR = FastSimulatorOptions()

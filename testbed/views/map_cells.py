@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slam.grid._cell_kernels import HIT_SHIFT, HITS, VISITS
-from slam.grid.particle_maps import ParticleMaps
-from slam.occupancy import LOG_ODDS_LIMITS, occupancy_probability
+from slam.grid.particle_maps import ParticleMaps, probability_of_counts
+from slam.occupancy import LOG_ODDS_LIMITS
 
 UNKNOWN = 205
 """Grey level of a cell that was never observed (as in the images of ROS map_server)."""
@@ -58,8 +57,7 @@ def map_cells(maps: ParticleMaps, particle: int) -> MapCells:
 @cache
 def _grey_of_words(occupied_share: float) -> NDArray[np.uint8]:
     words = np.arange(1 << 16, dtype=np.uint16)
-    hits, visits = (words >> HIT_SHIFT) & HITS, words & VISITS
-    return grey_levels(occupancy_probability(hits, visits, occupied_share))
+    return grey_levels(probability_of_counts(words, occupied_share))
 
 
 def grey_levels(probability: ArrayLike) -> NDArray[np.uint8]:

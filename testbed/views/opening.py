@@ -26,7 +26,7 @@ def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None 
     """
     if recording is None:
         return NullView()
-    # read by Rerun when it is imported: errors of its file writer are raised, and need not be told twice
+    # read by Rerun when it is imported: errors of its file writer are raised, so its log need not repeat them
     os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
     from testbed.views.rerun.rerun_view import RerunView
 

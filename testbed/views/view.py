@@ -103,7 +103,7 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """Where a run can be watched while it goes on, beside its recording; several at once."""
+    """Live viewers of a run, in addition to its recording; several can be combined."""
 
     window: bool = False
     """Open the native viewer."""

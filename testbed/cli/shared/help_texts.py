@@ -19,14 +19,24 @@ testbed run --config runs/office-20250101-120000/config.toml
 """,
     "simulate": """Write synthetic datasets.
 
-Each dataset is a directory with the recording, its truth, the world, and a config.toml that reproduces it byte for
-byte. Complete datasets are kept, so that an interrupted command can be repeated. The default backend is `fast`.
+Each dataset is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for
+byte. Datasets that exist already are kept, so that a job that was cut off can be started again. Each seed drives
+another route through its world, unless `--route fixed` is given. The default backend is `fast`. Several datasets also
+get an index (datasets.parquet) with splits by world, a card (README.md) and a picture of the drives.
 
 ```
-testbed simulate office --out datasets --count 100 --workers 2
-testbed simulate office --out poor --odometry.grade poor --format carmen
+testbed simulate office,apartment --out data --count 10 --draw lidar=lds01,rplidar_a2 --workers 2
+testbed simulate 'generated:rooms*50' --out rooms --draw odometry.grade=good,poor --draw noise=0.5..2
 testbed simulate office --out paired --vary lidar=lds01,rplidar_a2
-testbed slam datasets/office-0000
+testbed datasets info data
+testbed slam data/office-0000
+```
+""",
+    "datasets": """Totals of a directory of datasets; its index.
+
+```
+testbed datasets info data
+testbed datasets index data
 ```
 """,
     "slam": """Map a recorded log, or localise in a finished map; score it where truth is known.

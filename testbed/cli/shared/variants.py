@@ -47,7 +47,7 @@ def variants(simulator: SimulatorOptions, vary: Sequence[str]) -> list[Variant]:
     for values in itertools.product(*(values for _, values in axes)):
         changed = simulator
         for (key, _), value in zip(axes, values, strict=True):
-            changed = _with(changed, key, value)
+            changed = with_value(changed, key, value, "--vary")
         names = (
             f"{key}-{Path(value).name.removesuffix('.toml')}" for (key, _), value in zip(axes, values, strict=True)
         )
@@ -68,14 +68,23 @@ def _axis(text: str) -> tuple[str, list[str]]:
     return key, chosen
 
 
-def _with(simulator: SimulatorOptions, key: str, value: str) -> SimulatorOptions:
-    """Return the settings with one value replaced, given as text."""
-    owner, name = KEYS[key], key.rpartition(".")[2]
+def with_value(simulator: SimulatorOptions, key: str, text: str, option: str) -> SimulatorOptions:
+    """Return the settings with another value of `key`, given as text.
+
+    option: name of the command-line option, for messages. Raises ValueError where the value is invalid.
+    """
+    group, _, name = key.rpartition(".")
+    owner = GROUPS.get(group, SimulatorOptions)
     try:
-        converted: Any = TypeAdapter(get_type_hints(owner)[name]).validate_python(value)
+        converted: Any = TypeAdapter(get_type_hints(owner)[name]).validate_python(text)
     except ValidationError as error:
-        raise ValueError(f"--vary {key}={value}: {error.errors(include_url=False)[0]['msg']}") from None
-    if owner is SimulatorOptions:
+        raise ValueError(f"{option} {key}={text}: {error.errors(include_url=False)[0]['msg']}") from None
+    if not group:
         return replace(simulator, **{name: converted})
-    group = key.partition(".")[0]
     return replace(simulator, **{group: replace(getattr(simulator, group), **{name: converted})})
+
+
+def value_of(simulator: SimulatorOptions, key: str) -> Any:
+    """Return the value of `key`."""
+    group, _, name = key.rpartition(".")
+    return getattr(getattr(simulator, group) if group else simulator, name)

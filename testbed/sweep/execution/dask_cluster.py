@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeVar
 
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.local_pool import Event, Finished, outcome_of
@@ -18,6 +18,8 @@ from testbed.sweep.spec.cell import Cell
 CONNECT_SECONDS = 10.0
 """The scheduler must answer within this time [s]."""
 _of_this_thread = threading.local()
+Job = TypeVar("Job")
+Result = TypeVar("Result")
 
 
 def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Generator[Event, None, None]:
@@ -42,6 +44,24 @@ def run_on_cluster(cells: Sequence[Cell], address: str, limits: Limits) -> Gener
         try:
             for future in distributed.as_completed(futures, loop=client.loop):
                 yield Finished(futures[future], _outcome(future))
+        finally:
+            client.cancel(list(futures), force=True)
+
+
+def compute_on_cluster(
+    function: Callable[[Job], Result], jobs: Sequence[Job], address: str
+) -> Generator[tuple[Job, Result], None, None]:
+    """Call `function` for jobs other than cells on the workers of a scheduler; yield each as it finishes.
+
+    Errors of the function are raised. Ending the iteration early cancels the jobs that wait. Raises SweepError as
+    `run_on_cluster` does.
+    """
+    distributed = _import_distributed()
+    with _client(distributed, address) as client:
+        futures = {client.submit(function, job, pure=False): job for job in jobs}
+        try:
+            for future in distributed.as_completed(futures, loop=client.loop):
+                yield futures[future], future.result()
         finally:
             client.cancel(list(futures), force=True)
 

@@ -49,7 +49,7 @@ class LiveViewer:
         logger.warning("%s: %s; the run goes on, its recording is complete", self.name, why)
 
     def wait(self) -> None:
-        """Where a web page is served: go on until Ctrl-C, then end the server."""
+        """Wait until Ctrl-C if a web page is served, then end the server."""
         if self.address is None:
             return
         try:

@@ -49,7 +49,7 @@ def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
 
 
 def overview(scenery: Scenery) -> rrb.Horizontal:
-    """The map with everything on it, beside the plots, the event log and the settings."""
+    """Lay out the map with everything on it, next to the plots, the event log and the settings."""
     errors = [
         plot(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m),
         plot(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg),

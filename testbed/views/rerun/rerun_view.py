@@ -50,7 +50,7 @@ from testbed.views.view import Scene, Snapshot, ViewOptions
 MAX_POINTS = 240
 """Beams of a scan that are drawn."""
 TREE_UPDATES = 3
-"""The tree of histories is drawn anew with the next map after this many updates."""
+"""The tree of histories is drawn again with the next map after this many updates."""
 ARROW = 2.0
 """Length of a particle's arrow in radii of the robot."""
 SEND_PERIOD = 1.0

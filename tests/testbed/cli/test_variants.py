@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from testbed.cli.shared.variants import variants
+from testbed.datasets.index import datasets_in
 from testbed.formats import open_log
 from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
@@ -29,7 +30,7 @@ def made(tmp_path_factory) -> Path:
 
 
 def test_variants_share_the_path_and_whatever_did_not_vary(made):
-    assert sorted(path.name for path in made.iterdir()) == NAMES
+    assert [path.name for path in datasets_in(made)] == NAMES
     frames = [[f for f in open_log(made / name).frames if f.stamp < 2.2] for name in NAMES]
     first, *others = [{round(f.stamp, 3): (*f.truth, *f.odometry) for f in found} for found in frames]
     for other in others:
@@ -48,7 +49,7 @@ def test_variants_that_are_there_are_kept(made, capsys):
     assert times == [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]
 
 
-def test_config_and_commands_reproduce_a_variant(made, tmp_path):
+def test_a_variant_is_made_again_from_config_and_commands(made, tmp_path):
     dataset = made / NAMES[1]
     again = ["--config", str(dataset / "config.toml"), "--out"]
     assert simulate(*again, str(tmp_path / "same")) == 0

@@ -17,6 +17,7 @@ from eval.files.atomic_write import discard_unfinished
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
 from testbed.datasets import simulated as dataset
+from testbed.datasets.index import datasets_in
 from testbed.datasets.simulated import is_complete, write_dataset
 from testbed.formats import LogError, open_log
 from testbed.presets import load_lidar, load_robot
@@ -118,7 +119,7 @@ def test_a_job_that_was_cut_off_goes_on_where_it_was(tmp_path, capsys):
     assert simulate(tmp_path, "--count", "3", "--workers", "2") == 0
     assert "wrote 1 dataset; 2 existed already and were kept" in capsys.readouterr().out
     assert first.stat().st_mtime_ns == written
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["loop-0000", "loop-0001", "loop-0002"]
+    assert [path.name for path in datasets_in(tmp_path)] == ["loop-0000", "loop-0001", "loop-0002"]
 
 
 def test_ctrl_c_ends_soon_and_leaves_whole_datasets_only(tmp_path):
@@ -177,7 +178,7 @@ def test_a_killed_job_continues_to_the_same_bytes(tmp_path):
         time.sleep(0.05)
     subprocess.run([*command, "--count", "4", "--workers", "2", "--out", tmp_path / "a"], check=True)
     names = [f"apartment-{k:04d}" for k in range(4)]
-    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == names
+    assert [path.name for path in datasets_in(tmp_path / "a")] == names
     again = tmp_path / "a" / names[2] / "config.toml"
     subprocess.run([*command[:-3], "--config", again, "--out", tmp_path / "b"], check=True)
     for file in again.parent.iterdir():

@@ -95,6 +95,41 @@ def test_equal_frames_give_equal_bytes(tmp_path):
         assert (tmp_path / "bag" / name).read_bytes() == (tmp_path / "b" / "bag" / name).read_bytes()
 
 
+@pytest.mark.parametrize("storage", ["mcap", "sqlite", "rosbag1"])
+@pytest.mark.parametrize("compressed", [False, True])
+def test_messages_are_what_rosbags_would_write(tmp_path, storage, compressed):
+    """The record layouts against the serialiser of the library, byte by byte."""
+    path = tmp_path / ("bag.bag" if storage == "rosbag1" else "bag")
+    known = [replace(frame, command=None if k % 5 else (0.25, -0.5)) for k, frame in enumerate(drive(600))]
+    write_bag(path, known, storage=storage, compressed=compressed)
+    store = STORE if storage != "rosbag1" else get_typestore(Stores.ROS1_NOETIC)
+    with AnyReader([path], default_typestore=store) as reader:
+        messages = list(reader.messages())
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        for connection, time, raw in messages:
+            message = reader.deserialize(raw, connection.msgtype)
+            writer = reader.typestore.serialize_cdr if storage != "rosbag1" else reader.typestore.serialize_ros1
+            assert bytes(writer(message, connection.msgtype)) == bytes(raw), connection.topic
+            if hasattr(message, "header"):
+                assert time == message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            if connection.topic == "/scan":
+                assert message.scan_time == np.float32(0.15)  # every third frame of 20 a second
+    assert (counts["/odom"], counts["/cmd_vel"], counts["/scan"]) == (600, 120, 200)
+    assert [time for _, time, _ in messages] == sorted(time for _, time, _ in messages)
+
+
+def test_the_mcap_library_reads_what_rosbags_reads(tmp_path):
+    reader_of = pytest.importorskip("mcap.reader").make_reader
+    write_bag(tmp_path / "bag", drive(600))
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
+        reader = reader_of(file, validate_crcs=True)
+        found = [(channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()]
+        assert reader.get_summary().statistics.message_count == len(found)
+    with AnyReader([tmp_path / "bag"], default_typestore=STORE) as reader:
+        expected = [(connection.topic, time, bytes(raw)) for connection, time, raw in reader.messages()]
+    assert sorted(found) == sorted(expected)
+
+
 URDF = """<robot name="two-link">
   <link name="base_link"/><link name="arm"/><link name="hand"/>
   <joint name="a" type="fixed"><parent link="base_link"/><child link="arm"/>

@@ -123,7 +123,7 @@ class EventWatch:
         if state == before:
             return []
         if state == SEARCHING and before == FOUND:
-            return [("ERROR", "lost: the scans no longer fit the map at the estimated pose; searching anew")]
+            return [("ERROR", "lost: the scans no longer fit the map at the estimated pose; searching again")]
         return [("INFO", f"localisation: {state}")]
 
 

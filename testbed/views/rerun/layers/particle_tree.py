@@ -49,7 +49,7 @@ class ParticleTree:
         if len(proposed) == len(poses) and np.array_equal(proposed, poses):
             return None
         parents = _parents(proposed, poses)
-        if parents is None:  # the filter began anew somewhere else, as after it was lost
+        if parents is None:  # the filter started again somewhere else, for example after it was lost
             self.__init__()  # type: ignore[misc]
             self._epochs[-1].poses.append(poses[:, :2].copy())
             return None

@@ -27,11 +27,11 @@ class Scenery:
     """Whether there is a final pass to show."""
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data, for another process."""
+        """Convert to plain data, for another process."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, plain: dict[str, Any]) -> Self:
-        """From the plain data of `to_json`."""
+        """Make a scenery from the plain data of `to_json`."""
         extent = plain["extent"]
         return cls(**plain | {"extent": None if extent is None else Extent(**extent)})

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""`testbed datasets`: what is in a collection."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+from rich.table import Table
+
+from testbed.cli.shared.console import results
+from testbed.cli.shared.help_texts import HELP
+
+app = App(name="datasets", help=HELP["datasets"])
+
+
+@app.command
+def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", negative=())] = False) -> None:
+    """Print the totals of a collection: datasets, worlds, time, metres, scans, size, and its splits.
+
+    Parameters
+    ----------
+    directory
+        Directory that `testbed simulate` wrote datasets to.
+    as_json
+        Print JSON, for other programs.
+    """
+    from testbed.datasets import open_collection
+
+    collection = open_collection(directory)
+    totals = collection.totals()
+    if as_json:
+        results.print(json.dumps(totals), highlight=False)
+        return
+    table = Table(box=None, pad_edge=False)
+    for name in ("split", "datasets", "worlds", "hours", "km", "scans", "MB"):
+        table.add_column(name, justify="left" if name == "split" else "right")
+    for split in ("train", "validation", "test", "all"):
+        part = (collection if split == "all" else collection.split(split)).totals()
+        numbers = (part["datasets"], part["worlds"], f"{part['seconds'] / 3600:.2f}", f"{part['metres'] / 1000:.2f}")
+        table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}")))
+    results.print(table)
+    for name in ("world", "robot", "lidar", "format"):
+        values = sorted({str(row[name]) for row in collection.rows})
+        more = f" and {len(values) - 12} others" if values[12:] else ""
+        results.print(f"{name}{'' if len(values) == 1 else 's'}: {', '.join(values[:12])}{more}")
+    for trouble in ("collided", "stuck"):
+        if count := sum(bool(row[trouble]) for row in collection.rows):
+            results.print(f"{trouble}: {count}")
+    results.print("licence: CC-BY-4.0 (see README.md)")
+
+
+@app.command
+def index(directory: Path) -> None:
+    """Write index, card and contact sheet of a collection again, for instance after its last shard.
+
+    Parameters
+    ----------
+    directory
+        Directory that `testbed simulate` wrote datasets to.
+    """
+    from testbed.cli.simulate import describe
+
+    describe(directory, "testbed " + shlex.join(sys.argv[1:]))

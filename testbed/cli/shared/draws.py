@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: MIT
+"""`--draw KEY=A,B` and `--draw KEY=LOW..HIGH`: settings drawn at random for each dataset."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from testbed.cli.shared.variants import KEYS, value_of, with_value
+from testbed.settings.simulator import SimulatorOptions
+
+DRAWN_KEYS = {"robot": SimulatorOptions, **KEYS}
+"""Settings that may be drawn, and the class of each."""
+
+
+class Draw(NamedTuple):
+    """A setting to draw."""
+
+    key: str
+    choices: tuple[str, ...]
+    """Values to choose from; empty for a range."""
+    low: float = 0.0
+    high: float = 0.0
+    """Ends of a range, from which numbers are drawn evenly."""
+
+    @classmethod
+    def parse(cls, text: str) -> Draw:
+        """Raises ValueError for unknown keys, empty lists, and ranges without a length."""
+        key, equals, values = (part.strip() for part in text.partition("="))
+        key = key.replace("-", "_")
+        if key not in DRAWN_KEYS:
+            raise ValueError(f"--draw {text}: expected KEY=A,B or KEY=LOW..HIGH with a key of {', '.join(DRAWN_KEYS)}")
+        low, dots, high = values.partition("..")
+        if dots:
+            try:
+                ends = float(low), float(high)
+            except ValueError:
+                raise ValueError(f"--draw {text}: expected two numbers, such as {key}=0.5..2") from None
+            if not -np.inf < ends[0] < ends[1] < np.inf:
+                raise ValueError(f"--draw {text}: expected finite numbers, the lower one first")
+            return cls(key, (), *ends)
+        choices = tuple(value.strip() for value in values.split(","))
+        if not equals or "" in choices:
+            raise ValueError(f"--draw {text}: expected {key}=A,B or {key}=LOW..HIGH")
+        return cls(key, choices)
+
+    def value(self, world: str, seed: int) -> str:
+        """The value for a world and a seed, as text; it does not depend on what else is drawn."""
+        rng = np.random.default_rng((seed, zlib.crc32(f"{world} {self.key}".encode())))
+        if self.choices:
+            return self.choices[int(rng.integers(len(self.choices)))]
+        if DRAWN_KEYS[self.key] is SimulatorOptions and self.key == "beams":
+            return str(int(rng.integers(round(self.low), round(self.high) + 1)))
+        return repr(float(rng.uniform(self.low, self.high)))
+
+
+def parse_draws(texts: Sequence[str], simulator: SimulatorOptions) -> list[Draw]:
+    """The draws of a command line, each tried once at both ends; ValueError where one is no setting or no value."""
+    draws = [Draw.parse(text) for text in texts]
+    if len({draw.key for draw in draws}) < len(draws):
+        raise ValueError(f"--draw names a key twice: {', '.join(draw.key for draw in draws)}")
+    for draw in draws:
+        for value in draw.choices or (repr(draw.low), repr(draw.high)):
+            text = str(round(float(value))) if draw.key == "beams" and not draw.choices else value
+            with_value(simulator, draw.key, text, "--draw")
+    return draws
+
+
+def drawn(
+    simulator: SimulatorOptions, draws: Sequence[Draw], world: str, seed: int
+) -> tuple[SimulatorOptions, dict[str, Any]]:
+    """The settings for a world and a seed, and the values that were drawn by key."""
+    values = {}
+    for draw in draws:
+        simulator = with_value(simulator, draw.key, draw.value(world, seed), "--draw")
+        values[draw.key] = value_of(simulator, draw.key)
+    return simulator, values

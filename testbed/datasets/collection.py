@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: MIT
+"""Many datasets in one directory, as `testbed simulate --count` writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+from testbed.datasets.index import datasets_in, read_index
+from testbed.datasets.loading import Dataset, open_dataset
+from testbed.formats import LogError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Collection(Sequence[Dataset]):
+    """Datasets by number; made by `open_collection`. Each access opens one again, so that none stays in memory."""
+
+    def __init__(self, path: Path, rows: list[dict[str, Any]]) -> None:
+        self.path = path
+        self.rows = rows
+        """Rows of the index, one for each dataset; `testbed.datasets.index.COLUMNS` says what the columns mean."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, number: int) -> Dataset: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> Collection: ...
+
+    def __getitem__(self, number: int | slice) -> Dataset | Collection:
+        if isinstance(number, slice):
+            return Collection(self.path, self.rows[number])
+        return open_dataset(self.path / self.rows[number]["dataset"])
+
+    def __iter__(self) -> Iterator[Dataset]:
+        return (self[number] for number in range(len(self)))
+
+    def split(self, name: str) -> Collection:
+        """The datasets of `train`, `validation` or `test`; no world is in two of them."""
+        if name not in ("train", "validation", "test"):
+            raise ValueError(f"split {name!r}: expected train, validation or test")
+        return self.where(split=name)
+
+    def where(self, **values: object) -> Collection:
+        """The datasets whose columns of the index have these values, such as `where(world="office", lidar="lds01")`."""
+        if unknown := [name for name in values if self.rows and name not in self.rows[0]]:
+            raise ValueError(f"no column {', '.join(unknown)} in the index, expected {', '.join(self.rows[0])}")
+        return Collection(self.path, [row for row in self.rows if all(row[n] == v for n, v in values.items())])
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The index as a table, a row a dataset."""
+        import pyarrow as pa
+
+        try:
+            import pandas  # noqa: F401
+        except ImportError:
+            raise ImportError("to_pandas needs pandas: pip install pandas") from None
+        frame: pd.DataFrame = pa.Table.from_pylist(self.rows).to_pandas()
+        return frame
+
+    def totals(self) -> dict[str, Any]:
+        """How much there is: datasets, worlds, seconds, metres, scans, bytes, and the datasets of each split."""
+        rows = self.rows
+        return {
+            "datasets": len(rows),
+            "worlds": len({row["world"] for row in rows}),
+            "seconds": round(sum(row["seconds"] for row in rows), 3),
+            "metres": round(sum(row["metres"] or 0.0 for row in rows), 3),
+            "scans": sum(row["scans"] or 0 for row in rows),
+            "bytes": sum(row["bytes"] for row in rows),
+            "splits": {name: sum(row["split"] == name for row in rows) for name in ("train", "validation", "test")},
+        }
+
+    def __repr__(self) -> str:
+        parts = self.totals()
+        splits = ", ".join(f"{count} {name}" for name, count in parts["splits"].items())
+        return f"<Collection {self.path.name!r}: {parts['datasets']} datasets of {parts['worlds']} worlds ({splits})>"
+
+
+def open_collection(path: str | Path) -> Collection:
+    """Open a directory of datasets by its index, `datasets.parquet`.
+
+    Raises LogError where there is no index, or where it names a dataset that is not there.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise LogError(f"{path}: no such directory")
+    rows = read_index(path)
+    there = {found.name for found in datasets_in(path)}
+    if missing := [row["dataset"] for row in rows if row["dataset"] not in there]:
+        raise LogError(f"{path}: the index names {missing[0]}, which is not there; run testbed datasets index {path}")
+    return Collection(path, rows)

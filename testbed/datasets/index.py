@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""The index of a collection: `datasets.parquet`, a row a dataset, with its split by world."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from eval.files.atomic_write import atomic_write
+from testbed.formats import LogError
+from testbed.formats.checksums import CONFIG, MAX_CONFIG
+
+INDEX = "datasets.parquet"
+"""Name of the index in the directory of a collection."""
+TEST_SHARE, VALIDATION_SHARE = 0.15, 0.15
+"""Shares of the worlds that are kept for testing and for validation."""
+
+COLUMNS = {
+    "dataset": "name of the directory",
+    "split": "train, validation or test; all datasets of one world are in one split",
+    "world": "name of the world",
+    "seed": "seed of the drive; with random routes each seed drives another way",
+    "variant": "name of the sensor variant, empty without --vary",
+    "format": "format of the recording",
+    "robot": "preset of the robot",
+    "lidar": "preset of the lidar, several are separated by commas",
+    "route": "fixed: the world's tour; random: drawn from the seed",
+    "seconds": "simulated time [s]",
+    "metres": "length of the true path [m]",
+    "scans": "number of scans, of all lidars",
+    "bytes": "size of all files [bytes]",
+    "finished": "the robot finished its route",
+    "collided": "the robot touched something",
+    "stuck": "the robot gave up",
+    "draws": "settings that were drawn for this dataset, as JSON",
+    "settings": "all settings, as JSON",
+    "sha256": "SHA-256 of the dataset's config.toml, which holds those of all other files",
+}
+"""Columns of the index and what they mean."""
+
+
+def datasets_in(directory: Path) -> list[Path]:
+    """The directories of datasets in a directory, sorted by name."""
+    if not directory.is_dir():
+        return []
+    return sorted(path for path in directory.iterdir() if path.is_dir() and _is_dataset(path))
+
+
+def write_index(directory: Path) -> list[dict[str, Any]]:
+    """Write the index of all datasets in a directory; its rows. Equal datasets give equal bytes.
+
+    Raises LogError where a config.toml cannot be read.
+    """
+    rows = [_row(path) for path in datasets_in(directory)]
+    split = splits(row["world"] for row in rows)
+    for row in rows:
+        row["split"] = split[row["world"]]
+    rows = [{name: row[name] for name in COLUMNS} for row in rows]
+    if rows:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        with atomic_write(directory / INDEX) as temporary:
+            pq.write_table(pa.Table.from_pylist(rows), temporary, compression="zstd")
+    return rows
+
+
+def read_index(directory: Path) -> list[dict[str, Any]]:
+    """Rows of the index of a collection; LogError where it is missing or damaged."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    file = directory / INDEX
+    if not file.is_file():
+        raise LogError(f"{directory}: no {INDEX}; `testbed datasets index {directory}` makes it")
+    try:
+        rows: list[dict[str, Any]] = pq.read_table(file).to_pylist()
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:300]}") from None
+    if rows and (missing := [name for name in ("dataset", "split", "world") if name not in rows[0]]):
+        raise LogError(f"{file}: no column {', '.join(missing)}")
+    return rows
+
+
+def splits(worlds: Iterable[str]) -> dict[str, str]:
+    """The split of each world: about 70 % train, 15 % validation, 15 % test, and no world in two.
+
+    The order is that of a hash of the worlds' names, so that neither names nor kinds of worlds decide. Two worlds are
+    one for training and one for testing; a single world is for training.
+    """
+    names = sorted(set(worlds), key=lambda name: hashlib.sha256(name.encode()).digest())
+    test = max(round(TEST_SHARE * len(names)), 1) if len(names) > 1 else 0
+    validation = max(round(VALIDATION_SHARE * len(names)), 1) if len(names) > 2 else 0
+    parts = ["test"] * test + ["validation"] * validation
+    return dict(zip(names, parts + ["train"] * (len(names) - len(parts)), strict=True))
+
+
+def _is_dataset(path: Path) -> bool:
+    return not path.name.startswith(".") and (path / CONFIG).is_file() and (path / "world.toml").is_file()
+
+
+def _row(path: Path) -> dict[str, Any]:
+    """A row of the index, without the split."""
+    file = path / CONFIG
+    try:
+        if file.stat().st_size > MAX_CONFIG:
+            raise LogError(f"{file}: larger than {MAX_CONFIG} bytes")
+        content = file.read_bytes()
+        config = tomllib.loads(content.decode())
+        settings, drive = config["settings"], config["drive"]
+        return {
+            "dataset": path.name,
+            "world": config.get("world", {}).get("name") or settings["world"],
+            "seed": int(settings["seed"]),
+            "variant": str(settings.get("variant", "")),
+            "format": str(settings.get("format", "")),
+            "robot": str(settings.get("robot", "")),
+            "lidar": str(settings.get("lidar", "")),
+            "route": str(settings.get("route", "fixed")),
+            "seconds": float(drive["seconds"]),
+            "metres": float(drive["metres"]) if "metres" in drive else None,
+            "scans": int(drive["scans"]) if "scans" in drive else None,
+            "bytes": sum(part.stat().st_size for part in path.iterdir() if part.is_file()),
+            "finished": bool(drive["finished"]),
+            "collided": bool(drive["collided"]),
+            "stuck": bool(drive["stuck"]),
+            "draws": json.dumps(config.get("draws", {}), sort_keys=True),
+            "settings": json.dumps(settings, sort_keys=True),
+            "sha256": hashlib.sha256(content).hexdigest(),
+        }
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise LogError(f"{file}: {error}, expected TOML") from None
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, LogError):
+            raise
+        raise LogError(f"{file}: {error}: expected the settings and the drive of a dataset") from None

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: MIT
+"""A collection from the command to the arrays: drives that differ, an index, splits by world, a card."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval.files.tum import read_tum
+from testbed.datasets import open_collection, open_dataset
+from testbed.datasets.index import COLUMNS, datasets_in, splits, write_index
+from testbed.formats import LogError, open_log
+from tests.shell import assert_refused, call
+
+DRAWS = ("--draw", "lidar=lds01,rplidar_a2", "--draw", "noise=0.5..2")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    path = tmp_path_factory.mktemp("made") / "data"
+    common = ("--duration", "6", "--format", "parquet", "--out", path)
+    assert call("simulate", "office,loop,generated:maze:1", "--count", "3", *DRAWS, *common) == 0
+    return path
+
+
+def test_no_two_seeds_drive_the_same_way(made):
+    for world in ("office", "loop", "maze-1"):
+        paths = [open_dataset(made / f"{world}-000{seed}").truth for seed in range(3)]
+        for first, second in ((0, 1), (0, 2), (1, 2)):
+            shared = min(len(paths[first]), len(paths[second]))
+            apart = np.abs(paths[first][:shared, :2] - paths[second][:shared, :2]).max()
+            assert apart > 0.5, (world, first, second)
+
+
+def test_fixed_routes_are_the_same_for_each_seed(tmp_path):
+    common = ("--duration", "4", "--format", "parquet", "--count", "2")
+    assert call("simulate", "office", "--route", "fixed", "--out", tmp_path, *common) == 0
+    first, second = open_collection(tmp_path)
+    np.testing.assert_array_equal(first.truth, second.truth)
+    assert np.abs(first.odometry - second.odometry).max() > 0.0
+
+
+def test_arrays_are_the_frames(made):
+    dataset = open_dataset(made / "office-0001")
+    frames = open_log(made / "office-0001").frames
+    scans = [frame for frame in frames if frame.scan is not None]
+    np.testing.assert_array_equal(dataset.scans, [frame.scan.ranges for frame in scans])
+    np.testing.assert_array_equal(dataset.angles, [frame.scan.angles for frame in scans])
+    np.testing.assert_array_equal(dataset.time_offsets, [frame.scan.time_offsets for frame in scans])
+    for name in ("odometry", "truth", "twist", "command"):
+        np.testing.assert_array_equal(getattr(dataset, name), [getattr(frame, name) for frame in scans])
+    np.testing.assert_array_equal(dataset.stamps, [frame.stamp for frame in scans])
+    assert [frame.stamp for frame in dataset] == [frame.stamp for frame in frames]
+    assert (dataset.mount, len(dataset)) == (scans[0].scan.mount, len(scans))
+    assert dataset.range_limits == (scans[0].scan.range_min, scans[0].scan.range_max)
+    np.testing.assert_allclose(read_tum(made / "office-0001" / "truth.tum").poses, dataset.truth, atol=1e-9)
+    assert dataset.truth_map.occupied.any()
+
+
+def test_a_slice_of_time_is_those_scans(made):
+    dataset = open_dataset(made / "office-0001")
+    part = dataset.between(1.0, 3.0)
+    inside = (dataset.stamps >= 1.0) & (dataset.stamps < 3.0)
+    assert 0 < inside.sum() < len(dataset)
+    np.testing.assert_array_equal(part.scans, dataset.scans[inside])
+    np.testing.assert_array_equal(part.truth, dataset.truth[inside])
+
+
+def test_scans_with_varying_beams_are_padded(tmp_path):
+    common = ("--duration", "3", "--format", "rosbag2-lean", "--out", tmp_path)
+    assert call("simulate", "office", "--lidar", "rplidar_a1", *common) == 0
+    (path,) = datasets_in(tmp_path)
+    dataset = open_dataset(path)
+    scans = [frame.scan for frame in open_log(path).frames if frame.scan is not None]
+    assert dataset.scans.shape == (len(scans), max(scan.ranges.size for scan in scans))
+    for row, angles, scan in zip(dataset.scans, dataset.angles, scans, strict=True):
+        count = scan.ranges.size
+        np.testing.assert_array_equal(row[:count], scan.ranges)
+        np.testing.assert_array_equal(angles[:count], scan.angles)
+        assert np.isnan(row[count:]).all()
+        assert np.isnan(angles[count:]).all()
+
+
+def test_pandas_has_a_row_for_each_frame(made):
+    pytest.importorskip("pandas")
+    dataset = open_dataset(made / "loop-0002")
+    table = dataset.to_pandas()
+    assert len(table) == len(dataset.table)
+    scans = table[table.lidar.notna()]
+    np.testing.assert_array_equal(np.stack(scans.ranges.to_list()), dataset.scans)
+    np.testing.assert_array_equal(scans[["truth_x", "truth_y", "truth_theta"]], dataset.truth)
+    index = open_collection(made).to_pandas()
+    assert list(index.columns) == list(COLUMNS)
+
+
+def test_the_index_says_what_each_dataset_is(made):
+    collection = open_collection(made)
+    assert [row["dataset"] for row in collection.rows] == [path.name for path in datasets_in(made)]
+    for row, dataset in zip(collection.rows, collection, strict=True):
+        drawn = json.loads(row["draws"])
+        assert drawn["lidar"] == row["lidar"] == dataset.settings["lidar"]
+        assert drawn["noise"] == dataset.settings["noise"]
+        assert 0.5 <= drawn["noise"] <= 2.0
+        steps = np.diff(dataset.table.truth[:, :2], axis=0)
+        assert row["metres"] == pytest.approx(np.hypot(*steps.T).sum(), abs=1e-3)
+        assert row["scans"] == len(dataset)
+        assert dataset.scans.shape[1] == {"lds01": 360, "rplidar_a2": 800}[row["lidar"]]
+    assert len({json.loads(row["draws"])["noise"] for row in collection.rows}) == 9
+    assert collection.totals()["datasets"] == 9
+
+
+def test_no_world_is_in_two_splits(made):
+    collection = open_collection(made)
+    parts = [collection.split(name) for name in ("train", "validation", "test")]
+    worlds = [{row["world"] for row in part.rows} for part in parts]
+    assert all(len(found) == 1 for found in worlds)
+    assert len(set.union(*worlds)) == 3
+    assert sum(map(len, parts)) == len(collection)
+    assert {row["dataset"] for row in collection.where(world="office", split=parts[0].rows[0]["split"]).rows} <= {
+        f"office-000{seed}" for seed in range(3)
+    }
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 10, 100])
+def test_shares_of_the_splits(count):
+    found = list(splits(f"world-{k}" for k in range(count)).values())
+    kept = {name: found.count(name) for name in ("train", "validation", "test")}
+    expected = {1: (1, 0, 0), 2: (1, 0, 1), 3: (1, 1, 1), 10: (6, 2, 2), 100: (70, 15, 15)}
+    assert (kept["train"], kept["validation"], kept["test"]) == expected[count]
+
+
+def test_the_index_is_the_same_again(made):
+    before = (made / "datasets.parquet").read_bytes()
+    write_index(made)
+    assert (made / "datasets.parquet").read_bytes() == before
+
+
+def test_the_card_says_what_there_is_and_whose_it_is(made):
+    text = (made / "README.md").read_text()
+    for part in (
+        "9 simulated drives",
+        "3 worlds",
+        "license: cc-by-4.0",
+        "`lds01`",
+        "`noise`",
+        "Each seed drives another",
+    ):
+        assert part in text
+    for column in COLUMNS:
+        assert f"`{column}`" in text
+    from PIL import Image
+
+    with Image.open(made / "contact_sheet.png") as sheet:
+        assert sheet.size[0] > 240
+        assert len(sheet.getcolors(1 << 24)) > 10
+
+
+def test_a_card_of_somebody_else_is_kept(made, tmp_path, capsys):
+    shutil.copytree(made / "loop-0000", tmp_path / "loop-0000")
+    (tmp_path / "README.md").write_text("mine")
+    assert call("datasets", "index", tmp_path) == 0
+    assert "README.md is yours and was kept" in capsys.readouterr().out
+    assert (tmp_path / "README.md").read_text() == "mine"
+
+
+def test_info_prints_the_totals(made, capsys):
+    assert call("datasets", "info", made, "--json") == 0
+    totals = json.loads(capsys.readouterr().out)
+    assert totals == open_collection(made).totals()
+    assert call("datasets", "info", made) == 0
+    assert "lidars: lds01, rplidar_a2" in capsys.readouterr().out
+
+
+def test_shards_make_the_same_datasets(made, tmp_path):
+    common = ("--duration", "6", "--format", "parquet", "--out", tmp_path)
+    for shard in ("0/2", "1/2"):
+        arguments = ("office,loop,generated:maze:1", "--count", "3", *DRAWS, *common)
+        assert call("simulate", *arguments, "--shard", shard) == 0
+    assert (tmp_path / "datasets.parquet").read_bytes() == (made / "datasets.parquet").read_bytes()
+    for path in datasets_in(made):
+        assert (tmp_path / path.name / "config.toml").read_bytes() == (path / "config.toml").read_bytes()
+
+
+def test_a_drawn_dataset_is_made_again_from_its_config(made, tmp_path):
+    again = made / "office-0002" / "config.toml"
+    assert call("simulate", "--config", again, "--out", tmp_path) == 0
+    for name in ("frames.parquet", "truth.tum", "world.toml"):
+        assert (tmp_path / "office-0002" / name).read_bytes() == (made / "office-0002" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (("--draw", "speed=1..2"), "expected KEY=A,B or KEY=LOW..HIGH with a key of robot, lidar"),
+        (("--draw", "noise=2..1"), "the lower one first"),
+        (("--draw", "noise=a..b"), "expected two numbers"),
+        (("--draw", "odometry.grade=good,superb"), "--draw odometry.grade=superb"),
+        (("--draw", "noise=1..2", "--draw", "noise=3,4"), "names a key twice"),
+        (("--draw", "noise=1..2", "--vary", "noise=1,2"), "given to --vary and --draw"),
+        (("--shard", "2/2"), "shard 2/2: expected 0/2 to 1/2"),
+        (("--seed", "-1"), "seed must not be negative"),
+    ],
+)
+def test_bad_requests_are_refused_before_anything_is_made(tmp_path, capsys, options, complaint):
+    out = tmp_path / "data"
+    assert_refused(capsys, complaint, "simulate", "office", "--out", out, *options)
+    assert not out.exists()
+
+
+def test_what_is_no_collection_is_refused(made, tmp_path):
+    with pytest.raises(LogError, match=r"no datasets\.parquet; `testbed datasets index"):
+        open_collection(tmp_path)
+    shutil.copy(made / "datasets.parquet", tmp_path)
+    with pytest.raises(LogError, match=r"the index names .* which is not there"):
+        open_collection(tmp_path)
+    (tmp_path / "datasets.parquet").write_bytes(b"PAR1 and so on")
+    with pytest.raises(LogError, match=r"datasets\.parquet: damaged"):
+        open_collection(tmp_path)
+    with pytest.raises(LogError, match="no such file"):
+        open_dataset(tmp_path / "nothing")
+
+
+def test_reprs_are_one_line(made):
+    collection = open_collection(made)
+    dataset = collection[0]
+    assert "not read yet" in repr(dataset)
+    _ = dataset.scans
+    for shown in (collection, dataset, dataset.log):
+        assert len(repr(shown)) < 150
+        assert "\n" not in repr(shown)
+
+
+def test_the_code_of_the_docs_runs(made, monkeypatch, capsys):
+    pytest.importorskip("pandas")
+    text = (Path(__file__).parents[3] / "docs" / "datasets.md").read_text()
+    monkeypatch.chdir(made.parent)
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(block, {})
+    assert "error of the turn" in capsys.readouterr().out
