@@ -9,25 +9,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.filter.step_table import Columns, column, updates
-from eval.outcome import LOOP_DEG, LOOP_M
-from eval.trajectory.association import AssociationError, associate
+from eval.outcome import LOOP_DEG, LOOP_M, LOOP_SHARE, loop_pairs
+from eval.trajectory.association import Association, AssociationError, associate
 from eval.trajectory.errors import pair_errors, stretches
 from eval.trajectory.relations import Relations, relation_error
 from eval.trajectory.trajectory import Trajectory
 from eval.wording import length
 from slam.se2 import Pose, between, compose
 
+Rows = NDArray[np.intp]
+
 BAD_M, BAD_DEG = 0.15, 5.0
 """A metre of path is bad if the estimate's motion over it is wrong by more than either."""
+HEAL_M, HEAL_DEG = 0.25, 6.0
+"""The estimate has come back if, aligned to the truth before the moment, it is wrong by less than both …"""
+HEAL_DRIFT_M, HEAL_DRIFT_DEG, HEAL_DRIFT_PATH = 0.01, 0.2, 10.0
+"""… plus these for each metre of path since, up to so many metres: an estimate that drifts has not failed."""
+HEAL_PATH = 3.0
+"""… over this much of the path, or what is left of it [m]. The alignment is a mean over as much path before."""
 BAD_MATCHED_SHARE = 0.5
 """Without truth: a scan is bad if less than this part of the run's usual share of beams met the map's walls …"""
 BAD_FAILURE_SHARE = 0.5
 """… or scan matching failed for more than this share of the particles."""
 
 
+@dataclass(frozen=True)
+class Blip:
+    """A stretch at which the estimate left the truth and came back."""
+
+    stamp: float
+    """When it began [s]."""
+    end: float
+    """When it was over [s]."""
+    metres: float
+    degrees: float
+    """The worst error of the motion over a metre of path in it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Failure:
-    """The first bad scan, or the worst one where none is bad."""
+    """The moment from which the estimate does not come back, or the worst one where there is none."""
 
     scan: int
     since: int
@@ -38,10 +59,13 @@ class Failure:
     reason: str
     """A sentence with the numbers."""
     estimated: Pose
-    """Where the estimate puts the robot, (3,): in the truth's frame where there is one, laid upon it at `since`; else
-    in the map's."""
+    """Estimated pose, (3,): in the frame of the truth, aligned with it at `since`; without truth in the map's frame."""
     true_pose: Pose | None
-    """Where it truly was, in that frame, (3,); None where that is unknown."""
+    """True pose in the same frame, (3,); None if it is unknown."""
+    blips: tuple[Blip, ...] = ()
+    """Where the estimate left the truth before and came back."""
+    cause: str | None = None
+    """What the data show at the moment, as a sentence (`eval.failure_cause`); None = nothing."""
 
 
 def find_failure(
@@ -52,10 +76,10 @@ def find_failure(
     dense: Trajectory | None = None,
     steps: Columns | None = None,
 ) -> Failure | None:
-    """By the best that is known: the truth, else relations (scored on `dense`), else how the scans fitted the map.
+    """Find the first failure by the truth, else by relations (scored on `dense`), else by how the scans fitted the map.
 
-    estimate: a pose per scan. Relations are used only where they show that something is wrong: the worst of good ones
-    says nothing of a place. None where there is nothing to judge by.
+    estimate: a pose per scan. Relations are used only if they show a failure: the worst of good ones does not mark
+    a place. Returns None if there is nothing to judge by.
     """
     if truth is not None:
         return first_bad_stretch(estimate, truth)
@@ -66,9 +90,12 @@ def find_failure(
 
 
 def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None:
-    """The scan at the end of the first metre of path whose motion is wrong by more than `BAD_M` or `BAD_DEG`.
+    """Find the first moment from which the estimate does not come back to the truth.
 
-    Where there is none, the worst metre. None for paths shorter than a metre, or without a common time.
+    A metre of path is bad if the estimate's motion over it is wrong by more than `BAD_M` or `BAD_DEG`. Bad metres that
+    touch are one excursion; after it the estimate has come back if it fits the truth again as it did before. Where all
+    excursions heal, it is the first revisit that shows an open loop, else the worst metre, which is not bad. None for
+    paths shorter than a metre, or without a common time.
     """
     try:
         matched = associate(estimate, truth)
@@ -77,27 +104,108 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
     first, last = stretches(matched, 1.0)
     if len(first) == 0:
         return None
-    estimated, true = matched.estimate.poses, matched.reference.poses
-    translation, rotation = pair_errors(estimated, true, (first, last))
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, (first, last))
     severity = np.maximum(translation / BAD_M, rotation / BAD_DEG)
-    order = np.argsort(last, kind="stable")
-    bad = order[severity[order] > 1.0]
-    piece = int(bad[0]) if len(bad) else int(np.argmax(severity))
-    start, end = int(first[piece]), int(last[piece])
-    wrong = _amount(translation[piece], rotation[piece])
+    blips: list[Blip] = []
+    back = -1
+    for pieces in _excursions(first, last, severity > 1.0):
+        begin, end = int(first[pieces[0]]), int(last[pieces].max())
+        if begin < back:
+            continue  # on the way back from the excursion before
+        returned = _back_at(matched, begin, end)
+        if returned is None:
+            moment = _moment(matched, begin, int(last[pieces[0]]))
+            return _failure(matched, begin, moment, bad=True, blips=blips)
+        back, stamps = returned, matched.estimate.stamps
+        worst = (float(translation[pieces].max()), float(rotation[pieces].max()))
+        blips.append(Blip(float(stamps[_moment(matched, begin, int(last[pieces[0]]))]), float(stamps[back]), *worst))
+    loop = _open_loop(matched)
+    if loop is not None:
+        return _failure(matched, *loop, bad=True, blips=blips)
+    worst_piece = int(np.argmax(severity))
+    return _failure(matched, int(first[worst_piece]), int(last[worst_piece]), bad=False, blips=blips)
+
+
+def _excursions(first: Rows, last: Rows, bad: NDArray[np.bool_]) -> list[Rows]:
+    """Groups of bad pieces of path that touch, in the order of time."""
+    pieces = np.flatnonzero(bad)
+    pieces = pieces[np.argsort(last[pieces], kind="stable")]
+    if len(pieces) == 0:
+        return []
+    reached = np.maximum.accumulate(last[pieces])
+    new = np.flatnonzero(first[pieces][1:] > reached[:-1]) + 1
+    return np.split(pieces, new)
+
+
+def _back_at(matched: Association, begin: int, end: int) -> int | None:
+    """The row from which the estimate fits the truth again as it did before the row `begin`; None where it never does.
+
+    Rows up to `end` are those of the excursion.
+    """
+    path, true, estimated = matched.reference.distance, matched.reference.poses, matched.estimate.poses
+    before = np.flatnonzero((path <= path[begin]) & (path >= path[begin] - HEAL_PATH))
+    T_truth_estimate = _mean_alignment(true[before], estimated[before])
+    after = np.arange(min(end + 1, len(path) - 1), len(path))
+    miss = between(true[after], compose(T_truth_estimate, estimated[after]))
+    since = np.minimum(path[after] - path[begin], HEAL_DRIFT_PATH)
+    near = np.hypot(miss[:, 0], miss[:, 1]) <= HEAL_M + HEAL_DRIFT_M * since
+    good = near & (np.degrees(np.abs(miss[:, 2])) <= HEAL_DEG + HEAL_DRIFT_DEG * since)
+    needed = min(HEAL_PATH, float(path[-1] - path[after[0]])) - 1e-6
+    for run in np.split(np.arange(len(good)), np.flatnonzero(np.diff(good.astype(np.int8))) + 1):
+        if good[run[0]] and path[after[run[-1]]] - path[after[run[0]]] >= needed:
+            return int(after[run[0]])
+    return None
+
+
+def _mean_alignment(true: Pose, estimated: Pose) -> Pose:
+    """The pose (3,) that moves estimated poses (n, 3) onto true ones, on average."""
+    turn = true[:, 2] - estimated[:, 2]
+    theta = float(np.arctan2(np.sin(turn).mean(), np.cos(turn).mean()))
+    turned = compose(np.array([0.0, 0.0, theta]), estimated)
+    offset = (true[:, :2] - turned[:, :2]).mean(axis=0)
+    return np.array([offset[0], offset[1], theta])
+
+
+def _moment(matched: Association, begin: int, end: int) -> int:
+    """The first row after `begin` at which half of what makes a metre bad has come about."""
+    rows = np.arange(begin + 1, end + 1)
+    pairs = (np.full(len(rows), begin), rows)
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, pairs)
+    wrong = np.flatnonzero(np.maximum(translation / BAD_M, rotation / BAD_DEG) > 0.5)
+    return int(rows[wrong[0]]) if len(wrong) else end
+
+
+def _open_loop(matched: Association) -> tuple[int, int] | None:
+    """Rows of the first visit and of the return that shows an open loop; None where enough loops close."""
+    first, last = loop_pairs(matched)
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, (first, last))
+    wrong = (translation > LOOP_M) | (rotation > LOOP_DEG)
+    if len(wrong) == 0 or wrong.mean() <= LOOP_SHARE:
+        return None
+    at = np.flatnonzero(wrong)[np.argmin(last[wrong])]
+    return int(first[at]), int(last[at])
+
+
+def _failure(matched: Association, begin: int, moment: int, *, bad: bool, blips: list[Blip]) -> Failure:
+    """The failure at a row, measured from another one on."""
+    true, estimated = matched.reference.poses, matched.estimate.poses
+    path = matched.reference.distance
+    until = min(int(np.searchsorted(path, path[moment] + 1.0)), len(path) - 1) if bad else moment
+    translation, rotation = pair_errors(estimated, true, (np.array([begin]), np.array([until])))
+    amount = _amount(translation[0], rotation[0])
+    if bad:
+        reason = f"the estimate leaves the truth and does not come back; a metre later its motion is wrong by {amount}"
+    else:
+        reason = f"the estimate never leaves the truth for good; over the worst metre of path it is wrong by {amount}"
     return Failure(
-        scan=int(matched.rows[end]),
-        since=int(matched.rows[start]),
-        stamp=float(matched.estimate.stamps[end]),
-        bad=bool(len(bad)),
-        reason=(
-            f"over the metre of path before it the estimated motion is wrong by {wrong}"
-            if len(bad)
-            else f"no metre of the path is wrong by more than {100.0 * BAD_M:.0f} cm or {BAD_DEG:g} degrees; "
-            f"this one is the worst, with {wrong}"
-        ),
-        estimated=compose(true[start], between(estimated[start], estimated[end])),
-        true_pose=true[end],
+        scan=int(matched.rows[moment]),
+        since=int(matched.rows[begin]),
+        stamp=float(matched.estimate.stamps[moment]),
+        bad=bad,
+        reason=reason,
+        estimated=compose(true[begin], between(estimated[begin], estimated[moment])),
+        true_pose=true[moment],
+        blips=tuple(blips),
     )
 
 

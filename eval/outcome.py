@@ -35,6 +35,8 @@ LOOP_SHARE = 0.05
 """A run is a `broken loop` if more than this share of the pairs of visits is bad."""
 COVERED_SHARE = 0.9
 """A run is `lost` if the estimate spans less than this share of the true path, or of the relations."""
+MIN_JUDGED_POSES, MIN_JUDGED_SHARE = 5, 0.05
+"""A run is `unjudged` with fewer matched poses, or if the estimate spans less than this share of the path."""
 DRIFT_M = 0.15
 """A run that is neither is `drift` if its ATE rmse (with relations: median error) is above this [m]."""
 MIN_LOOP_POSES = 200
@@ -71,6 +73,8 @@ class Evidence:
     """Error of the whole path [m]."""
     whole_name: str
     """Name of the measure in `whole_m`."""
+    poses: int | None = None
+    """Number of matched poses; None = judged by relations."""
     covered: float = 1.0
     """Share of the true path, or of the relations, that the estimate spans, 0 to 1."""
 
@@ -90,6 +94,7 @@ def evidence_from_truth(matched: Association, covered: float = 1.0) -> Evidence:
         loops=pair_errors(estimate, truth, loop_pairs(matched)),
         whole_m=absolute_error(matched, "se2").translation.rmse,
         whole_name="ATE rmse",
+        poses=len(matched.rows),
         covered=covered,
     )
 
@@ -123,6 +128,10 @@ def judge(evidence: Evidence | None, ended: str | None = None) -> Outcome:
         return Outcome(ended, _ENDS[ended])  # type: ignore[arg-type]  # the keys are labels
     if evidence is None:
         return Outcome("unjudged", "there is no truth and no relation to judge it by")
+    if evidence.poses is not None and evidence.poses < MIN_JUDGED_POSES:
+        return Outcome("unjudged", f"{evidence.poses} matched poses, expected {MIN_JUDGED_POSES} or more to judge by")
+    if evidence.covered < MIN_JUDGED_SHARE:
+        return Outcome("unjudged", f"the estimate spans only {evidence.covered:.1%} of what is known of the path")
     return _first_rule(evidence)
 
 

@@ -8,12 +8,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.files.map_server import grid_from_map_file, read_map
+from eval.files.trajectory_file import read_trajectory
 from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
 from eval.filter.step_table import Columns
@@ -26,11 +27,13 @@ from eval.map.structure import map_structure
 from eval.metrics_json import Metrics, filter_json, map_error_json, plain, relations_json, run_json, trajectory_json
 from eval.outcome import Evidence, Outcome, evidence_from_relations, evidence_from_truth, judge
 from eval.trajectory.alignment import MIN_POSES
-from eval.trajectory.association import Association, associate, covered_share
+from eval.trajectory.association import Association, AssociationError, associate, covered_share
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.input_checks import check_pair, check_trajectory
 from eval.trajectory.relations import RelationError, Relations, read_relations, relation_error
+from eval.trajectory.time_offset import TimeOffset, find_time_offset
 from eval.trajectory.trajectory import Trajectory
+from eval.wording import length
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, transform_points, wrap_angle
 from worlds.format.map_file import read_map_file
@@ -58,6 +61,8 @@ class Reference:
     lidars: Sequence[LidarView] = ()
     """Fields of view of the lidars: true cells that were never in view are not scored. Empty = lidars unknown: all
     cells in sight of the true path are scored, and a note says so."""
+    aligns_map: bool = True
+    """Whether a map is also scored where it fits the true one best (`map.best_rigid`), which takes the most time."""
 
 
 def score(
@@ -85,20 +90,22 @@ def score(
     notes = check_trajectory(estimate, "estimate")
     evidence: Evidence | None = None
     matched: Association | None = None
+    offset: TimeOffset | None = None
     if reference.relations is not None:
         error = relation_error(dense if dense is not None else estimate, reference.relations)
         metrics["relations"] = relations_json(error)
         evidence = evidence_from_relations(error, reference.relations)
         notes += _relation_notes(error, reference.relations)
     if reference.trajectory is not None:
-        matched = associate(estimate, reference.trajectory)
+        matched, offset = _associate(estimate, reference.trajectory)
         covered = covered_share(matched, reference.trajectory)
-        metrics["trajectory"] = {**trajectory_json(matched), "covered_share": covered}
+        metrics["trajectory"] = {**trajectory_json(matched), "covered_share": covered, **_offset_json(offset)}
         evidence = evidence_from_truth(matched, covered)
         notes += [*check_trajectory(reference.trajectory, "truth"), *_association_notes(matched, covered)]
+        notes += [f"{_offset_sentence(offset)}: the clocks of estimate and truth differ"] if offset else []
         if odometry is not None:
             metrics["trajectory"]["odometry"] = trajectory_json(associate(odometry, reference.trajectory))
-    outcome = judge(evidence, ended)
+    outcome = _with_time_offset(judge(evidence, ended), offset)
     if grid is not None:
         metrics["map"] = _score_map(grid, reference, matched, outcome, notes)
     if steps is not None:
@@ -114,10 +121,13 @@ def score_files(
     *,
     relations: str | os.PathLike[str] | None = None,
     lidars: Sequence[LidarView] = (),
+    time_offset: float | Literal["auto"] = 0.0,
 ) -> Metrics:
     """Score any system's output against a dataset or run directory (`truth.tum`, `truth_map.yaml`) or a relations file.
 
-    trajectory: TUM, one pose per scan or more. grid: map_server `.yaml`. lidars: by default those of the run directory.
+    trajectory: one pose per scan or more, as `eval.files.trajectory_file` reads them. grid: map_server `.yaml`. lidars:
+    by default those of the run directory. time_offset: added to the trajectory's stamps [s]; `auto` = the constant
+    offset that explains its error, where there is one.
     Raises ValueError where the directory holds no truth and no relations are given, and as `score` and the readers.
     """
     folder = Path(dataset)
@@ -126,10 +136,12 @@ def score_files(
         raise ValueError(f"{folder}: expected truth.tum in it, or a relations file to score against")
     file = read_map_file(Path(grid)) if grid is not None else None
     truth_map = read_map(truth_map_file) if truth_map_file.exists() else None
+    truth = read_tum(truth_file) if truth_file.exists() else None
+    estimate, notes = read_estimate(trajectory, truth, time_offset)
     metrics = score(
-        read_tum(trajectory),
+        estimate,
         reference=Reference(
-            trajectory=read_tum(truth_file) if truth_file.exists() else None,
+            trajectory=truth,
             relations=read_relations(relations) if relations is not None else None,
             grid=truth_map,
             walls=read_true_walls(folder, truth_map) if truth_map is not None and grid is not None else None,
@@ -137,7 +149,21 @@ def score_files(
         ),
         grid=grid_from_map_file(file) if file is not None else None,
     )
-    return metrics | {"notes": [*(file.notes if file is not None else ()), *metrics["notes"]]}
+    return metrics | {"notes": [*notes, *(file.notes if file is not None else ()), *metrics["notes"]]}
+
+
+def read_estimate(
+    path: str | os.PathLike[str], truth: Trajectory | None, time_offset: float | Literal["auto"]
+) -> tuple[Trajectory, list[str]]:
+    """Read a trajectory, shift its stamps, and return it with notes on both."""
+    estimate, notes = read_trajectory(path)
+    seconds = time_offset
+    if seconds == "auto":
+        found = find_time_offset(estimate, truth) if truth is not None else None
+        seconds = found.seconds if found is not None else 0.0
+    if seconds == 0.0:
+        return estimate, [*notes]
+    return Trajectory(estimate.stamps + seconds, estimate.poses), [*notes, f"{path}: stamps shifted by {seconds:.3f} s"]
 
 
 def _lidars_of_run(folder: Path) -> Sequence[LidarView]:
@@ -150,6 +176,37 @@ def _lidars_of_run(folder: Path) -> Sequence[LidarView]:
         return [LidarView.from_metrics(stated) for stated in document.get("map", {}).get("lidars", [])]
     except (ValueError, AttributeError, TypeError) as error:
         raise ValueError(f"{path}: map.lidars: {error}") from None
+
+
+def _associate(estimate: Trajectory, truth: Trajectory) -> tuple[Association, TimeOffset | None]:
+    """Match an estimate with the truth; also returns the offset of its clock that explains its error, if there is one.
+
+    Raises AssociationError, with the offset where one is found.
+    """
+    try:
+        matched = associate(estimate, truth)
+    except AssociationError as error:
+        offset = find_time_offset(estimate, truth)
+        raise AssociationError(f"{error} {_offset_sentence(offset)}" if offset else str(error)) from None
+    return matched, None if matched.same_stamps else find_time_offset(estimate, truth)
+
+
+def _offset_sentence(offset: TimeOffset) -> str:
+    return f"shifted by {offset.seconds:.3f} s the error is {length(offset.error_after)}"
+
+
+def _offset_json(offset: TimeOffset | None) -> Metrics:
+    return {
+        "suggested_time_offset_s": offset and offset.seconds,
+        "ate_rmse_at_suggested_offset_m": offset and offset.error_after,
+    }
+
+
+def _with_time_offset(outcome: Outcome, offset: TimeOffset | None) -> Outcome:
+    """Add to the reason of an outcome that an offset of the clock explains the error."""
+    if offset is None:
+        return outcome
+    return Outcome(outcome.label, f"{outcome.reason}; {_offset_sentence(offset)}")
 
 
 def _relation_notes(error: RelationError, relations: Relations) -> list[str]:
@@ -183,22 +240,20 @@ def _score_map(
     if matched is not None:
         alignment, how = absolute_error(matched, "se2").alignment.T_reference_estimate, "se2"
     observable = _observable(truth, reference, notes)
-    best = best_rigid_alignment(grid, truth, alignment)
-    moved, turned = _moved(grid, alignment, best), float(np.degrees(wrap_angle(best[2] - alignment[2])))
-    notes += [*_cell_notes(grid, truth), *_place_notes(moved, turned, outcome)]
-    return {
-        **metrics,
+    notes += _cell_notes(grid, truth)
+    metrics |= {
         "alignment": how,
         "observable_cells": int(observable.sum()),
         "lidars": [lidar.metrics for lidar in reference.lidars],
         **map_error_json(map_error(grid, truth, alignment, observable, reference.walls)),
-        "best_rigid": {
-            "T_truth_map": best,
-            "moved_m": moved,
-            "turned_deg": turned,
-            **map_error_json(map_error(grid, truth, best, observable, reference.walls)),
-        },
     }
+    if not reference.aligns_map:
+        return metrics
+    best = best_rigid_alignment(grid, truth, alignment)
+    moved, turned = _moved(grid, alignment, best), float(np.degrees(wrap_angle(best[2] - alignment[2])))
+    notes += _place_notes(moved, turned, outcome)
+    best_error = map_error_json(map_error(grid, truth, best, observable, reference.walls))
+    return {**metrics, "best_rigid": {"T_truth_map": best, "moved_m": moved, "turned_deg": turned, **best_error}}
 
 
 def _observable(truth: OccupancyGrid, reference: Reference, notes: list[str]) -> NDArray[np.bool_]:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Numbers as people read them."""
+"""Format numbers for people."""
 
 from __future__ import annotations
 
 
 def length(metres: float) -> str:
-    """A length for people: 3.2 cm, 45 cm, 1.23 m."""
+    """Format a length: 3.2 cm, 45 cm, 1.23 m."""
     if abs(metres) < 0.0995:
         return f"{100.0 * metres:.1f}\N{NO-BREAK SPACE}cm"
     if abs(metres) < 0.995:
@@ -14,13 +14,13 @@ def length(metres: float) -> str:
 
 
 def share(value: float) -> str:
-    """A share for people: 0 %, 0.4 %, 37 %, 99.6 %, 100 %."""
+    """Format a share: 0 %, 0.4 %, 37 %, 99.6 %, 100 %."""
     percent = 100.0 * value
     digits = 1 if 0.0 < percent < 9.95 or 99.05 < percent < 99.95 else 0
     return f"{percent:.{digits}f}\N{NO-BREAK SPACE}%"
 
 
 def spread(metres: float, deviation: float) -> str:
-    """A mean length and its standard deviation for people: 1.81 ± 1.20 cm, 5.12 ± 8.15 m."""
+    """Format a mean length and its standard deviation: 1.81 ± 1.20 cm, 5.12 ± 8.15 m."""
     factor, unit = (100.0, "cm") if metres < 0.995 else (1.0, "m")
     return f"{factor * metres:.2f} ± {factor * deviation:.2f}\N{NO-BREAK SPACE}{unit}"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 class Scan:
     """Ranges of one sweep of a 2D lidar: any number of beams, any angles, in any order.
 
-    A reading counts as a hit if `range_min <= range < range_max`. BeamCounts at or beyond `range_max`, `inf` included,
+    A reading counts as a hit if `range_min <= range < range_max`. Readings at or beyond `range_max`, `inf` included,
     are "no return"; NaN, zero, negative readings and those below `range_min` are invalid and carry no information.
     """
 
@@ -22,9 +22,9 @@ class Scan:
     angles: NDArray[np.float64]
     """Direction of each beam in the lidar's frame [rad], counter-clockwise, 0 = forward, (beams,)."""
     range_max: float
-    """BeamCounts from here on are no returns [m]."""
+    """Readings of at least this range are no returns [m]."""
     range_min: float = 0.0
-    """BeamCounts below are invalid [m]."""
+    """Readings below this range are invalid [m]."""
     stamp: float = 0.0
     """Time of the first beam [s]."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)

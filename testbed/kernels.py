@@ -71,12 +71,14 @@ def _mark(package: Path) -> Path:
 
 
 def _map_a_room() -> None:
-    """Map a small room from six poses, refine it, localise and explore in it."""
+    """Map a small room from six poses, show it, refine it, localise and explore in it."""
     from slam.config import FilterConfig, ResampleConfig
     from slam.gmapping import GMapping
     from slam.localization import Localization
     from slam.refinement import refine
     from slam.scan import Scan
+    from testbed.views.map_cells import map_cells
+    from testbed.views.rerun.layers.map_tiles import MapTiles
 
     angles = np.linspace(-np.pi, np.pi, 90, endpoint=False)
     with np.errstate(divide="ignore"):
@@ -88,6 +90,7 @@ def _map_a_room() -> None:
     mapper = GMapping(config)
     for pose in odometry:
         mapper.process(pose, scan)
+    MapTiles().changes(map_cells(mapper.maps, mapper.best))
     refine(odometry, [scan] * len(odometry), mapper.path(), config)
     for start in (odometry[0], None):
         Localization(mapper.map(), config, start=start).process(odometry[0], scan)

@@ -15,6 +15,9 @@ from worlds.errors import WorldError
 from worlds.movers import PERSON_CLEARANCE, PERSON_RADIUS
 from worlds.world import World, surface_of
 
+MAX_USUAL_THICKNESS, MAX_USUAL_OPENING = 1.5, 10.0
+"""Thicker walls, or wider openings, by their median, look like centimetres [m]."""
+
 
 def check_world(world: World, *, footprint_radius: float = 0.0, source: str = "") -> None:
     """Raise `WorldError` unless every element is valid, the start is free, the outline closed and the tour drivable.
@@ -40,6 +43,19 @@ def check_world(world: World, *, footprint_radius: float = 0.0, source: str = ""
         )
     _check_tour(world, footprint_radius, source)
     _check_movers(world, footprint_radius, source)
+
+
+def unit_notes(world: World) -> tuple[str, ...]:
+    """Return a note where the sizes of a world look like centimetres: walls or doors as large as rooms."""
+    walls = [wall.thickness for wall in world.walls if wall.thickness > 0.0]
+    openings = [opening.width for wall in world.walls for opening in wall.openings]
+    thickness, width = (float(np.median(sizes)) if sizes else 0.0 for sizes in (walls, openings))
+    if thickness <= MAX_USUAL_THICKNESS and width <= MAX_USUAL_OPENING:
+        return ()
+    large = f"walls {thickness:g} m thick" if thickness > MAX_USUAL_THICKNESS else f"openings {width:g} m wide"
+    x_low, y_low, x_high, y_high = world.cross_section().bounds
+    size = f"{x_high - x_low:.0f} x {y_high - y_low:.0f} m"
+    return (f"world {world.name!r} of {size} has {large}: is it in centimetres?",)
 
 
 def _check_shape(element: Element, source: str) -> None:

@@ -10,7 +10,7 @@ import math
 from typing import Annotated
 
 import shapely
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from shapely import affinity
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -74,10 +74,24 @@ class Wall(Element):
     openings: list[Opening] = Field(default_factory=list)
     """Gaps."""
 
+    @model_validator(mode="after")
+    def _openings_lie_in_the_wall(self) -> Wall:
+        length = self._line.length
+        for opening in self.openings:
+            if opening.at > length:
+                raise ValueError(
+                    f"expected openings within the {length:.2f} m of the wall, got one at {opening.at:g} m"
+                )
+        return self
+
+    @property
+    def _line(self) -> LineString:
+        """Centre line of the wall."""
+        return LineString([*self.points, self.points[0]] if self.closed else self.points)
+
     def shape(self) -> BaseGeometry:
         """Return lines, or polygons if the wall has a thickness. Corners are mitred, ends are cut square."""
-        corners = [*self.points, self.points[0]] if self.closed else self.points
-        line = LineString(corners)
+        line = self._line
         parts: BaseGeometry = line if not self.openings else _without_openings(line, self.openings)
         if self.thickness == 0.0:
             return parts

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eval.files.atomic_write import atomic_write
-from eval.first_failure import Failure
+from eval.first_failure import Blip, Failure
 
 OLD_NAMES = {"believed": "estimated", "expected": "true_pose"}
 """Names of keys in older files, also written for one release."""
@@ -37,6 +37,8 @@ def write_failure(path: str | os.PathLike[str], failure: Failure, points: ArrayL
         "reason": failure.reason,
         "estimated": failure.estimated.tolist(),
         "true_pose": None if failure.true_pose is None else failure.true_pose.tolist(),
+        "cause": failure.cause,
+        "blips": [asdict(blip) for blip in failure.blips],
         "points": np.round(np.asarray(points, dtype=np.float64).reshape(-1, 2), 3).tolist(),
     }
     document |= {old: document[new] for old, new in OLD_NAMES.items()}
@@ -58,6 +60,8 @@ def read_failure(path: str | os.PathLike[str]) -> ShownFailure:
             reason=str(document["reason"]),
             estimated=_numbers(document["estimated"], (3,)),
             true_pose=None if true_pose is None else _numbers(true_pose, (3,)),
+            blips=tuple(Blip(**blip) for blip in document.get("blips", ())),
+            cause=document.get("cause"),
         )
         return ShownFailure(failure, _numbers(document["points"], (-1, 2)))
     except (KeyError, TypeError, ValueError) as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a run directory holds (docs/run-directory.md), read for the report; what is not there is None."""
+"""Read a run directory (docs/run-directory.md) for the report; missing files give None."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class RunFiles:
         return self.path.resolve().name
 
     def metric(self, key: str) -> Any:
-        """Measure by its key with dots, such as `map.iou`; None where it is missing."""
+        """Return a measure by its key with dots, such as `map.iou`; None where it is missing."""
         value: Any = self.metrics
         for part in key.split("."):
             value = value.get(part) if isinstance(value, dict) else None

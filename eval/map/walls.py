@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Walls in metres: how far they are from the true ones, how thick, and how many stand twice."""
+"""Measure walls in metres: distance from the true ones, thickness, doubles and missing ones."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from slam.occupancy import OccupancyGrid
 from slam.se2 import inverse, transform_points
 
 TRIM = 0.1
-"""The trimmed mean leaves out this share of the largest distances."""
+"""Share of the largest distances that the trimmed mean leaves out."""
 REACH = 0.5
-"""Along a normal walls are looked for up to this far to both sides [m]."""
+"""Distance to both sides of a true wall, along its normal, within which walls of the map are found [m]."""
 MAX_PLACES = 4000
+"""Largest number of places on true walls that are cut; more are thinned out evenly."""
 _STRAIGHT = 0.8
-"""Coherence of the structure tensor above which a wall counts as straight (corners and ends are below)."""
+"""Smallest coherence of the structure tensor of a straight wall; corners and ends are below."""
 
 
 @dataclass(frozen=True)
@@ -34,16 +35,16 @@ class WallDistance:
 
 @dataclass(frozen=True)
 class WallProfile:
-    """What the map shows along the normals of the true walls."""
+    """Walls of the map along the normals of the true walls."""
 
     double_wall_rate: float | None
-    """Share of the places with more walls one behind the other than in truth, 0 to 1; None without places."""
+    """Share of the places with more walls along the normal than in truth, 0 to 1; None without places."""
     wall_thickness_m: float | None
     """Mean thickness of the map's walls [m]; None without places."""
     true_wall_thickness_m: float
-    """The same of the true map, on its own cells [m]: what a perfect map would show."""
+    """Mean thickness of the true map's walls on its own cells [m]: that of a perfect map."""
     places: int
-    """Places on straight true walls where the map shows a wall at all."""
+    """Number of places on straight true walls where the map shows a wall."""
     missing_wall_rate: float
     """Share of the places on straight true walls where the map shows none within `REACH`, 0 to 1."""
 
@@ -51,19 +52,19 @@ class WallProfile:
 def wall_distances(
     grid: OccupancyGrid, truth: OccupancyGrid, T_truth_grid: ArrayLike, observable: NDArray[np.bool_]
 ) -> tuple[WallDistance, WallDistance] | None:
-    """Distance of each occupied cell of the map to the nearest true one, and of each observable true one to the map's.
+    """Return distances of the map's occupied cells to the nearest true ones, and of observable true ones to the map's.
 
-    Nearest neighbour between cell centres, exact under rotation; of the distances the mean, the mean without the worst
-    tenth, and the 95th percentile. Unit m, range 0 and up; a perfect map on other cells still shows about a quarter of
-    a cell. None where the map or the truth has no wall. Source: Santos, Portugal,
-    Rocha, SSRR 2013, both ways. Trap: one way alone does not notice missing (first) or invented walls (second).
+    Distances are between nearest cell centres, exact under rotation; the results are their mean, the mean without the
+    largest tenth, and the 95th percentile. Unit m, range 0 and up; a perfect map on other cells has about a quarter of
+    a cell. Returns None where the map or the truth has no wall. Source: Santos, Portugal, Rocha, SSRR 2013, both ways.
+    Trap: the first direction alone does not show missing walls, the second alone does not show invented ones.
     """
     found = transform_points(T_truth_grid, cell_centres(grid, grid.occupied))
     all_true = cell_centres(truth, truth.occupied)
-    asked = cell_centres(truth, truth.occupied & observable)
-    if len(found) == 0 or len(asked) == 0:
+    visible = cell_centres(truth, truth.occupied & observable)
+    if len(found) == 0 or len(visible) == 0:
         return None
-    to_truth, from_truth = cKDTree(all_true).query(found)[0], cKDTree(found).query(asked)[0]
+    to_truth, from_truth = cKDTree(all_true).query(found)[0], cKDTree(found).query(visible)[0]
     return _distance(np.asarray(to_truth)), _distance(np.asarray(from_truth))
 
 
@@ -72,20 +73,20 @@ def wall_profile(
 ) -> WallProfile | None:
     """Cut the map along the normals of the straight, observable true walls.
 
-    Each cut runs from -`REACH` to +`REACH` in half cells; walls are two where free ground lies between them: specks
-    that noise leaves within and behind a wall have none before them. A place is double if the map has more walls on
-    the cut than the truth, which is looked at two cells further, so that a wall at the edge is not held against the
-    map; the thickness is that of the wall nearest to the true one. None where there is no straight wall. Rates have no
-    unit, 0 to 1; thickness in m, from half a cell up. Measures "ghosting" after bad loop closures; no published measure
-    is known to us. Trap: ghosts nearer than a cell show as thickness, those beyond `REACH` not at all (the wall
-    distance sees them).
+    Each cut runs from -`REACH` to +`REACH` in half cells. Two walls are separate if free ground lies between them;
+    specks that noise leaves within and behind a wall have none in front of them. A place is double if the map has more
+    walls on the cut than the truth, whose cut is two cells longer, so that a wall at its end is not counted as false.
+    The thickness is that of the wall nearest to the true one. Returns None where there is no straight wall. Rates have
+    no unit, 0 to 1; thickness in m, from half a cell up. It measures "ghosting" after bad loop closures; no published
+    measure is known to us. Trap: ghosts nearer than a cell show as thickness, those beyond `REACH` not at all (the
+    wall distance shows them).
     """
     wall, normal = _straight_walls(truth, observable)
     if len(wall) == 0:
         return None
     cell = truth.resolution
     steps = 2 * int(np.ceil(REACH / cell))
-    wide = 0.5 * cell * (np.arange(-steps - 4, steps + 4, dtype=np.float64) + 0.5)  # two a cell, none between cells
+    wide = 0.5 * cell * (np.arange(-steps - 4, steps + 4, dtype=np.float64) + 0.5)  # two per cell, none on an edge
     offsets = wide[4:-4]
     T_grid_truth = inverse(T_truth_grid)
 
@@ -117,10 +118,10 @@ def _distance(distances: NDArray[np.float64]) -> WallDistance:
 def _straight_walls(
     truth: OccupancyGrid, observable: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres (k, 2) [m] and unit normals (k, 2), map frame, of at most `MAX_PLACES` cells of straight true walls.
+    """Return centres (k, 2) [m] and unit normals (k, 2), map frame, of up to `MAX_PLACES` cells of straight true walls.
 
-    Normals by the structure tensor of the free space (Bigün and Granlund, ICCV 1987): it takes a wall with free space
-    on both sides, where the gradients themselves would cancel.
+    Normals come from the structure tensor of the free space (Bigün and Granlund, ICCV 1987), which also works for a
+    wall with free space on both sides, where the gradients themselves cancel.
     """
     free = ndimage.gaussian_filter(truth.free.astype(np.float32), 1.0)
     gy, gx = np.gradient(free)
@@ -136,7 +137,7 @@ def _straight_walls(
 
 
 def _walls(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Number of walls on each cut (k, samples), (k,): occupied samples with free ones between them."""
+    """Count the walls on each cut (k, samples), (k,): occupied samples with free ones between them."""
     known = np.where(occupied | free, np.arange(occupied.shape[1]), -1)
     last_known = np.maximum.accumulate(known, axis=1)[:, :-1]
     after_wall = np.take_along_axis(occupied, np.maximum(last_known, 0), axis=1) & (last_known >= 0)
@@ -147,13 +148,13 @@ def _walls(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> NDArray[np.i
 
 
 def _thickness(cuts: NDArray[np.bool_], offsets: NDArray[np.float64], cell: float) -> float:
-    """Mean thickness [m] of the wall nearest to the middle of each cut that has one."""
+    """Return the mean thickness [m] of the wall nearest to the centre of each cut that has one."""
     rows = np.flatnonzero(cuts.any(axis=1))
     if len(rows) == 0:
         return 0.0
     cuts = cuts[rows]
     nearest = np.argmin(np.where(cuts, np.abs(offsets), np.inf), axis=1)
-    # A sample belongs to the wall of `nearest` if no gap lies between: the number of gaps so far is the same.
+    # A sample belongs to the wall of `nearest` if no gap lies between them: the number of gaps so far is equal.
     gaps = np.cumsum(~cuts, axis=1)
     own = cuts & (gaps == gaps[np.arange(len(cuts)), nearest][:, None])
     return float(own.sum(axis=1).mean() * 0.5 * cell)

@@ -58,7 +58,7 @@ def frame_around(grid: OccupancyGrid, T_frame_grid: ArrayLike, paths: list[Array
 def draw_map(grid: OccupancyGrid, frame: OccupancyGrid, T_frame_grid: ArrayLike) -> Picture:
     """A map on the cells of `frame`: white free, black occupied, grey-blue unknown.
 
-    P(occupied) is raised to the power 1.6: the usual 0.1 of free ground is to be told from the unknown at a glance.
+    P(occupied) is raised to the power 1.6: the usual 0.1 of free floor then differs clearly from unknown cells.
     """
     drawn = resample(grid, frame, T_frame_grid)
     shade = 1.0 - np.nan_to_num(drawn.probability)[:, :, None] ** 1.6

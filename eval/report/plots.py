@@ -21,7 +21,7 @@ from eval.report.map_images import UNSEEN, Extent, Picture
 from slam.se2 import Pose, transform_points
 
 ESTIMATE, TRUTH, ODOMETRY, BAD, QUIET = "#1864ab", "#1b1f24", "#e67700", "#c92a2a", "#868e96"
-"""Blue, black and orange are told apart by every eye and in grey print."""
+"""Colour-blind readers can distinguish blue, black and orange, also in grey print."""
 GOOD = "#2b8a3e"
 STAGES = {"match": "#1864ab", "sample": "#63a4d8", "map": "#e8a33d", "resample": "#868e96"}
 ERROR_COLOURS = LinearSegmentedColormap.from_list("error", ["#2b8a3e", "#f2b705", "#c92a2a"])

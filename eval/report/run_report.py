@@ -41,6 +41,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "failure": failure,
         "failure_time": failure.stamp - context.start if failure else None,
         "failure_plot": failure_plot(context),
+        "start": context.start,
         "maps": list(map_plots(context)),
         "path_plots": list(path_plots(context)),
         "error_plots": list(error_plots(context)),

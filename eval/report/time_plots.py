@@ -104,7 +104,7 @@ def _ancestry_plot(steps: Columns, start: float, cursor: float | None) -> Plot:
         "Particle ancestry",
         plots.over_time(time, curves, "ancestors", cursor=cursor),
         "Number of ancestors that have living descendants. At one, all particles share their past: the filter can no "
-        "longer correct older loops. The count then starts anew.",
+        "longer correct older loops. The count then starts again.",
     )
 
 

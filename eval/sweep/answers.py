@@ -99,13 +99,14 @@ def _answer(
 
     def gives(count: int) -> str:
         value = median(count)
-        return f"{summary.unit.text(value)} {summary.unit.name}".strip() if math.isfinite(value) else "no result"
+        unit_of_value = table.measure.unit(value)
+        return f"{unit_of_value.text(value)} {unit_of_value.name}".strip() if math.isfinite(value) else "no result"
 
     count, kind = decision.count, decision.kind
     if kind == "enough":
         assert count is not None
         short, headline = str(count), f"{particles(count)} {'is' if count == 1 else 'are'} enough"
-        detail = f"{gives(count)}; {largest} give {gives(largest)}{_below(decision, table.counts)}"
+        detail = f"{gives(count)}; {largest} give {gives(largest)}{_below(decision, table.counts, unit)}"
     elif kind == "more":
         assert count is not None
         short, headline = f"more than {count}", f"more than {particles(count)}"
@@ -124,16 +125,15 @@ def particles(count: int) -> str:
     return _count(count, "particle")
 
 
-def _below(decision: Decision, counts: tuple[int, ...]) -> str:
+def _below(decision: Decision, counts: tuple[int, ...], unit: str) -> str:
     """What is known of the counts below the one that is enough."""
     assert decision.count is not None
     lower = decision.states[: counts.index(decision.count)]
     still_open = [str(count) for count, state in zip(counts, lower, strict=False) if state == "open"]
     if not still_open:
         return ""
-    return f"; {' and '.join(still_open[-1:])} may be enough too" + (
-        f", {decision.needed} would tell" if decision.needed is not None and decision.needed > decision.units else ""
-    )
+    would_tell = decision.needed is not None and decision.needed > decision.units
+    return f"; {still_open[-1]} may be enough too" + (f", {decision.needed} {unit}s would tell" if would_tell else "")
 
 
 def _would_tell(decision: Decision, unit: str, level: float) -> str:

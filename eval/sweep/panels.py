@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,9 @@ class Panel:
     """Share of updates with the truth inside the filter's 95 % ellipsoid, (lines, counts, units)."""
 
 
-def panels(summary: SweepSummary) -> list[Panel]:
-    """One panel per kind of building, then one per world that is no sample of a kind."""
+@lru_cache(maxsize=4)
+def panels(summary: SweepSummary) -> tuple[Panel, ...]:
+    """One panel per kind of building, then one per world that is no sample of a kind; kept for the next figure."""
     table = summary.table
     families = table.family_names()
     found = []
@@ -50,7 +52,7 @@ def panels(summary: SweepSummary) -> list[Panel]:
         if table.families[p] not in families:
             decisions = tuple(summary.decision(place, line) for line in table.lines)
             found.append(_panel(summary, (p,), answer_of_place(summary, place, table.baseline), decisions))
-    return found
+    return tuple(found)
 
 
 def _panel(summary: SweepSummary, rows: tuple[int, ...], answer: Answer, decisions: tuple[Decision, ...]) -> Panel:

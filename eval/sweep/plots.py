@@ -7,7 +7,7 @@ They are as wide as one or two columns of a journal, and their fonts do not depe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -51,8 +51,10 @@ def accuracy(summary: SweepSummary) -> Figure:
     """Error against particle count: medians, intervals as bands, the zone in which differences do not matter."""
     table, unit = summary.table, summary.unit
     shown = panels(summary)
-    limits = _error_limits([unit.factor * _medians_and_ends(panel.error) for panel in shown])
     base = table.lines.index(table.baseline)
+    drawn = [_medians_and_ends(panel.error) for panel in shown]
+    drawn += [median_over_last(panel.refined[base]) for panel in shown]
+    limits = _error_limits([unit.factor * values for values in drawn])
 
     def draw(ax: Axes, panel: Panel) -> None:
         _draw_zone(ax, panel.error[base, -1], unit.factor)
@@ -61,10 +63,11 @@ def accuracy(summary: SweepSummary) -> Figure:
             _draw_units(ax, x, unit.factor * panel.error[k], _colour(k), limits)
             _draw_medians(ax, x, unit.factor * panel.error[k], _colour(k), line)
             _draw_states(ax, x, unit.factor * median_over_last(panel.error[k]), panel.decisions[k].states, _colour(k))
-            refined = unit.factor * median_over_last(panel.refined[k])
-            there = np.isfinite(refined)
-            label = "after the final pass" if there.any() and k == base else None
-            ax.plot(x[there], refined[there], "s:", ms=3.5, lw=1.0, mfc="white", color=_paler(_colour(k)), label=label)
+        refined = unit.factor * median_over_last(panel.refined[base])
+        there = np.isfinite(refined)
+        if there.any():
+            (line_after,) = ax.plot(_shifted(table, base)[there], refined[there], "s:", label="after the final pass")
+            line_after.set(markersize=3.5, linewidth=1.0, markerfacecolor="white", color=_paler(_colour(base)))
         _count_axis(ax, table)
         _error_axis(ax, limits)
 
@@ -78,16 +81,16 @@ def failures(summary: SweepSummary) -> Figure:
     table = summary.table
 
     def draw(ax: Axes, panel: Panel) -> None:
+        ax.set_xlim(-0.6, len(table.counts) - 0.4)
         for k, c in np.ndindex(*panel.runs.shape):
             failed, runs = int(panel.failed[k, c]), int(panel.runs[k, c])
             if not runs:
                 continue
             rate = failed / runs
             ax.add_patch(Rectangle((c - 0.48, k - 0.46), 0.96, 0.92, fc=(*to_rgb(BAD), 0.75 * rate), ec="#e9ecef"))
-            ax.text(c, k - 0.12, f"{failed}/{runs}", ha="center", va="center", fontsize=7.0)
             low, high = (round(100.0 * end) for end in wilson_interval(failed, runs))
-            ax.text(c, k + 0.24, f"{low}–{high} %", ha="center", va="center", fontsize=4.6, color=QUIET)
-        ax.set_xlim(-0.6, len(table.counts) - 0.4)
+            _write_into_cell(ax, c, k - 0.12, f"{failed}/{runs}", size=7.0, smallest=4.0, color="black")
+            _write_into_cell(ax, c, k + 0.24, f"{low}–{high} %", size=4.8, smallest=4.0, color="#495057")
         ax.set_ylim(len(table.lines) - 0.4, -0.6)
         ax.set_xticks(range(len(table.counts)), [str(count) for count in table.counts])
         ax.set_yticks(range(len(table.lines)), table.lines)
@@ -96,6 +99,14 @@ def failures(summary: SweepSummary) -> Figure:
     left = 0.25 + 0.065 * max(map(len, table.lines))
     height = 0.1 + 0.4 * len(table.lines)
     return _figure(table, panels(summary), draw, "particles", "", height=height, left=left, legend=False)
+
+
+def _write_into_cell(ax: Axes, x: float, y: float, text: str, *, size: float, smallest: float, color: str) -> None:
+    """Write a text as large as its cell of width 1 allows; not at all if it would be too small to read [pt]."""
+    width = 72.0 * ax.get_figure().get_figwidth() * ax.get_position().width / (ax.get_xlim()[1] - ax.get_xlim()[0])  # type: ignore[union-attr]
+    fitting = min(size, width / (0.62 * len(text)))
+    if fitting >= smallest:
+        ax.text(x, y, text, ha="center", va="center", fontsize=fitting, color=color)
 
 
 def cost_against_accuracy(summary: SweepSummary) -> Figure:
@@ -191,7 +202,7 @@ def style() -> Iterator[None]:
 
 def _figure(
     table: SweepTable,
-    shown: list[Panel],
+    shown: Sequence[Panel],
     draw: Draw,
     x: str,
     y: str,

@@ -126,8 +126,6 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
     svg = folder / f"{drawing.name}.svg"
     with sweep_plots.style():
         figure = drawing.draw(summary)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # laid out once for both files
         for path, metadata in (
             (svg, {"Date": None, "Creator": None}),
             (svg.with_suffix(".pdf"), {"CreationDate": None}),
@@ -182,9 +180,9 @@ def _single_worlds(summary: SweepSummary) -> list[Answer]:
 
 
 def _routes(table: SweepTable) -> str:
-    """What distinguishes the runs of different seeds; empty for logs."""
+    """What distinguishes the runs of different seeds."""
     routes = {str(route) for route in table.columns.get("setting.route", np.array(["fixed"], dtype=object)).ravel()}
-    if "log" in {str(kind) for kind in table.columns.get("kind", np.array(["world"], dtype=object)).ravel()}:
+    if table.recorded:
         return "seeds change the random numbers of the filter only"
     if routes == {"random"}:
         return "each seed drives another route through the whole world"

@@ -51,6 +51,8 @@ class SweepTable:
     """The kind of building that each place is a sample of, such as `rooms`; None for single worlds and logs."""
     level: float
     """Confidence level of the decisions: higher than 0.95 where the sweep was looked at several times."""
+    recorded: bool
+    """Whether the places are recorded logs."""
     command: str
     """The command that repeats the sweep."""
     columns: dict[str, NDArray[Any]]
@@ -140,6 +142,7 @@ def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
         seeds=tuple(axes[3]),
         families=_families(runs, axes[0]),
         level=float(about.get("level", LEVEL)),
+        recorded=bool(about.get("recorded", False)),
         command=str(about.get("command", "")),
         columns=columns,
         curves=_curves(curves, row_of, where, shape),

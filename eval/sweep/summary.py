@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from eval.sweep.statistics import (
 
 MAX_WORST_PER_LINE = 2
 """Worst runs that are listed per line."""
+UNUSUAL = 3.0
+"""A run whose error is this many times the median of its group is worth a look."""
 MAX_WORST = 8
 """Worst runs that are listed in all."""
 
@@ -70,12 +73,14 @@ class SweepSummary:
         flat = (t.places.index(place) * len(t.lines) + t.lines.index(line)) * len(t.counts) + t.counts.index(count)
         return self.groups[flat]
 
+    @lru_cache(maxsize=4096)  # noqa: B019  # a process holds few summaries, and asks each for the same answers often
     def decision(self, place: str, line: str) -> Decision:
         """Which particle count is enough in one world, see `eval.sweep.decision.decide`."""
         t = self.table
         p, k = t.places.index(place), t.lines.index(line)
         return decide(t.counts, t.error[p, k], t.failures[p, k], level=t.level)
 
+    @lru_cache(maxsize=512)  # noqa: B019
     def decision_of_family(self, family: str, line: str) -> Decision:
         """Which particle count is enough in a kind of building, with the world as the unit."""
         t = self.table
@@ -93,16 +98,11 @@ class SweepSummary:
         return _median(np.array(medians))
 
     @property
-    def largest_median(self) -> float:
-        """The largest median error of a group, which decides the unit of the figures; NaN if there is no result."""
-        medians = np.array([group.median.value for group in self.groups])
-        known = medians[np.isfinite(medians)]
-        return float(known.max()) if len(known) else np.nan
-
-    @property
     def unit(self) -> Unit:
-        """The unit in which errors are shown, the same everywhere."""
-        return self.table.measure.unit(self.largest_median)
+        """The unit of figures and tables, which fits the errors of the baseline."""
+        medians = [group.median.value for group in self.groups if group.line == self.table.baseline]
+        known = [value for value in medians if np.isfinite(value)]
+        return self.table.measure.unit(max(known, default=0.0))
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,8 @@ class WorstRun:
     outcome: str
     key: str
     """Key of the cell."""
+    is_unusual: bool
+    """Whether it failed, or its error is at least `UNUSUAL` times the median of its group."""
 
 
 def worst_runs(table: SweepTable) -> list[WorstRun]:
@@ -130,7 +132,9 @@ def worst_runs(table: SweepTable) -> list[WorstRun]:
         for p, c, s in ranked[:MAX_WORST_PER_LINE]:
             outcome, key = (table.columns[name][p, k, c, s] for name in (table.measure.outcome, "key"))
             where = table.places[p], line, table.counts[c], table.seeds[s]
-            found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key)))
+            typical = _median(table.error[p, k, c])
+            unusual = bool(table.failed[p, k, c, s]) or float(error[p, c, s]) >= UNUSUAL * typical
+            found.append(WorstRun(*where, float(error[p, c, s]), str(outcome), str(key), unusual))
     return found[:MAX_WORST]
 
 

@@ -15,6 +15,8 @@ TOLERANCE = 0.01
 """Largest difference of stamps that match [s] (evo's default as well)."""
 MAX_GAP = 0.5
 """Largest gap between reference poses over which poses are interpolated [s]."""
+MAX_PATH_GAP = 10.0
+"""Longest path between two matched poses that counts as covered [m]."""
 MIN_SHARE = 0.01
 """Smallest share of matched poses; with fewer the stamps agree by chance only."""
 
@@ -40,6 +42,8 @@ class Association:
     """Number of poses of the whole estimate."""
     method: str
     """Description of the matching, with its tolerance."""
+    same_stamps: bool = False
+    """Whether both trajectories have identical stamps."""
     notes: tuple[str, ...] = ()
     """Sentences on repeated stamps, stamps that step back, and poses without a match."""
 
@@ -67,7 +71,7 @@ def associate(
     """
     total = len(estimate)
     if np.array_equal(estimate.stamps, reference.stamps):
-        return Association(estimate, reference, np.arange(total), total, "same stamps, row by row")
+        return Association(estimate, reference, np.arange(total), total, "same stamps, row by row", same_stamps=True)
 
     stamps, first = np.unique(reference.stamps, return_index=True)
     poses = reference.poses[first]
@@ -111,20 +115,21 @@ def associate(
     method = f"nearest within {tolerance} s"
     if interpolate:
         method = f"interpolated over gaps up to {max_gap} s, else {method}"
-    return Association(estimate[rows], Trajectory(at[found], partners[found]), rows, total, method, tuple(notes))
+    return Association(estimate[rows], Trajectory(at[found], partners[found]), rows, total, method, notes=tuple(notes))
 
 
 def covered_share(matched: Association, reference: Trajectory) -> float:
-    """Return the share of the reference's path between the times of the first and the last matched pose, 0 to 1.
+    """Return the share of the reference's path between the times of matched poses, 0 to 1.
 
-    The share of matched poses does not show an estimate that ends early. The result is 1 for a reference that does not
-    move.
+    Pieces of more than `MAX_PATH_GAP` between two matched poses do not count. The share of matched poses does not show
+    an estimate that ends early, or that has few poses. The result is 1 for a reference that does not move.
     """
     order = np.argsort(reference.stamps, kind="stable")
     path = travelled(reference.poses[order])
-    ends = matched.estimate.stamps.min(), matched.estimate.stamps.max()
-    first, last = np.interp(ends, reference.stamps[order], path)
-    return float((last - first) / path[-1]) if path[-1] > 0.0 else 1.0
+    if not path[-1] > 0.0:
+        return 1.0
+    pieces = np.diff(np.interp(np.sort(matched.estimate.stamps), reference.stamps[order], path))
+    return float(pieces[pieces <= MAX_PATH_GAP].sum() / path[-1])
 
 
 def _between_poses(a: NDArray[np.float64], b: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,12 +11,13 @@ from slam.config.filter import (
     ResampleConfig,
 )
 from slam.config.localization import LocalizationConfig
-from slam.config.motion import MotionConfig
+from slam.config.motion import FrameMotionConfig, MotionConfig
 from slam.config.refinement import RefineConfig
 
 __all__ = [
     "AdaptConfig",
     "FilterConfig",
+    "FrameMotionConfig",
     "GateConfig",
     "LocalizationConfig",
     "MapConfig",

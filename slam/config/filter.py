@@ -20,11 +20,11 @@ class MapConfig:
     occupied_share: float = 0.25
     """A cell is a wall when at least this share of the beams that reached it ended in it (occ_thresh)."""
     usable_range: float = 80.0
-    """BeamCounts beyond are treated as no return [m] (maxUrange)."""
+    """Readings beyond this range are treated as no return [m] (maxUrange)."""
     free_range: float = 0.0
-    """Beams without a return clear the map up to this distance [m]; 0 = they are left out."""
+    """Beams without a return clear the map up to this distance [m]; 0 = they are not used."""
     field_radius: float = 0.4
-    """Distance from a wall up to which the matcher takes it into account [m]."""
+    """The matcher takes walls up to this distance from an end point into account [m]."""
 
     def __post_init__(self) -> None:
         require_positive(self, "cell", "occupied_share", "usable_range", "field_radius")
@@ -36,14 +36,14 @@ class MatchConfig:
     """Scan matching and the beam end point model (T-RO 2007, section IV-B)."""
 
     hit_sigma: float = 0.03
-    """Spread of beam end points about a wall [m] (sigma)."""
+    """Standard deviation of beam end points from a wall [m] (sigma)."""
     beam_weight: float = 0.07
     """Share of each beam's log-likelihood that counts in matching and in the proposal: neighbouring beams are not
     independent."""
     outlier_distance: float = 0.3
-    """End points farther from a wall than this are explained by something else [m]."""
+    """End points farther from a wall than this count as outliers [m]."""
     min_matched_share: float = 0.1
-    """Matching fails where fewer of the hits lie within the outlier distance (minimumScore)."""
+    """Matching fails if a smaller share of the hits lies within the outlier distance (minimumScore)."""
     search_reach: float = 0.8
     """Search range along the heading [m]. Used: twice the distance driven, clipped to 0.5 to 1 times this value."""
     search_step: float = 0.1
@@ -51,10 +51,10 @@ class MatchConfig:
     coarse_share: float = 0.3
     """Share of the beam weight with which starting poses are compared to the odometry."""
     coarse_beams: int = 60
-    """Starting poses are compared by every k-th hit, but at least by this many where the scan has them."""
+    """Starting poses are compared by every k-th hit, but by at least this many hits if the scan has them."""
     weight_share: float = 0.012
     """Share of log eta that goes into the particles' weights (1 / ogain). Two maps of one room differ by their noise
-    far more than eta accounts for; at full weight the particles that could close the next loop would not survive."""
+    far more than eta accounts for; with full weight the particles that can close the next loop would die out."""
     iterations: int = 20
     """Largest number of Gauss-Newton steps in one match (iterations)."""
 
@@ -69,12 +69,12 @@ class ProposalConfig:
     """How a new pose is drawn for each particle."""
 
     kind: Literal["improved", "scan-match", "motion"] = "improved"
-    """improved: Gaussian fitted to samples about the optimum; scan-match: the optimum itself, searched from a sample
+    """improved: Gaussian fitted to samples around the optimum; scan-match: the optimum itself, searched from a sample
     of the motion model as in the C++ GMapping; motion: that sample itself (FastSLAM 1). The C++ maximises the scan's
     score alone; here the motion model, centred at the sample, stays in the product, so that a pose leaves its sample
     only where the scan says so."""
     samples: int = 20
-    """Poses drawn about the optimum (K)."""
+    """Number of poses sampled around the optimum (K)."""
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind")
@@ -86,11 +86,11 @@ class ResampleConfig:
     """When and how particles are resampled."""
 
     when: Literal["ess", "always", "never"] = "ess"
-    """ess: when the effective sample size falls below the threshold."""
+    """ess: when the effective sample size is below the threshold; always: at each update; never: not at all."""
     threshold: float = 0.5
     """Share of the particle count below which the effective sample size triggers resampling (resampleThreshold)."""
     scheme: Literal["systematic", "stratified", "residual", "multinomial"] = "systematic"
-    """How offspring are drawn."""
+    """Scheme by which offspring are drawn."""
 
     def __post_init__(self) -> None:
         require_one_of(self, "when")
@@ -113,12 +113,12 @@ class AdaptConfig:
     heading: float = 0.1
     """Height of the bins [rad]: the angle by which a wall 3 m away moves by one side of a bin."""
     error: float = 0.25
-    """Bound on the divergence between belief and particles [nats] (epsilon): three particles a bin or more, so that the
-    one with the truth in it is empty in 5 % of the cases at most."""
+    """Bound on the divergence between belief and particles [nats] (epsilon). The default gives at least three particles
+    for each bin, so that the bin with the truth is empty in at most 5 % of the cases."""
     quantile: float = 2.33
     """Quantile of the normal distribution at the probability with which the bound holds (z at 1 - delta)."""
     resize_factor: float = 1.5
-    """The number changes only where the wanted and the present one differ by this factor or more."""
+    """The number changes only if the wanted and the present number differ by at least this factor."""
 
     def __post_init__(self) -> None:
         require_one_of(self, "count")
@@ -132,11 +132,11 @@ class GateConfig:
     """Update gates: the filter uses the first scan, and each after enough motion or time since the last used one."""
 
     distance: float = 0.15
-    """Distance driven [m] (linearUpdate)."""
+    """The filter uses a scan after this distance driven since the last used one [m] (linearUpdate)."""
     angle: float = 0.1
-    """Angle turned [rad] (angularUpdate)."""
+    """The filter also uses a scan after this angle turned [rad] (angularUpdate)."""
     seconds: float = 0.0
-    """Time passed [s] (temporalUpdate); 0 = time alone never triggers an update."""
+    """The filter also uses a scan after this time [s] (temporalUpdate); 0 = time alone never triggers an update."""
 
     def __post_init__(self) -> None:
         require_at_least(self, 0.0, "distance", "angle", "seconds")
@@ -147,7 +147,7 @@ class FilterConfig:
     """All settings of the particle filter."""
 
     particles: int = 30
-    """Number of particles, where it is fixed."""
+    """Number of particles, if it is fixed (filter.adapt.count)."""
     motion: MotionConfig = field(default_factory=MotionConfig)
     """Motion model."""
     map: MapConfig = field(default_factory=MapConfig)
@@ -165,7 +165,7 @@ class FilterConfig:
     refine: RefineConfig = field(default_factory=RefineConfig)
     """Final pass."""
     deskew: bool = True
-    """Undo the robot's motion during a scan where the times of the beams and the twist are known."""
+    """Undo the robot's motion during a scan, if the times of the beams and the twist are known."""
 
     def __post_init__(self) -> None:
         require_at_least(self, 1, "particles")

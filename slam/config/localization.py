@@ -18,11 +18,11 @@ class LocalizationConfig:
     """Standard deviation of a given start's heading [rad]."""
     weight_share: float = 0.2
     """Share of log eta that goes into the weights, instead of `MatchConfig.weight_share`: all particles share one map,
-    so only the errors that the map and the next scans have in common speak against full weight."""
+    so only the errors that the map and later scans have in common are a reason against the full weight."""
     explained_distance: float = 0.15
     """The map explains a hit that is at most this far from a wall [m]."""
     min_explained_share: float = 0.7
-    """The robot is lost where the map explains a smaller share of the hits, averaged over the last updates."""
+    """The robot is lost if the map explains a smaller share of the hits, averaged over the last updates."""
     explained_memory: float = 10.0
     """Memory of that average [updates]."""
     found_weight: float = 0.99
@@ -36,17 +36,17 @@ class LocalizationConfig:
     search_spacing_heading: float = 0.15
     """Unknown start: angle between the first headings [rad]."""
     search_sigma: float = 0.25
-    """Spread of end points about a wall while poses are this coarse [m]."""
+    """Standard deviation of end points from a wall during the search, whose poses are coarse [m]."""
     search_radius: float = 1.0
     """Distance from a wall up to which the search takes it into account [m]."""
     search_beams: int = 60
-    """The search uses every k-th hit, but at least this many where the scan has them."""
+    """The search uses every k-th hit, but at least this many hits if the scan has them."""
     independent_beams: float = 8.0
     """One scan counts as this many independent beams in the search."""
     max_search_poses: int = 50_000
     """Largest number of particles in the search."""
     max_candidates: int = 1000
-    """At most this many particles are left when matching them one by one begins."""
+    """Matching the particles one by one begins when at most this many are left."""
     kld_error: float = 0.05
     """Bound on the divergence between belief and particles [nats] (Fox 2003: epsilon)."""
     kld_quantile: float = 2.33

@@ -21,17 +21,17 @@ class MotionConfig:
     rotation_from_rotation: float = 0.1
     """Error of heading per radian turned [rad/rad] (stt)."""
     floor_translation: float = 0.005
-    """Error that is there even at rest [m]."""
+    """Error of position even without motion [m]."""
     floor_rotation: float = 0.003
-    """Error of heading that is there even at rest [rad]."""
+    """Error of heading even without motion [rad]."""
     failure_share: float = 0.05
     """Share of the steps in which the odometry fails (slip, wrong sign): the tail of the motion model."""
     failure_along: float = 1.0
     """Error along the heading per metre driven in such a step [m/m]."""
     failure_limit: float = 0.4
-    """The largest standard deviation of that error: wheels slip and directions change on short stretches [m]."""
+    """Largest standard deviation of that error [m], because wheels slip and directions change on short stretches."""
     failure_rotation: float = 0.3
-    """Further error of heading per radian turned in such a step [rad/rad]."""
+    """Additional error of heading per radian turned in such a step [rad/rad]."""
 
     def __post_init__(self) -> None:
         require_positive(self, "floor_translation", "floor_rotation")
@@ -40,3 +40,21 @@ class MotionConfig:
         require_at_least(self, 0.0, "failure_along", "failure_limit", "failure_rotation")
         if not 0.0 <= self.failure_share < 1.0:
             raise ValueError(f"MotionConfig.failure_share must be in [0, 1), got {self.failure_share}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameMotionConfig(MotionConfig):
+    """The motion model between neighbouring frames, which are closer together than the updates of the filter.
+
+    Its error is smaller at rest and larger per metre and radian, because errors of many short steps partly cancel. A
+    class of its own, so that a changed setting leaves the defaults of the others as they are.
+    """
+
+    rotation_from_translation: float = 0.2
+    """Error of heading per metre driven [rad/m] (str)."""
+    rotation_from_rotation: float = 0.2
+    """Error of heading per radian turned [rad/rad] (stt)."""
+    floor_translation: float = 0.001
+    """Error of position even without motion [m]."""
+    floor_rotation: float = 0.002
+    """Error of heading even without motion [rad]."""

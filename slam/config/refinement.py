@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from slam.config._checks import require_at_least, require_positive
-from slam.config.motion import MotionConfig
+from slam.config.motion import FrameMotionConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,37 +14,29 @@ class RefineConfig:
     """The final pass over a recording; never used inside the filter."""
 
     rounds: int = 6
-    """How often the walls are found anew."""
+    """Number of rounds; each finds the walls again."""
     hit_sigma: float = 0.02
-    """Spread of end points about a wall near by [m]; less than in the filter, whose map still grows."""
+    """Standard deviation of end points from a nearby wall [m]; smaller than in the filter, whose map still grows."""
     range_share: float = 0.01
-    """Spread that comes on top of it along the beam, as a share of the range."""
+    """Additional standard deviation along the beam, as a share of the range."""
     first_gate: float = 0.2
-    """In the first round end points up to this far from a wall, plus three standard deviations, belong to it [m]."""
+    """Gate of the first round [m]: end points this close to a wall, plus three standard deviations, belong to it."""
     gate_decay: float = 0.6
-    """The gate narrows by this factor from round to round ..."""
+    """Factor by which the gate shrinks from round to round."""
     last_gate: float = 0.03
-    """... down to this: things that stand before a wall must not pull [m]."""
+    """Smallest gate [m]: objects in front of a wall must not attract it."""
     cell: float = 0.05
     """Side of the cells into which end points are sorted [m]."""
     window: float = 0.15
     """Radius of the windows in which lines are fitted [m], rounded to cells."""
     flatness: float = 0.15
-    """End points form a line where their variance across it is at most this share of that along it."""
+    """End points form a line if their variance across it is at most this share of their variance along it."""
     spacing: float = 0.25
-    """Distance of the surfels along a wall, at least [m]."""
+    """Smallest distance between surfels along a wall [m]."""
     max_points: int = 3_000_000
-    """With more hits than this every k-th one is used for the poses; the map takes all."""
-    motion: MotionConfig = field(
-        default_factory=lambda: MotionConfig(
-            floor_translation=0.001,
-            floor_rotation=0.002,
-            rotation_from_translation=0.2,
-            rotation_from_rotation=0.2,
-        )
-    )
-    """Motion model between neighbouring frames, which lie closer together than the updates of the filter: less error
-    at rest, more per metre and radian, since errors of many short steps partly cancel."""
+    """With more hits than this, only every k-th hit is used for the poses; the map uses all."""
+    motion: FrameMotionConfig = field(default_factory=FrameMotionConfig)
+    """Motion model between neighbouring frames."""
 
     def __post_init__(self) -> None:
         require_at_least(self, 1, "rounds", "max_points")

@@ -54,7 +54,7 @@ def in_tile(cx, cy):
 
 @inlined
 def fine_tile_at(table, cx, cy):
-    """As `tile_at`, from a table of fine tiles."""
+    """Return what `tile_at` returns, from a table of fine tiles."""
     return np.uint64(table[np.uint64(cy >> FINE_SHIFT), np.uint64(cx >> FINE_SHIFT)])
 
 
@@ -125,7 +125,7 @@ def copy_on_write(table, references, free, free_count, request, copies):
 
 @kernel
 def count_owners(table, references, free):
-    """Count the owners of each tile anew, after tables were copied or dropped.
+    """Count the owners of each tile again, after tables were copied or dropped.
 
     table (particles, rows, columns) tile numbers;  references (tiles,) out;  free (tiles,) out: stack of the tiles that
     nobody owns, the lowest number on top. Returns how many these are.

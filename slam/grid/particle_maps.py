@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slam import se2
 from slam._threads import Threads
 from slam.config import MapConfig
-from slam.grid._cell_kernels import VISITS, hits_of
+from slam.grid._cell_kernels import HIT_SHIFT, HITS, VISITS
 from slam.grid._distance_field_kernels import integrate_scan_and_request_field_tiles, update_fields
 from slam.grid._tile_kernels import FINE_SIDE, SHIFT, SIDE
 from slam.grid._traversal_kernels import bounds_of_rays
@@ -86,6 +86,11 @@ class ParticleMaps:
         self._surface = TilePool(particles, [(np.uint32, FINE_SIDE * FINE_SIDE)])
         self._field = TilePool(particles, [(word, cells)])
         self._corner = np.zeros(2, np.int64)
+        self.scans = 0
+        """Scans that were counted into the maps."""
+        self.touched: NDArray[np.int64] = np.zeros((0, 0), np.int64)
+        """Number of the last scan, counted from 1, that has changed each tile in any map, (rows, columns) of the table;
+        0 = none since the maps were made or restored."""
 
     @property
     def _pools(self) -> tuple[TilePool, TilePool, TilePool]:
@@ -124,6 +129,8 @@ class ParticleMaps:
         self._make_room(poses, rays)
         crossed, ended = self._counts.request, self._surface.request
         self.threads.run(request_scan_tiles, particles, self.grids, poses, rays, crossed, ended)
+        self.scans += 1
+        self.touched[np.maximum.reduce(crossed.seen, axis=0).reshape(self.touched.shape) != 0] = self.scans
         self._counts.copy_on_write(self.threads)
         self._surface.copy_on_write(self.threads)
         room = 512 + 2 * len(rays.hit)
@@ -166,6 +173,7 @@ class ParticleMaps:
         right, above = (int(n) for n in last - (first + size - 1))
         for pool, per_tile in zip(self._pools, (1, SIDE // FINE_SIDE, 1), strict=True):
             pool.extend(below * per_tile, above * per_tile, left * per_tile, right * per_tile)
+        self.touched = np.pad(self.touched, ((below, above), (left, right)))
         self._corner = new_first.astype(np.int64) << SHIFT
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
@@ -188,6 +196,7 @@ class ParticleMaps:
         self._counts.restore("counts", state)
         self._surface.restore("surface", state)
         self._field.restore("field", state)
+        self.touched = np.zeros(self._counts.table.shape[1:], np.int64)
 
     def occupancy(self, particle: int) -> OccupancyGrid:
         """The map of one particle, cut to what was observed."""
@@ -197,10 +206,9 @@ class ParticleMaps:
         if len(rows) == 0:
             raise ValueError("the map is empty: no scan was taken in")
         counts = counts[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        probability = occupancy_probability(hits_of(counts), counts & VISITS, self.config.occupied_share)
         cell = self.config.cell
         return OccupancyGrid(
-            probability=probability,
+            probability=probability_of_counts(counts, self.config.occupied_share),
             resolution=cell,
             origin=(
                 float(self._corner[0] + columns[0]) * cell,
@@ -215,3 +223,8 @@ class ParticleMaps:
         tiles = self._counts.data[0][table].reshape(*table.shape, SIDE, SIDE)
         dense: NDArray[np.uint16] = tiles.swapaxes(1, 2).reshape(table.shape[0] * SIDE, table.shape[1] * SIDE)
         return dense
+
+
+def probability_of_counts(counts: NDArray[np.uint16], occupied_share: float) -> NDArray[np.float32]:
+    """P(occupied) of counts words (see `_cell_kernels`), any shape; NaN where a cell was never visited."""
+    return occupancy_probability((counts >> HIT_SHIFT) & HITS, counts & VISITS, occupied_share)

@@ -49,7 +49,7 @@ class Ancestry:
 
     @property
     def unique_ancestors(self) -> int:
-        """Founders of which particles are alive; counting starts anew after all descended from a single one."""
+        """Number of ancestors from which the particles descend; counting starts again once there is a single one."""
         return int(np.count_nonzero(np.bincount(self._founders)))
 
     @property

@@ -29,7 +29,7 @@ class Cloud(NamedTuple):
     ends: NDArray[np.float64]
     """End points in the robot's frame [m], (n, 2)."""
     origins: NDArray[np.float64]
-    """Where their beams start, in the robot's frame [m], (n, 2)."""
+    """Start points of their beams in the robot's frame [m], (n, 2)."""
     ranges: NDArray[np.float64]
     """Lengths of the beams [m], (n,)."""
     first: NDArray[np.int64]

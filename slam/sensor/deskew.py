@@ -29,3 +29,14 @@ def deskewed_mounts(mount: ArrayLike, twist: ArrayLike, seconds: NDArray[np.floa
     mount: `T_robot_lidar` (3,);  twist: `(vx, vy, omega)` [m/s, m/s, rad/s];  seconds (beams,): time of each beam [s]
     """
     return se2.compose(exp_twist(twist, seconds), mount)
+
+
+def log_twist(motion: ArrayLike, seconds: float) -> se2.Pose:
+    """Constant twist `(vx, vy, omega)` that makes a motion (3,) in `seconds`: the inverse of `exp_twist`.
+
+    The logarithm of SE(2), Sola et al. (2018), equation 162; for turns below 360 degrees.
+    """
+    x, y, angle = np.asarray(motion, dtype=np.float64).tolist()
+    half = 0.5 * angle
+    stretch = 1.0 if abs(half) < 1e-9 else half / np.tan(half)
+    return np.array([stretch * x + half * y, stretch * y - half * x, angle]) / seconds

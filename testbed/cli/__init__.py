@@ -1,76 +1,27 @@
 # SPDX-License-Identifier: MIT
-"""The command line `testbed`. Commands are imported when they are called, so that `testbed --help` is fast."""
+"""The command line `testbed`."""
 
 from __future__ import annotations
 
-import errno
-import os
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 
-from cyclopts import App, CycloptsError, Parameter
-
-from testbed.cli.shared.config_file import apply_config_file
-from testbed.cli.shared.help_texts import HELP
-from testbed.cli.shared.status import INTERRUPTED, USAGE_ERROR
-
-app = App(
-    name="testbed",
-    help="A SLAM testbed: simulate a robot or read a log, map it with a particle filter, score the result.",
-    help_epilogue="First steps: `testbed run office`, then open the report whose path it prints.",
-    version=lambda: version("slam-testbed"),
-    config=apply_config_file,
-    default_parameter=Parameter(negative_iterable=()),
-    help_format="markdown",
-    suppress_keyboard_interrupt=False,
-    result_action="return_value",
-)
-for _name, _help in HELP.items():
-    app.command(
-        f"testbed.cli.{_name}:{'app' if _name in ('datasets', 'worlds', 'presets') else _name}", name=_name, help=_help
-    )
+from testbed.cli.shared.status import INTERRUPTED
+from testbed.run.interruption import sigterm_interrupts
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 success, 1 a limit is broken, 2 an error of usage or input, 130 interrupted.
 
-    Errors of usage or input are one line on stderr; `TESTBED_DEBUG=1` shows the traceback.
+    Errors of usage or input are one line on stderr; `TESTBED_DEBUG=1` shows the traceback. SIGTERM has the effect of
+    Ctrl-C, also while the rest of the program is still being imported.
     """
     try:
-        status = app(_with_present_names(arguments), exit_on_error=False, print_error=False)
+        with sigterm_interrupts():
+            from testbed.cli.shared.app import run_app
+
+            status = run_app(arguments)
     except KeyboardInterrupt:
-        _complain("interrupted")
+        sys.stderr.write("testbed: interrupted\n")
         status = INTERRUPTED
-    except BrokenPipeError:  # the reader of our output, such as `head`, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        status = 0
-    except (CycloptsError, ValueError, OSError) as error:
-        if os.environ.get("TESTBED_DEBUG"):
-            raise
-        _complain(_one_line(error))
-        status = USAGE_ERROR
-    sys.exit(status or 0)  # commands that measure nothing return None
-
-
-def _with_present_names(arguments: Sequence[str] | None) -> list[str]:
-    """The arguments, settings of the last release under their present names."""
-    tokens = list(sys.argv[1:] if arguments is None else arguments)
-    for k, token in enumerate(tokens):
-        if token.startswith(("--filter.", "--localization.")):
-            from slam.config.renamed import present_name  # here, for `--help` to answer at once
-
-            option, equals, value = token[2:].partition("=")
-            tokens[k] = f"--{present_name(option.replace('-', '_'))}{equals}{value}"
-    return tokens
-
-
-def _one_line(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        what = "no space left on the disk" if error.errno == errno.ENOSPC else error.strerror.lower()
-        return f"{error.filename}: {what}" if error.filename else what
-    return " ".join(str(error).split())
-
-
-def _complain(text: str) -> None:
-    sys.stderr.write(f"testbed: {text}\n")
+    sys.exit(status)

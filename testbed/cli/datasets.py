@@ -56,7 +56,7 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
 
 @app.command
 def index(directory: Path) -> None:
-    """Write index, card and contact sheet of a collection anew, for instance after its last shard.
+    """Write index, card and contact sheet of a collection again, for instance after its last shard.
 
     Parameters
     ----------

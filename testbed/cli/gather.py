@@ -13,6 +13,7 @@ from testbed.cli.shared.status import GATE_FAILED
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.compute import check_inputs
 from testbed.sweep.gather import gather as gather_tables
+from testbed.sweep.looks import needed_cells
 from testbed.sweep.rerun_worst import is_recorded, rerun
 from testbed.sweep.store import SweepDirectory
 
@@ -28,14 +29,14 @@ def gather(sweep: Path, /, *, worst: bool = True) -> int:
     sweep
         Directory that `testbed sweep` wrote, at once or in shards.
     worst
-        Repeat the worst runs with a recording and a report each.
+        Repeat the worst runs that failed, or were three times worse than usual, with a recording and a report each.
     """
     return gather_and_report(SweepDirectory.open(sweep), worst=worst)
 
 
 def gather_and_report(directory: SweepDirectory, *, worst: bool) -> int:
     """Write tables and report, list the jobs without a result, return the exit status."""
-    gathered = gather_tables(directory)
+    gathered = gather_tables(directory, {cell.key for cell in needed_cells(directory)})
     absent = [f"failed: {cell}: {reason}" for cell, reason in gathered.failed]
     absent += [f"missing: {cell}" for cell in gathered.missing]
     for line in absent[:MAX_NAMED]:
@@ -48,17 +49,18 @@ def gather_and_report(directory: SweepDirectory, *, worst: bool) -> int:
     if worst:
         _rerun_worst(directory)
     if gathered.done:
+        console.print("writing the report …")
         results.print(f"report: {write_sweep_report(directory.path).resolve()}")
     return 0 if gathered.complete else GATE_FAILED
 
 
 def _rerun_worst(directory: SweepDirectory) -> None:
-    """Repeat the worst runs. If that is impossible the report is written without them."""
+    """Repeat the worst runs that failed or are unusual. If that is impossible the report is written without them."""
     cells = {cell.key: cell for cell in directory.manifest.cells()}
-    for run in worst_runs(read_sweep(directory.path)):
-        cell = cells[run.key]
-        if is_recorded(directory, cell):
-            continue
+    unusual = [cells[run.key] for run in worst_runs(read_sweep(directory.path)) if run.is_unusual]
+    waiting = [cell for cell in unusual if not is_recorded(directory, cell)]
+    for number, cell in enumerate(waiting, start=1):
+        console.print(f"repeating run {number} of {len(waiting)} that failed: {cell} …", markup=False)
         try:
             check_inputs(cell)
             announce_compilation()

@@ -12,7 +12,7 @@ import numpy as np
 from eval.map.grids import grid_from_true_map
 from slam.gmapping import GMapping
 from slam.step.step_report import StepReport
-from testbed.cli.shared.console import console
+from testbed.cli.shared.console import SlowProgress, announce_world, console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
 from testbed.exploration import ExploreDriver, make_explorer
@@ -52,7 +52,8 @@ def run(
     config = simulator.simulation(seeds)
     output.check_directory()
     filter_config = estimator.filter_config  # raises before anything takes time
-    loaded = simulator.load_world(world, seeds)
+    loaded = simulator.load_world(world, seeds, SlowProgress("planning a tour"))
+    announce_world(loaded)
     exact = true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height)
     truth = grid_from_true_map(exact)
     document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
@@ -60,6 +61,7 @@ def run(
         title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
         particles=filter_config.max_particles,
+        motion=filter_config.motion,
         true_map=truth,
         robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,

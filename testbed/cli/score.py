@@ -4,17 +4,27 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from eval.failure_cause import find_cause
 from eval.files.atomic_write import atomic_write
+from eval.files.failure_json import write_failure
+from eval.files.map_server import read_map, write_map
+from eval.files.tum import read_tum, write_tum
+from eval.first_failure import find_failure
 from eval.limits import Limit, check
 from eval.map.lidar_view import LidarView
-from eval.scoring import score_files
-from testbed.cli.shared.console import console
+from eval.report.run_report import write_report
+from eval.scoring import read_estimate, score_files
+from eval.trajectory.relations import read_relations
+from eval.trajectory.trajectory import Trajectory
+from testbed.cli.shared.console import console, results
 from testbed.cli.shared.status import GATE_FAILED
 from testbed.cli.shared.summary import headline_table
 from testbed.formats import open_log
@@ -27,6 +37,7 @@ def score(
     trajectory: Path,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     relations: Path | None = None,
+    time_offset: str = "0",
     out: Path | None = None,
     fail_if: tuple[str, ...] = (),
 ) -> int:
@@ -40,25 +51,42 @@ def score(
         Directory of a dataset or a run, with truth.tum and, to score a map, truth_map.yaml. Cells that its lidars could
         not see are not scored.
     trajectory
-        The system's trajectory in the TUM format, `t x y z qx qy qz qw`.
+        The system's trajectory: TUM (`t x y z qx qy qz qw`), EuRoC, or KITTI poses with stamps.
     map_
-        The system's map in the ROS map_server format (.yaml and .pgm).
+        The system's map in the ROS map_server format (.yaml and a picture).
     relations
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw`.
+    time_offset
+        Seconds to add to the trajectory's stamps, or "auto": the constant offset, if any, that explains the error.
     out
-        Directory for metrics.json.
+        Directory for metrics.json, finding.json (where it went wrong; its `stamp` is the moment), report.html, and
+        copies of the trajectories and maps that the report shows. It may hold results of an earlier call, but no run.
     fail_if
         Exit with status 1 if this holds, e.g. 'map.iou < 0.5'; may be repeated.
     """
     limits = [Limit.parse(text) for text in fail_if]
-    metrics = score_files(dataset, trajectory, map_, relations=relations, lidars=_lidars(dataset) if map_ else ())
+    if out is not None and (out / "config.toml").exists():
+        raise ValueError(f"{out}: holds a run, whose files would be replaced; choose another --out")
+    offset = _time_offset(time_offset)
+    metrics = score_files(
+        dataset,
+        trajectory,
+        map_,
+        relations=relations,
+        lidars=_lidars(dataset) if map_ else (),
+        time_offset=offset,
+    )
     text = json.dumps(metrics, indent=2, allow_nan=False) + "\n"
     if out is None:
         sys.stdout.write(text)
     else:
         out.mkdir(parents=True, exist_ok=True)
+        truth = read_tum(dataset / "truth.tum") if _has(dataset, "truth") else None
+        estimate, _ = read_estimate(trajectory, truth, offset)
+        _write_scored(out, dataset, estimate, map_, relations)
         with atomic_write(out / "metrics.json") as aside:
             aside.write_text(text, encoding="utf-8")
+        results.print(f"report: {write_report(out).resolve()}")
     console.print(headline_table(metrics))
     for note in metrics["notes"]:
         console.print(f"note: {note}", soft_wrap=True)
@@ -66,6 +94,42 @@ def score(
     for sentence in broken:
         console.print(f"limit broken: {sentence}", soft_wrap=True)
     return GATE_FAILED if broken else 0
+
+
+def _write_scored(out: Path, dataset: Path, estimate: Trajectory, map_: Path | None, relations: Path | None) -> None:
+    """Write what the report shows beside the metrics: trajectories, maps, and where it went wrong."""
+    known = {name: read_tum(dataset / f"{name}.tum") for name in ("truth", "odometry") if _has(dataset, name)}
+    for name, path in (("map", map_), ("truth_map", dataset / "truth_map.yaml")):
+        if map_ is not None and path is not None and path.is_file():
+            write_map(out / f"{name}.yaml", read_map(path))
+    for name, written in {"estimate": estimate, **known}.items():
+        write_tum(out / f"{name}.tum", written)
+    failure = find_failure(
+        estimate, truth=known.get("truth"), relations=None if relations is None else read_relations(relations)
+    )
+    if failure is None:
+        (out / "finding.json").unlink(missing_ok=True)
+        return
+    if failure.bad:
+        cause = find_cause(failure.stamp, odometry=known.get("odometry"), reference=known.get("truth"))
+        failure = replace(failure, cause=cause)
+    write_failure(out / "finding.json", failure, [])
+
+
+def _has(dataset: Path, name: str) -> bool:
+    return (dataset / f"{name}.tum").is_file()
+
+
+def _time_offset(text: str) -> float | Literal["auto"]:
+    if text == "auto":
+        return "auto"
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise ValueError(f"--time-offset {text!r}: expected seconds, such as -0.3, or auto")
+    return seconds
 
 
 def _lidars(dataset: Path) -> tuple[LidarView, ...]:

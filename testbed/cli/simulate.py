@@ -20,7 +20,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
-from testbed.cli.shared.console import announce_compilation, results
+from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, results
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, parse_draws
 from testbed.cli.shared.variants import variants
@@ -192,7 +192,8 @@ def _checked_name(world: str, simulator: SimulatorOptions) -> str:
     if world.startswith("generated:"):
         return label(world)
     seeds = RunSeeds.from_seed(0)
-    loaded = simulator.load_world(world, seeds)
+    loaded = simulator.load_world(world, seeds, SlowProgress("planning a tour"))
+    announce_world(loaded)
     check_fits(loaded, simulator.simulation(seeds).robot)
     simulator.recorded_commands()
     return loaded.name

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Group, Parameter
 
 from eval.files.map_server import read_map
@@ -129,6 +130,9 @@ def slam(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
         particles=filter_config.max_particles,
+        motion=filter_config.motion,
+        true_map=truth_map,
+        T_world_map=np.zeros(3) if known is not None and known.has_frame_of_truth else None,
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)

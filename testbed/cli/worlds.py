@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 from rich.table import Table
 
 from eval.files.atomic_write import atomic_write
-from testbed.cli.shared.console import console, results
+from testbed.cli.shared.console import announce_world, console, results
 from worlds import World, catalogue, dumps, generate, import_map_with_notes, load, true_map
 from worlds.generation.generators import Kind
 
@@ -55,6 +55,7 @@ def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> Non
         raise ValueError(f"{out}: exists; choose another --out or add --overwrite")
     _draw(loaded, out)
     truth = true_map(loaded)
+    announce_world(loaded)
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_row("name", loaded.name)
     table.add_row("description", loaded.description)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Collection(Sequence[Dataset]):
-    """Datasets by number; made by `open_collection`. Each access opens one anew, so that none stays in memory."""
+    """Datasets by number; made by `open_collection`. Each access opens one again, so that none stays in memory."""
 
     def __init__(self, path: Path, rows: list[dict[str, Any]]) -> None:
         self.path = path

@@ -15,7 +15,7 @@ from slam.se2 import Pose, between
 from testbed.envs.rewards import DriveReward
 from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.scenario.scenario import PreparedWorld, ResetOptions
-from testbed.envs.settings import EnvironmentSettings
+from testbed.envs.settings import EnvironmentSettings, check_type
 from testbed.seeds import RunSeeds
 from testbed.simulation.fleet.robot_group import Readings
 
@@ -37,6 +37,7 @@ class DriveTask:
     """Robots that drive for a reward, each in its own episode."""
 
     def __init__(self, robots: int, settings: EnvironmentSettings, reward: DriveReward) -> None:
+        check_type("reward", reward, (DriveReward,), "a DriveReward or None")
         setup = settings.robot_setup()
         self.io = RobotIO(setup)
         self.observation_space = spaces.Dict(self.io.observation_spaces)

@@ -24,7 +24,7 @@ from testbed.envs.observation.map_score import Mapped, MapScore
 from testbed.envs.observation.rendering import MODES, Screen, check_render_mode, scan_of
 from testbed.envs.rewards import ExploreReward
 from testbed.envs.scenario.robot_io import RobotIO
-from testbed.envs.settings import EnvironmentSettings
+from testbed.envs.settings import EnvironmentSettings, check_type
 from testbed.exploration.belief import Belief
 from testbed.frame import Frame
 from testbed.run.snapshot import take_snapshot
@@ -56,6 +56,11 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         that is observed;  coverage: share of the floor whose mapping ends the episode;  settings: those of
         `EnvironmentSettings`"""
         check_render_mode(render_mode)
+        check_type("particles", particles, (int, np.integer), "a whole number of at least 1")
+        check_type("filter", filter, (FilterConfig, type(None)), "a FilterConfig or None")
+        check_type("crop", crop, (Crop, type(None)), "a Crop or None")
+        check_type("coverage", coverage, (int, float, np.number), "a number in (0, 1]")
+        check_type("reward", reward, (ExploreReward, type(None)), "an ExploreReward or None")
         if not 0.0 < coverage <= 1.0:
             raise ValueError(f"coverage must be in (0, 1], got {coverage}")
         self.render_mode = render_mode
@@ -120,7 +125,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         """The estimate, by which an explorer of `testbed.exploration` steers."""
         if not self._running:
             raise ResetNeeded("call reset() first")
-        return Belief(stamp=self._stamp, pose=self._pose, scans=(self._scan,), map=lambda: self._map)
+        return Belief(stamp=self._stamp, pose=self._pose, scans=(self._scan,), twist=self._twist, map=lambda: self._map)
 
     def action(self, speed: float, turn_rate: float) -> NDArray[np.float32]:
         """Return the action for a speed [m/s] and a turn rate [rad/s], clipped to the robot's limits."""
@@ -173,7 +178,8 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         motion = between(before, readings.odometry[0])
         self._scan = scan_of(self._setup, readings.ranges[0], self._stamp)
         self._stamp += self._setup.period
-        report = self._mapper.process(before, self._scan, twist=motion / self._setup.period)
+        self._twist = motion / self._setup.period
+        report = self._mapper.process(before, self._scan, twist=self._twist)
         self._pose = compose(report.pose, motion)
         if report.updated:
             self._map = self._mapper.map()

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from testbed.envs.scenario.generated_worlds import GeneratedWorlds
 from testbed.envs.scenario.scenario import Scenario, Start
 from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
@@ -18,6 +20,12 @@ from worlds import World
 
 MAX_BEAMS = 10_000
 """Largest number of beams of an observation."""
+
+
+def check_type(name: str, value: object, types: tuple[type, ...], expected: str) -> None:
+    """Raise ValueError, which names the argument and what was expected, for a value of another type."""
+    if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+        raise ValueError(f"{name} must be {expected}, got {str(value)[:100]!r} of type {type(value).__name__}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +49,21 @@ class EnvironmentSettings:
     backend: Literal["fast", "pybullet"] = "fast"
     """fast: exact arcs and rays; pybullet: physics, for single environments."""
 
+    def __post_init__(self) -> None:
+        check_type("world", self.world, (str, World, GeneratedWorlds), "a name, a file, a World or GeneratedWorlds")
+        check_type("robot", self.robot, (str, RobotPreset), "a name, a file or a RobotPreset")
+        check_type("lidar", self.lidar, (str, LidarPreset), "a name, a file or a LidarPreset")
+        check_type("beams", self.beams, (int, np.integer, type(None)), f"a whole number from 1 to {MAX_BEAMS}, or None")
+        check_type("odometry", self.odometry, (OdometryConfig, type(None)), "an OdometryConfig or None")
+        check_type("lidar_layers", self.lidar_layers, (LidarLayers, type(None)), "LidarLayers or None")
+
     def robot_setup(self) -> RobotSetup:
         """Return the robot and its sensors."""
         lidar = load_lidar(self.lidar) if isinstance(self.lidar, str) else self.lidar
         if self.beams is not None:
             if not 1 <= self.beams <= MAX_BEAMS:
                 raise ValueError(f"beams must be 1 to {MAX_BEAMS}, got {self.beams}")
-            lidar = lidar.model_copy(update={"beams": self.beams})
+            lidar = lidar.model_copy(update={"beams": int(self.beams)})
         return RobotSetup(
             robot=load_robot(self.robot) if isinstance(self.robot, str) else self.robot,
             lidar=lidar,

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
-from slam.se2 import Pose, transform_points
+from slam.se2 import Pose, inverse, transform_points
+from slam.sensor.deskew import exp_twist
+from slam.sensor.rays import make_rays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,15 +26,18 @@ class Belief:
     """`T_map_robot` of the most likely particle, (3,), extrapolated by odometry from its scan to `stamp`."""
     scans: tuple[Scan, ...]
     """The last scan of each lidar, at least one."""
+    twist: Pose | None = None
+    """Velocity of the robot by odometry `(vx, vy, omega)` [m/s, m/s, rad/s], (3,); None = unknown."""
     map: Callable[[], OccupancyGrid]
     """Draws the most likely map when it is called."""
 
     def obstacles(self) -> NDArray[np.float64]:
-        """Return the end points of the beams of the last scans in the robot's frame [m], (hits, 2)."""
-        return np.concatenate([_ends(scan) for scan in self.scans])
+        """Return the end points of the beams of the last scans in the robot's frame at `stamp` [m], (hits, 2)."""
+        return np.concatenate([self._ends(scan) for scan in self.scans])
 
-
-def _ends(scan: Scan) -> NDArray[np.float64]:
-    hit = scan.hit
-    ends = scan.ranges[hit, None] * np.column_stack([np.cos(scan.angles[hit]), np.sin(scan.angles[hit])])
-    return transform_points(scan.mount, ends)
+    def _ends(self, scan: Scan) -> NDArray[np.float64]:
+        rays = make_rays([scan], usable_range=np.inf, twist=self.twist)
+        ends = rays.ends[rays.hit]
+        if self.twist is None:
+            return ends
+        return transform_points(inverse(exp_twist(self.twist, self.stamp - scan.stamp)), ends)

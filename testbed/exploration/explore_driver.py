@@ -56,7 +56,9 @@ class ExploreDriver:
         pose = report.pose
         if frame.twist is not None:
             pose = compose(pose, exp_twist(frame.twist, stamp - frame.stamp))
-        return self._explorer.command(Belief(stamp=stamp, pose=pose, scans=tuple(self._scans.values()), map=mapper.map))
+        scans = tuple(self._scans.values())
+        belief = Belief(stamp=stamp, pose=pose, scans=scans, twist=frame.twist, map=mapper.map)
+        return self._explorer.command(belief)
 
     def wait(self, stamp: float) -> tuple[float, float]:
         """Return the command 0, 0, and do not count the time up to `stamp` [s] as lack of progress."""

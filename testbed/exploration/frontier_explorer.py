@@ -76,13 +76,13 @@ class FrontierExplorer:
         if self._recovery.count > before:
             self._give_up_goal()
         if escape is not None:
-            return escape
+            return self._limiter.limited(*escape, belief), escape[1]
         if belief.stamp - self._planned >= MAX_PLAN_AGE or (self._pursuit is not None and self._pursuit.finished):
             self._plan(belief)
         if self._pursuit is None:
             return self._look_around(pose[2])
         speed, turn_rate = self._pursuit.command(*pose)
-        return self._limiter.limited(speed, belief.obstacles()), turn_rate
+        return self._limiter.limited(speed, turn_rate, belief), turn_rate
 
     def _plan(self, belief: Belief) -> None:
         """Plan a path to the current goal if a frontier is still near it, else to a new one."""
@@ -132,7 +132,7 @@ class FrontierExplorer:
         return any(math.dist(at, other) < _BLOCKED_RADIUS for other in self._blocked)
 
     def _give_up_goal(self) -> None:
-        """Block the current goal, because the robot did not reach it, and plan anew."""
+        """Block the current goal, because the robot did not reach it, and plan again."""
         self._failures += 1
         self._planned = -math.inf
         if self._goal is not None:

@@ -47,7 +47,8 @@ class _Reactive:
     def command(self, belief: Belief) -> tuple[float, float]:
         """Return speed [m/s] and turn rate [rad/s]."""
         escape = self._recovery.command(belief.stamp, *belief.pose.tolist())
-        return escape if escape is not None else self._react(belief)
+        speed, turn_rate = escape if escape is not None else self._react(belief)
+        return self._limiter.limited(speed, turn_rate, belief), turn_rate
 
     def _react(self, belief: Belief) -> tuple[float, float]:
         raise NotImplementedError
@@ -72,7 +73,7 @@ class RandomWalk(_Reactive):
         self._heading = theta
         if self._left_to_turn != 0.0:
             return 0.0, math.copysign(self._turn_rate, self._left_to_turn)
-        return self._limiter.limited(self._speed, belief.obstacles()), 0.0
+        return self._speed, 0.0
 
 
 class WallFollower(_Reactive):
@@ -84,10 +85,10 @@ class WallFollower(_Reactive):
             return 0.0, self._turn_rate
         away = self._distance_right(obstacles)
         if math.isinf(away):  # no wall: drive a curve to the right until there is one
-            return self._limiter.limited(0.5 * self._speed, obstacles), -0.5 * self._turn_rate
+            return 0.5 * self._speed, -0.5 * self._turn_rate
         turn_rate = float(np.clip(3.0 * (_WALL_DISTANCE - away), -0.6, 1.0)) * self._turn_rate
         slow = 1.0 - 0.6 * abs(turn_rate) / self._turn_rate
-        return self._limiter.limited(slow * self._speed, obstacles), turn_rate
+        return slow * self._speed, turn_rate
 
     def _distance_right(self, obstacles: NDArray[np.float64]) -> float:
         """Return the distance from the footprint to the nearest obstacle on the right or ahead [m]; inf if none."""

@@ -7,10 +7,14 @@ import resource
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
+import numpy as np
+
 from eval.estimates import PathAndMap, named, score_estimate
+from eval.failure_cause import find_cause
 from eval.files.failure_json import write_failure
 from eval.first_failure import find_failure
 from eval.map.lidar_view import LidarView
@@ -18,6 +22,8 @@ from eval.scoring import Reference, score
 from slam.gmapping import GMapping
 from slam.localization import Localization
 from slam.scan import Scan
+from slam.se2 import Pose, between
+from slam.sensor.deskew import log_twist
 from slam.sensor.rays import make_rays
 from testbed.formats.commands import commands_of, write_commands
 from testbed.frame import Frame
@@ -121,20 +127,41 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
 
 
 def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
-    """Where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
-    failure = find_failure(
-        estimate.at_scans,
-        truth=estimation.trajectory_at_scans("truth"),
-        relations=job.relations,
-        dense=estimate.dense,
-        steps=estimation.steps.columns(),
-    )
+    """Write where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
+    truth, steps = estimation.trajectory_at_scans("truth"), estimation.steps.columns()
+    failure = find_failure(estimate.at_scans, truth=truth, relations=job.relations, dense=estimate.dense, steps=steps)
     if failure is None:
         return
-    frame = estimation.frames[estimate.scan_frames[failure.scan]]
+    if failure.bad:
+        odometry = estimation.trajectory_at_scans("odometry")
+        cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps)
+        failure = replace(failure, cause=cause)
+    row = int(estimate.scan_frames[failure.scan])
+    frame = estimation.frames[row]
     assert frame.scan is not None
-    rays = make_rays([frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist)
+    twist = true_twist(estimation.frames, row)
+    rays = make_rays(
+        [frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist if twist is None else twist
+    )
     write_failure(directory / "finding.json", failure, rays.ends)
+
+
+def true_twist(frames: Sequence[Frame], row: int) -> Pose | None:
+    """Velocity (vx, vy, omega) [m/s, m/s, rad/s] of the robot while a frame's scan was taken, by the truth.
+
+    The wheels' own twist lays a scan out wrongly where they slip, which is just where one looks. None where the truth
+    is unknown.
+    """
+    frame = frames[row]
+    offsets = None if frame.scan is None else frame.scan.time_offsets
+    end = frame.stamp + (float(np.nanmax(offsets)) if offsets is not None and len(offsets) else 0.0)
+    later = row
+    while later + 1 < len(frames) and (later == row or frames[later].stamp < end):
+        later += 1
+    start, stop = frame.truth, frames[later].truth
+    if start is None or stop is None or frames[later].stamp <= frame.stamp:
+        return None
+    return log_twist(between(start, stop), frames[later].stamp - frame.stamp)
 
 
 def metrics_of(
@@ -151,6 +178,7 @@ def metrics_of(
         grid=job.truth_map,
         walls=job.truth_walls,
         lidars=lidar_views(estimation.frames),
+        aligns_map=job.aligns_map,
     )
     # Ctrl-C must end soon, and scoring a map takes long; a map that was given is not a result of the run
     scores_map = ended != "interrupted" and job.known_map is None

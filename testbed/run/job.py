@@ -94,5 +94,7 @@ class Job:
     """The true map: 1 occupied, 0 free, NaN not visible to any lidar."""
     truth_walls: NDArray[np.float64] | None = None
     """The exact true walls `(x0, y0, x1, y1)` [m], (n, 4), in the frame of the true map."""
+    aligns_map: bool = True
+    """Whether the map is also scored where it fits best (`map.best_rigid`), which takes most of the time of scoring."""
     relations: Relations | None = None
     """Hand-checked relations between poses."""

@@ -3,22 +3,22 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from slam.gmapping import GMapping
 from slam.localization import Localization
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
-from testbed.views.view import Snapshot
+from testbed.views.map_cells import map_cells
+from testbed.views.view import Proposal, Snapshot
 
 
 def take_snapshot(
     frame: Frame, report: StepReport, mapper: GMapping | Localization, *, collided: bool = False
 ) -> Snapshot:
     """Return the data of a scan that the filter has just processed."""
-    samples = None if report.proposed is None else report.proposed.samples[report.best]
-    if samples is not None and np.isnan(samples).any():  # none were drawn: matching failed, or another proposal
-        samples = None
     return Snapshot(
         stamp=frame.stamp,
         estimate=report.pose,
@@ -28,8 +28,21 @@ def take_snapshot(
         step=report,
         poses=mapper.poses,
         weights=mapper.weights,
-        proposal_samples=samples,
+        proposal=_proposal(report),
+        localization=mapper.status.state if isinstance(mapper, Localization) and report.updated else None,
         collided=collided,
         path=mapper.path,
+        best=mapper.best if isinstance(mapper, GMapping) else report.best,
+        cells=partial(map_cells, mapper.maps) if isinstance(mapper, GMapping) else None,
         map=mapper.map,
+    )
+
+
+def _proposal(report: StepReport) -> Proposal | None:
+    """Return how the best particle's new pose was found; None where no samples were drawn."""
+    proposed, best = report.proposed, report.best
+    if proposed is None or np.isnan(proposed.samples[best]).any():
+        return None
+    return Proposal(
+        samples=proposed.samples[best], weights=None, mean=proposed.mean[best], covariance=proposed.covariance[best]
     )

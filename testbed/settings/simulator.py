@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -97,16 +98,17 @@ class SimulatorOptions:
             }
         )
 
-    def load_world(self, name: str, seeds: RunSeeds) -> World:
+    def load_world(self, name: str, seeds: RunSeeds, progress: Callable[[float], None] | None = None) -> World:
         """Load the world of that name or file, with --clutter added and, for --route random, a route of the seed.
 
         Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
+        progress: called with the share of the tour that is planned, 0 to 1.
         """
         world, clearance = load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
         # A recorded drive begins where the drive began that its commands are from.
         on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route == "random")
         if world.tour is None and on_tour:
-            world = plan_tour(world, footprint_radius=clearance)
+            world = plan_tour(world, footprint_radius=clearance, progress=progress)
         if self.clutter:
             world = add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
         if self.route == "random" and on_tour:

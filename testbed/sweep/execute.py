@@ -36,9 +36,9 @@ def prepare(out: Path, spec: SweepSpec) -> tuple[SweepDirectory, Costs]:
     return SweepDirectory.prepare(out, Manifest(spec, code_version(), input_digests(spec))), costs
 
 
-def pending(directory: SweepDirectory, costs: Costs, shard: Shard | None) -> list[Cell]:
-    """Cells without a result, the longest first. Cells that failed before are tried again."""
-    cells = by_work(directory.manifest.cells(), costs)
+def pending(directory: SweepDirectory, cells: Sequence[Cell], costs: Costs, shard: Shard | None) -> list[Cell]:
+    """Those of the cells that have no result, the longest first. Cells that failed before are tried again."""
+    cells = by_work(cells, costs)
     if shard is not None:
         cells = shard.of(cells)
     return [cell for cell in cells if not directory.is_done(cell.key)]

@@ -8,7 +8,7 @@ same sweep gives the same bytes however it was carried out. Times are in `timing
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,25 @@ from testbed.sweep.spec.command import command_of
 from testbed.sweep.store import SweepDirectory
 from worlds import family
 
+DESCRIPTIONS = {
+    "place": "name of the world or log",
+    "family": "kind of building that the world is a sample of, such as rooms; null for single worlds and logs",
+    "line": "name of the combination of settings",
+    "particles": "particle count",
+    "seed": "seed of the simulation and of the filter",
+    "status": "done, failed (no result), missing (not computed yet) or not needed (--until)",
+    "reason": "why there is no result",
+    "key": "hash of everything that decides the result; joins sweep, curves and timings",
+    "share": "share of the updates that are done, 0 to 1",
+    "ess": "effective sample size as a share of the particles",
+    "unique_ancestors": "unique ancestors as a share of the particles",
+    "founders": "the same as unique_ancestors, for readers of versions up to 0.1",
+    "nees": "normalised estimation error squared",
+    "cell_s": "time of the whole job [s]",
+}
+"""What the columns hold that are no settings (`setting.NAME`), features (`features.NAME`) or measures."""
+_ABSENT = {True: "missing", False: "not needed"}
+"""Status of cells without result or reason, by whether they are needed."""
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")
 
 
@@ -40,8 +59,11 @@ class Gathered:
         return not self.failed and not self.missing
 
 
-def gather(directory: SweepDirectory) -> Gathered:
-    """Write the tables of a sweep and return what is there and what is missing. Raises SweepError for damaged cells."""
+def gather(directory: SweepDirectory, needed: Container[str] | None = None) -> Gathered:
+    """Write the tables of a sweep and return what is there and what is missing. Raises SweepError for damaged cells.
+
+    needed: keys of the cells that are needed; others that were not computed are not missing. None = all.
+    """
     rows: list[dict[str, Any]] = []
     curves: list[dict[str, Any]] = []
     timings: list[dict[str, Any]] = []
@@ -51,13 +73,15 @@ def gather(directory: SweepDirectory) -> Gathered:
         key = cell.key
         result = directory.result(key)
         reason = directory.reason(key) if result is None else None
-        rows.append(_row(cell, key, result, reason))
+        is_needed = needed is None or key in needed
+        status = "done" if result is not None else "failed" if reason is not None else _ABSENT[is_needed]
+        rows.append(_row(cell, key, result, {"status": status, "reason": reason, "key": key}))
         if result is not None:
             curves += _curve_rows(key, result)
             timings.append({"key": key} | result.timing)
         elif reason is not None:
             failed.append((cell, reason))
-        else:
+        elif is_needed:
             missing.append(cell)
     spec = directory.manifest.spec
     about = {
@@ -66,6 +90,8 @@ def gather(directory: SweepDirectory) -> Gathered:
         "baseline": spec.baseline or spec.lines()[0].name,
         "code": directory.manifest.code,
         "command": command_of(spec),
+        "level": spec.level,
+        "recorded": bool(spec.logs),
     }
     for name, table in zip(TABLES, (rows, curves, timings), strict=True):
         _write(directory.path / name, table, about)
@@ -79,9 +105,8 @@ def _curve_rows(key: str, result: CellResult) -> list[dict[str, Any]]:
     return [{"key": key} | {n: values[k] for n, values in columns.items()} for k in range(len(columns["share"]))]
 
 
-def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) -> dict[str, Any]:
-    """One row of `sweep.parquet`; measures that are lists are left out."""
-    status = "done" if result is not None else "failed" if reason is not None else "missing"
+def _row(cell: Cell, key: str, result: CellResult | None, state: Mapping[str, Any]) -> dict[str, Any]:
+    """One row of `sweep.parquet`; measures that are lists are left out. state: the columns status, reason, key."""
     measures = {} if result is None else {k: v for k, v in flat(result.metrics) if not isinstance(v, list)}
     own = {
         "place": cell.place,
@@ -90,9 +115,8 @@ def _row(cell: Cell, key: str, result: CellResult | None, reason: str | None) ->
         "particles": cell.particles,
         "seed": cell.seed,
     }
-    state = {"status": status, "reason": reason, "key": key}
     settings = {f"setting.{name}": value for name, value in cell.settings.items()}
-    return own | state | settings | {name: value for name, value in measures.items() if name not in own}
+    return own | dict(state) | settings | {name: value for name, value in measures.items() if name not in own}
 
 
 def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> None:
@@ -103,9 +127,21 @@ def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, An
     names = list(dict.fromkeys(name for row in rows for name in row))
     columns = {name: [row.get(name) for row in rows] for name in names}
     arrays = {name: _array(values) for name, values in columns.items()}
-    table = pa.table(arrays).replace_schema_metadata({"sweep": json.dumps(about, sort_keys=True)})
+    fields = [pa.field(name, array.type, metadata=_description(name)) for name, array in arrays.items()]
+    schema = pa.schema(fields, metadata={"sweep": json.dumps(about, sort_keys=True)})
+    table = pa.table(list(arrays.values()), schema=schema)
     with atomic_write(path) as temporary:
         pq.write_table(table, temporary)
+
+
+def _description(name: str) -> dict[str, str]:
+    """Metadata of a column: what it holds."""
+    head, _, rest = name.partition(".")
+    if head == "setting":
+        return {"description": f"setting {rest}; null = default"}
+    if head == "features":
+        return {"description": f"{rest.replace('_', ' ')}, a feature of world, route and sensors (docs/sweep.md)"}
+    return {"description": DESCRIPTIONS.get(name, f"{name} of metrics.json (docs/metrics.md)")}
 
 
 def _array(values: Sequence[Any]) -> Any:

@@ -15,7 +15,7 @@ class CellResult:
     """The result of a cell, ready for JSON."""
 
     metrics: dict[str, Any]
-    """Content of `metrics.json` of a run, without `MEASURED`."""
+    """Content of `metrics.json` of a run without `MEASURED`, and `features` of world, route and sensors."""
     curves: dict[str, list[float | None]]
     """Filter health along the run, columns of equal length: `share` of the updates done, in (0, 1]; `ess` (effective
     sample size) and `unique_ancestors` as shares of the particles; `nees`."""

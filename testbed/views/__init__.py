@@ -1,7 +1,19 @@
 # SPDX-License-Identifier: MIT
 """Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
 
-from testbed.views.opening import OpenedRun, open_run, open_view
-from testbed.views.view import NullView, Scene, Snapshot, View, ViewOptions
+from testbed.views.opening import OpenedRun, open_run, open_view, record_frames, recording_of
+from testbed.views.view import NullView, Proposal, Scene, Snapshot, View, ViewOptions
 
-__all__ = ["NullView", "OpenedRun", "Scene", "Snapshot", "View", "ViewOptions", "open_run", "open_view"]
+__all__ = [
+    "NullView",
+    "OpenedRun",
+    "Proposal",
+    "Scene",
+    "Snapshot",
+    "View",
+    "ViewOptions",
+    "open_run",
+    "open_view",
+    "record_frames",
+    "recording_of",
+]

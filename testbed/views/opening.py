@@ -6,9 +6,11 @@ from __future__ import annotations
 import logging
 import os
 import subprocess
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from testbed.frame import Frame
 from testbed.views.live import programs
 from testbed.views.view import NullView, Scene, View, ViewOptions
 
@@ -24,7 +26,7 @@ def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None 
     """
     if recording is None:
         return NullView()
-    # read by Rerun when it is imported: errors of its file writer are raised, and need not be told twice
+    # read by Rerun when it is imported: errors of its file writer are raised, so its log need not repeat them
     os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
     from testbed.views.rerun.rerun_view import RerunView
 
@@ -50,25 +52,41 @@ class OpenedRun:
             self.process.wait()
 
 
-def open_run(run: Path, serve: bool = False) -> OpenedRun:
-    """Show the recording of a run: in the native viewer, or on a web page of this machine.
+def recording_of(path: Path) -> Path | None:
+    """Return the recording of a run directory, or the path itself if it is one; None for anything else."""
+    recording = path / RECORDING if path.is_dir() else path
+    return recording if recording.is_file() and recording.suffix == ".rrd" else None
 
-    run: a run directory, or a recording
+
+def record_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> None:
+    """Write a drive without an estimate as a recording, see `testbed.views.rerun.frames_recording`."""
+    from testbed.views.rerun.frames_recording import write_frames
+
+    write_frames(recording, frames, scene)
+
+
+def open_run(run: Path, *more: Path, serve: bool = False) -> OpenedRun:
+    """Show the recordings of runs: in the native viewer, or on a web page of this machine.
+
+    run, more: run directories, or recordings
 
     Raises:
         ValueError: there is no recording, or no display for a window.
     """
-    recording = run / RECORDING if run.is_dir() else run
-    if not recording.is_file() or recording.suffix != ".rrd":
-        raise ValueError(f"{run}: no recording; expected a run directory with {RECORDING}, or an .rrd file")
+    recordings = []
+    for path in (run, *more):
+        recording = recording_of(path)
+        if recording is None:
+            raise ValueError(f"{path}: no recording; expected a run directory with {RECORDING}, or an .rrd file")
+        recordings.append(str(recording))
     if serve:
         port, web_port = programs.free_port(), programs.free_port()
-        command = [*programs.server_command(port, web_port), str(recording)]
+        command = [*programs.server_command(port, web_port), *recordings]
         address = programs.web_address(port, web_port)
     else:
         if programs.display_missing():
             raise ValueError("no display to open the viewer on; use --serve and a browser")
-        command = [*programs.window_command(programs.free_port()), str(recording)]
+        command = [*programs.window_command(programs.free_port()), *recordings]
         address = None
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return OpenedRun(process, address)

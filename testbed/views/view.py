@@ -12,10 +12,12 @@ from urllib.parse import urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.config import MotionConfig
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
+from testbed.views.map_cells import MapCells
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 """Schemes of the addresses of Rerun's viewers and servers."""
@@ -33,16 +35,37 @@ class Scene:
     """Number of particles of the filter, at most."""
     true_map: OccupancyGrid | None = None
     """The true map in the world's frame, if known."""
+    T_world_map: Pose | None = None
+    """The map's frame seen from the world's, (3,); None = both paths start at the same pose."""
     robot_urdf: str | None = None
     """The robot as URDF text, base_link on the floor, x forward; None = a disc of `robot_radius` is drawn."""
     robot_radius: float = 0.2
     """Radius of the robot [m]; also the length of its heading arrow."""
+    motion: MotionConfig | None = None
+    """The filter's motion model, to show what it predicts; None = unknown."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposal:
+    """Lines 4 to 21 of Algorithm 1 for the best particle, in the map's frame."""
+
+    samples: Pose
+    """The K poses that were drawn about the optimum, (K, 3)."""
+    weights: NDArray[np.float64] | None
+    """Weight of each sample, (K,), the largest is 1; None = unknown."""
+    mean: Pose
+    """Mean of the Gaussian that was fitted to the samples, (3,)."""
+    covariance: NDArray[np.float64]
+    """Its covariance, (3, 3)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Snapshot:
-    """What is known at one scan. Poses of the estimate are in the map's frame, those of the odometry in its own, the
-    truth in the world's: a view lays them on top of each other at the first snapshot."""
+    """What is known at one scan.
+
+    Poses of the estimate are in the map's frame, those of the odometry in its own, the truth in the world's: a view
+    aligns them at the first snapshot.
+    """
 
     stamp: float
     """Time of the scan [s]."""
@@ -60,21 +83,27 @@ class Snapshot:
     """`T_map_robot` of each particle, (particles, 3)."""
     weights: NDArray[np.float64] | None = None
     """Weights of the particles, (particles,)."""
-    proposal_samples: Pose | None = None
-    """The K poses that were drawn about the optimum of the best particle, (K, 3), map's frame."""
+    best: int = 0
+    """Number of the best particle among `poses`: the step's own `best` is its number before resampling."""
+    proposal: Proposal | None = None
+    """How the new pose of the best particle was found; None where matching failed, or with another proposal."""
+    localization: str | None = None
+    """State of a localisation: searching, ambiguous or found; None while a map is made."""
     collided: bool = False
     """Whether the robot has touched something."""
     notes: tuple[str, ...] = ()
-    """Further lines for the event log."""
+    """Further warnings for the event log."""
     path: Callable[[int | None], Pose] | None = None
-    """Path of a particle (None = the best) through all updates, (updates, 3); asked for about once a second."""
+    """Path of a particle (None = the best) through all updates, (updates, 3); called about once a second."""
+    cells: Callable[[int], MapCells] | None = None
+    """Map of a particle as the filter stores it; called about once a second. None = the map is `map`."""
     map: Callable[[int | None], OccupancyGrid] | None = None
-    """Map of a particle (None = the best); asked for about once a second, and once more at the end."""
+    """Map of a particle (None = the best) as a grid of its own; called at the end, and where `cells` is None."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """Where a run can be watched while it goes on, beside its recording; several at once."""
+    """Live viewers of a run, in addition to its recording; several can be combined."""
 
     window: bool = False
     """Open the native viewer."""
@@ -101,10 +130,10 @@ class View(Protocol):
         """Address of the web page, where one is served."""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show one scan. The snapshot's callables are called before this returns; those of the last one in `close`."""
+        """Show one scan. Its callables are called before this returns; those of the last snapshot also in `close`."""
 
     def finish(self, path: Pose, grid: OccupancyGrid) -> None:
-        """Replace path (scans, 3) and map by the result of a final pass, once all snapshots were shown."""
+        """Show the path (scans, 3) and the map that a final pass made of the run, after the last snapshot."""
 
     def close(self) -> None:
         """Complete the recording; returns soon, whatever the viewers do."""

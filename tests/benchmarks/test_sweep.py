@@ -15,14 +15,16 @@ import pytest
 from eval.sweep.report import write_sweep_report
 from testbed.kernels import compile_kernels
 from testbed.sweep.execute import execute, pending, prepare
-from testbed.sweep.execution.compute import CellResult, compute
+from testbed.sweep.execution.compute import compute
 from testbed.sweep.execution.local_pool import Event, run_locally
 from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.gather import gather
+from testbed.sweep.result import CellResult
 from testbed.sweep.spec.code_version import code_version
 from testbed.sweep.spec.plan import Costs, by_work, input_digests, plan
 from testbed.sweep.spec.spec import SweepSpec, parse_spec
 from testbed.sweep.store import SweepDirectory
+from tests.shell import call
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(1200)]
 
@@ -43,7 +45,12 @@ def carried_out(spec: SweepSpec, out: Path, workers: int) -> tuple[float, float]
     shutil.rmtree(out, ignore_errors=True)
     start = time.perf_counter()
     directory, costs = prepare(out, spec)
-    execute(directory, pending(directory, costs, None), lambda cells: run_locally(cells, workers, Limits()), Silent())
+    execute(
+        directory,
+        pending(directory, directory.manifest.cells(), costs, None),
+        lambda cells: run_locally(cells, workers, Limits()),
+        Silent(),
+    )
     wall = time.perf_counter() - start
     gather(directory)
     return wall, sum(pq.read_table(out / "timings.parquet").column("cell_s").to_pylist())
@@ -59,6 +66,24 @@ def test_overhead_and_throughput(tmp_path):
     print(f"two workers: {two:.1f} s, {one / two:.2f} times as fast; their cells took {own_of_two:.1f} s")
     assert one < 1.03 * own
     assert one / two > 1.8
+
+
+def test_share_of_the_filter_in_a_whole_sweep(tmp_path):
+    """Many small jobs by the command: forecast, simulation, scoring, worst runs and report are the rest."""
+    compile_kernels()
+    out, workers = tmp_path / "sweep", 2
+    grid = ["--worlds", "apartment", "--particles", "5,6,7,8,9,10,11,12,13,14", "--seeds", "20", "--refine", "none"]
+    start = time.perf_counter()
+    assert call("sweep", *grid, "--workers", str(workers), "--out", out) == 0
+    whole = workers * (time.perf_counter() - start)
+    timings = pq.read_table(out / "timings.parquet")
+    own, cells = (sum(timings.column(name).to_pylist()) for name in ("wall_s", "cell_s"))
+    count = timings.num_rows
+    print(
+        f"\n{count} jobs of {cells / count:.1f} s: filter and final pass {100.0 * own / whole:.1f} %, "
+        f"simulation and scoring {100.0 * (cells - own) / whole:.1f} %, the rest {100.0 * (1.0 - cells / whole):.1f} %"
+    )
+    assert own > 0.5 * whole
 
 
 def test_ten_thousand_cells_are_planned_and_gathered(tmp_path):
@@ -91,5 +116,5 @@ def test_ten_thousand_cells_are_planned_and_gathered(tmp_path):
 
 def keep_like(directory: SweepDirectory, cell, result: CellResult, number: int) -> None:
     """The result of one cell as that of another, with another error."""
-    error = result.metrics["trajectory"] | {"ate_rmse_m": 0.01 + 1e-6 * number}
-    directory.keep(cell, CellResult(result.metrics | {"trajectory": error}, result.curves, result.timing))
+    error = result.metrics["trajectory_filter"] | {"ate_rmse_m": 0.01 + 1e-6 * number}
+    directory.keep(cell, CellResult(result.metrics | {"trajectory_filter": error}, result.curves, result.timing))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from eval.estimates import SCORED
-from testbed.cli import app
+from testbed.cli.shared.app import app
 from testbed.cli.shared.help_texts import HELP
 
 ROOT = Path(__file__).parents[2]
@@ -132,6 +132,12 @@ def test_links_lead_to_files_and_headings(page):
 
 
 @every_page
+def test_every_table_has_rows(page):
+    text = prose_of(page)
+    assert re.findall(r"^\|(?: ?-+ ?\|)+\n(?!\|).*$", text, flags=re.MULTILINE) == []
+
+
+@every_page
 def test_files_it_names_exist(page):
     for span in spans_of(page):
         path = span.split("::")[0]
@@ -179,12 +185,23 @@ def test_identifiers_are_those_of_the_code(page, finished_run):
 @every_page
 def test_commands_and_their_options_exist(page):
     for line in commands_of(page):
-        command = line.split()[1]
-        assert command in HELP or command == "COMMAND", f"`{line}`: no such command"
-        if command in HELP:
-            for option in re.findall(r"(?<![\w-])--[a-z][\w.-]*\w", line):
-                known = options_of(command) | options_of("run" if command == "sweep" else command) | {"--help"}
-                assert option in known, f"`{line}`: {command} has no option {option}"
+        if line.split()[1] != "COMMAND":
+            assert_command(line)
+
+
+@pytest.mark.parametrize("text", HELP.values(), ids=HELP)
+def test_commands_in_the_help_exist(text):
+    for line in re.findall(r"^testbed [a-z].*$", text, flags=re.MULTILINE):
+        assert_command(line)
+
+
+def assert_command(line: str) -> None:
+    """The command of a line and its options exist."""
+    command = line.split()[1]
+    assert command in HELP, f"`{line}`: no such command"
+    for option in re.findall(r"(?<![\w-])--[a-z][\w.-]*\w", line):
+        known = options_of(command) | options_of("run" if command == "sweep" else command) | {"--help"}
+        assert option in known, f"`{line}`: {command} has no option {option}"
 
 
 @every_page

@@ -4,25 +4,76 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from eval.first_failure import find_failure, first_bad_match, first_bad_stretch
 from eval.trajectory.relations import Relations
 from eval.trajectory.trajectory import Trajectory
-from slam.se2 import between
+from slam.se2 import between, compose
 
 
-def test_the_first_bad_stretch_is_where_the_path_was_bent():
-    x = 0.1 * np.arange(300)
-    truth = Trajectory(x, np.column_stack([x, 0.0 * x, 0.0 * x]))
-    bent = truth.poses.copy()
-    bent[120:, 1] += 0.3
-    failure = first_bad_stretch(Trajectory(x, bent), truth)
-    assert (failure.bad, failure.scan, failure.since) == (True, 120, 110)
-    np.testing.assert_allclose(failure.estimated, bent[120])
-    np.testing.assert_allclose(failure.true_pose, truth.poses[120])
-    fine = first_bad_stretch(truth, truth)
-    assert not fine.bad
+def straight(n: int = 300, step: float = 0.1) -> Trajectory:
+    """A straight true path, 0.1 s between poses."""
+    x = step * np.arange(n)
+    return Trajectory(0.1 * np.arange(n), np.column_stack([x, 0.0 * x, 0.0 * x]))
+
+
+def jumped(truth: Trajectory, at: int, motion: list[float]) -> np.ndarray:
+    """Poses of an estimate that goes on from another pose from row `at` on."""
+    poses = truth.poses.copy()
+    poses[at:] = compose(compose(poses[at], motion), between(poses[at], poses[at:]))
+    return poses
+
+
+@pytest.mark.parametrize("motion", [[0.0, 0.4, 0.0], [0.0, 0.0, 0.5], [1.0, 0.0, 0.0], [3.0, -2.0, 2.0]])
+def test_the_moment_is_the_jump_from_which_nothing_comes_back(motion):
+    truth = straight()
+    failure = first_bad_stretch(Trajectory(truth.stamps, jumped(truth, 120, motion)), truth)
+    assert failure.bad
+    assert abs(failure.scan - 120) <= 3
+    assert 108 <= failure.since < failure.scan
+    assert failure.blips == ()
+    np.testing.assert_allclose(failure.true_pose, truth.poses[failure.scan])
+
+
+def test_a_blip_that_heals_is_listed_and_the_loss_after_it_is_the_moment():
+    truth = straight()
+    poses = jumped(truth, 200, [0.0, 0.0, 1.3])
+    poses[80:82] = compose(poses[80:82], [0.1, 0.2, 0.3])
+    failure = first_bad_stretch(Trajectory(truth.stamps, poses), truth)
+    assert failure.bad
+    assert abs(failure.scan - 200) <= 2
+    (blip,) = failure.blips
+    assert blip.stamp == pytest.approx(8.0, abs=0.11)
+    assert blip.end < 9.5
+    assert blip.degrees == pytest.approx(np.degrees(0.3), abs=0.5)
+
+
+def test_an_estimate_that_comes_back_after_metres_has_not_failed():
+    truth = straight()
+    poses = truth.poses.copy()
+    poses[100:160, 1] += 0.8
+    failure = first_bad_stretch(Trajectory(truth.stamps, poses), truth)
+    assert not failure.bad
+    assert failure.blips[0].stamp == pytest.approx(10.0, abs=0.11)
+
+
+def test_a_right_estimate_and_one_that_drifts_have_no_moment():
+    truth = straight()
+    assert not first_bad_stretch(truth, truth).bad
+    drift = Trajectory(truth.stamps, truth.poses * [1.01, 1.0, 1.0])
+    assert not first_bad_stretch(drift, truth).bad
     assert first_bad_stretch(truth[:5], truth[:5]) is None
+
+
+def test_a_loop_that_stays_open_fails_where_the_robot_comes_back():
+    angle = np.linspace(0.0, 4.0 * np.pi, 800)
+    poses = np.column_stack([5.0 * np.cos(angle), 5.0 * np.sin(angle), angle + 0.5 * np.pi])
+    truth = Trajectory(0.1 * np.arange(800), poses)
+    slow = poses + np.linspace(0.0, 1.0, 800)[:, None] * [1.5, 0.0, 0.0]  # 2 cm a metre
+    failure = first_bad_stretch(Trajectory(truth.stamps, slow), truth)
+    assert failure.bad
+    assert 360 <= failure.scan <= 420  # the beginning of the second lap
 
 
 def test_without_truth_the_first_scan_off_the_map_is_found():

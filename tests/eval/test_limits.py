@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eval.limits import GateError, Limit, check
+from eval.limits import Limit, LimitError, check
 
 METRICS = {
     "outcome": "ok",
@@ -26,7 +26,7 @@ METRICS = {
         ("trajectory.drift_percent > 100", True),
     ],
 )
-def test_a_limit_is_broken_when_it_holds_and_when_nothing_was_measured(text, broken):
+def test_a_limit_is_broken_when_it_holds_or_is_not_measured(text, broken):
     sentences = check(METRICS, [Limit.parse(text)])
     assert len(sentences) == int(broken)
     if broken:
@@ -51,7 +51,7 @@ def test_comparisons_are_those_of_numbers(value, bound):
     ],
 )
 def test_what_is_no_limit_is_refused(text, expected):
-    with pytest.raises(GateError, match=expected):
+    with pytest.raises(LimitError, match=expected):
         Limit.parse(text)
 
 
@@ -60,15 +60,29 @@ def test_what_is_no_limit_is_refused(text, expected):
 def test_any_text_is_read_or_refused(text):
     try:
         limit = Limit.parse(text)
-    except GateError:
+    except LimitError:
         return
     assert limit.comparison in text
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "relations.trans_mean_m > 1",
+        "localization.fit < 0.5",
+        "map_filter.iou < 0.5",
+        "trajectory.rpe.50m.trans_rmse_m > 1",
+    ],
+)
+def test_a_measure_that_is_missing_breaks_its_limit(text):
+    (sentence,) = check(METRICS, [Limit.parse(text)])
+    assert "could not be measured" in sentence
+
+
 def test_an_unknown_key_is_an_error_that_names_the_nearest():
-    with pytest.raises(GateError, match=r"no trajectory\.ate_rms; near: trajectory\.ate_rmse_m"):
+    with pytest.raises(LimitError, match=r"no trajectory\.ate_rms; near: trajectory\.ate_rmse_m"):
         check(METRICS, [Limit.parse("trajectory.ate_rms > 1")])
-    with pytest.raises(GateError, match="a group of numbers, not a number"):
+    with pytest.raises(LimitError, match="a group of numbers, not a number"):
         check(METRICS, [Limit.parse("trajectory.rpe > 1")])
-    with pytest.raises(GateError, match="a word, not a number"):
+    with pytest.raises(LimitError, match="a word, not a number"):
         check(METRICS, [Limit.parse("outcome == 1")])

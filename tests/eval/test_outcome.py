@@ -50,7 +50,7 @@ def test_a_jump_of_a_metre_or_a_sudden_quarter_turn_is_lost():
     assert label(changed(400, [0.0, 0.0, np.pi / 2])) == "lost"
 
 
-def test_a_turn_too_small_to_be_lost_that_no_loop_mends_is_a_broken_loop():
+def test_a_small_turn_that_opens_a_loop_is_a_broken_loop():
     assert label(changed(400, [0.0, 0.0, np.radians(12.0)])) == "broken loop"
 
 
@@ -70,7 +70,7 @@ def test_an_estimate_that_stops_or_ends_on_the_way_is_lost():
     assert label_of(TRUTH[::7]) == "ok"  # fewer poses are no fault
 
 
-def test_an_estimate_that_ends_on_the_way_is_lost_by_relations_too():
+def test_an_estimate_that_ends_early_is_lost_by_relations_too():
     first = np.arange(0, len(POSES) - 10, 5)
     relations = Relations(TRUTH.stamps[first], TRUTH.stamps[first + 10], between(POSES[first], POSES[first + 10]))
     for end, expected in ((len(POSES), "ok"), (6 * len(POSES) // 10, "lost")):
@@ -128,7 +128,7 @@ def test_few_poses_are_not_thinned_out():
     ("name", "expected"),
     [("intel_gmapping_30_seed1", "ok"), ("intel_karto", "ok"), ("intel_gmapping_5_seed1", "broken loop")],
 )
-def test_known_results_on_a_real_log_are_labelled_as_their_maps_look(name, expected):
+def test_results_on_a_real_log_are_labelled_as_their_maps_look(name, expected):
     folder = datasets()
     path = folder.parent / "peers" / f"{name}.tum"
     if not path.exists():

@@ -133,7 +133,7 @@ def test_a_moved_estimate_with_its_map_scores_the_same(run):
     assert a["map"]["iou"] == pytest.approx(b["map"]["iou"], abs=0.01)
 
 
-def test_a_map_that_is_only_misplaced_is_told_from_one_that_is_bent(run):
+def test_a_misplaced_map_differs_from_a_bent_one(run):
     truth, true_map = read_tum(run / "truth.tum"), read_map(run / "truth_map.yaml")
     metrics = score(truth, reference=Reference(trajectory=truth, grid=true_map), grid=moved(true_map, (0.2, 0.1, 0.01)))
     assert metrics["map"]["wall_distance_m"] > 0.1
@@ -141,7 +141,7 @@ def test_a_map_that_is_only_misplaced_is_told_from_one_that_is_bent(run):
     assert metrics["map"]["best_rigid"]["moved_m"] == pytest.approx(np.hypot(0.2, 0.1), abs=0.05)
 
 
-def test_without_a_reference_nothing_is_scored_and_nothing_claimed():
+def test_without_a_reference_nothing_is_scored():
     metrics = score(TRUTH, reference=Reference(), grid=room())
     assert metrics["outcome"] == "unjudged"
     assert "trajectory" not in metrics
@@ -198,7 +198,7 @@ def test_a_relations_file_is_enough(tmp_path):
     assert metrics["relations"]["loops"] is None
 
 
-def test_relations_are_scored_on_the_dense_estimate_where_there_is_one():
+def test_relations_are_scored_on_the_dense_estimate():
     relations = Relations(
         TRUTH.stamps[1:200:2], TRUTH.stamps[101:300:2], between(TRUTH.poses[1:200:2], TRUTH.poses[101:300:2])
     )

@@ -10,7 +10,7 @@ from worlds.difficulty import observability
 WIDE = 100.0
 
 
-def test_a_bare_corridor_tells_nothing_along_it_and_a_square_everything():
+def test_a_corridor_constrains_one_direction_a_square_both():
     corridor = np.array([[-WIDE, 1.0, WIDE, 1.0], [-WIDE, -1.0, WIDE, -1.0]])
     square = np.array([[-5, -5, 5, -5], [5, -5, 5, 5], [5, 5, -5, 5], [-5, 5, -5, -5]], float)
     here = np.zeros(2)
@@ -19,7 +19,7 @@ def test_a_bare_corridor_tells_nothing_along_it_and_a_square_everything():
     assert observability(5.0 * square, here) == 0.0  # nothing in reach
 
 
-def test_observability_does_not_depend_on_the_direction_of_the_world():
+def test_observability_does_not_depend_on_the_worlds_direction():
     rng = np.random.default_rng(0)
     segments = rng.uniform(-8, 8, (30, 4))
     turned = segments.copy()

@@ -18,7 +18,7 @@ def lengths(segments):
     return np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
 
 
-def test_closed_wall_with_thickness_is_a_frame_with_mitred_corners():
+def test_a_closed_thick_wall_has_mitred_corners():
     frame = Wall(points=SQUARE, closed=True, thickness=0.2).shape()
     assert frame.area == pytest.approx(4.2 * 3.2 - 3.8 * 2.8, abs=1e-12)
 
@@ -27,6 +27,14 @@ def test_openings_cut_their_width_out_of_the_wall():
     wall = Wall(points=[(0, 0), (10, 0)], openings=[Opening(at=2.0, width=1.0), Opening(at=9.9, width=1.0)])
     assert wall.shape().length == pytest.approx(10.0 - 1.0 - 0.6, abs=1e-12)
     assert wall.shape().distance(shapely.Point(2.0, 0.0)) == pytest.approx(0.5, abs=1e-12)
+
+
+@pytest.mark.parametrize(("closed", "length"), [(False, 2.0), (True, 4.0)])
+def test_openings_beyond_the_end_of_the_wall_are_refused(closed, length):
+    points = [(0, 0), (2, 0)]
+    assert Wall(points=points, closed=closed, openings=[Opening(at=length)]).openings
+    with pytest.raises(ValueError, match=f"expected openings within the {length:.2f} m of the wall, got one at"):
+        Wall(points=points, closed=closed, openings=[Opening(at=length + 0.01)])
 
 
 def test_opening_in_a_closed_wall_may_lie_on_the_closing_side():

@@ -52,7 +52,7 @@ def test_areas_are_those_of_the_geometry():
 
 
 @pytest.mark.parametrize("resolution", [0.03, 0.05, 0.1])
-def test_every_occupied_cell_holds_a_surface_and_every_surface_seen_is_in_one(resolution):
+def test_occupied_cells_are_those_with_a_visible_surface(resolution):
     world = worlds.load("office")
     truth = worlds.true_map(world, resolution, height=0.2)
     surface = shapely.union_all(shapely.linestrings(world.boundary_segments(0.2).reshape(-1, 2, 2)))

@@ -57,7 +57,7 @@ class Step:
     motion: Pose
     """Displacement by odometry since the last step, (3,)."""
     predicted: Pose
-    """Where odometry takes each particle, (particles, 3)."""
+    """Poses predicted by odometry, (particles, 3)."""
     proposed: ProposalResult
     weights: NDArray[np.float64]
     """Before resampling, (particles,)."""

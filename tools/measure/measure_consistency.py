@@ -45,7 +45,7 @@ class Study:
 
     world: str
     duration: float = 1800.0
-    """At most [s]."""
+    """Longest simulated time [s]."""
     lidar: LidarLayers = field(default_factory=LidarLayers)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     seeds: int = 20

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Measure how fast datasets are written and read; prints the table of docs/datasets.md.
+"""Measure how fast datasets are written and read.
 
-    python tools/measure/measure_datasets.py [--seconds 120] [--world office] [--backend fast]
+    python -m tools.measure.measure_datasets [--seconds 120] [--world office] [--backend fast]
+
+Prints: the table of speed in docs/datasets.md
 
 Figures are simulated seconds per CPU second of one process, without start-up, and ratios to the floor: the CPU time of
 the format's library alone (mcap or rosbags, sqlite3, pyarrow, gzip) to write the same content from memory. A figure is

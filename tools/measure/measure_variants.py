@@ -73,7 +73,7 @@ class Recording:
     frames: list[Frame]
     relations: Relations | None = None
     poses: NDArray[np.float64] | None = None
-    """At the scans, (scans, 3); None = the truth of the frames."""
+    """Reference poses at the scans, (scans, 3); None = the truth of the frames."""
 
     def error(self, estimate: Estimate) -> tuple[float, float]:
         """Error of position [m] and of heading [deg]; the module's docstring says which."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -29,18 +30,20 @@ _REACH = 3.0
 """Floor counts as visited when the tour has passed it at this walking distance [m]."""
 
 
-def plan_tour(world: World, *, footprint_radius: float) -> World:
+def plan_tour(world: World, *, footprint_radius: float, progress: Callable[[float], None] | None = None) -> World:
     """Return the world with a tour: always to the nearest floor not yet visited, and back to the start at the end.
 
     footprint_radius: all legs keep more than this distance from all surfaces [m]. Floor behind narrower gaps is not
-    visited. The same world gets the same tour. Raises `WorldError` if the start has no room for the robot, or if no
-    other floor can be reached.
+    visited. The same world gets the same tour. progress: called with the visited share of the floor after each leg, 0
+    to 1. Raises `WorldError` if the start has no room for the robot, or if no other floor can be reached.
     """
     graph = _FloorGraph(world, footprint_radius)
     unvisited = np.ones(len(graph.centres), dtype=np.bool_)
     here, legs = graph.start, [[graph.start]]
     while True:
         unvisited &= np.isinf(graph.costs(legs[-1], limit=_REACH))
+        if progress is not None:
+            progress(1.0 - float(unvisited.mean()))
         leg = graph.to_nearest(here, unvisited)
         if leg is None:
             break

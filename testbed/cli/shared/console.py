@@ -6,11 +6,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
 from testbed.kernels import compile_kernels, is_compiled
+
+if TYPE_CHECKING:
+    from worlds import World
 
 console = Console(stderr=True, highlight=False)
 """Console for progress and messages."""
@@ -25,6 +29,28 @@ def announce_compilation() -> None:
     console.print("Compiling the kernels: once per version, about a minute …")
     seconds = compile_kernels()
     console.print(f"The kernels were compiled in {seconds:.0f} s and are kept on disk.")
+
+
+class SlowProgress:
+    """Progress of a job that is usually short: prints the share that is done every few seconds once it takes long."""
+
+    def __init__(self, job: str, *, every: float = 4.0) -> None:
+        self._job, self._every, self._next = job, every, time.perf_counter() + every
+
+    def __call__(self, share: float) -> None:
+        """Print the share that is done, 0 to 1, if the last line was long ago."""
+        now = time.perf_counter()
+        if now >= self._next:
+            console.print(f"{self._job}: {share:.0%}")
+            self._next = now + self._every
+
+
+def announce_world(world: World) -> None:
+    """Print what is doubtful about a world."""
+    from worlds.check import unit_notes  # takes a geometry library along
+
+    for note in unit_notes(world):
+        console.print(f"note: {note}", soft_wrap=True)
 
 
 class ProgressLine:

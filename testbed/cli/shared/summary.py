@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The figures of a run that matter most, as a table."""
+"""The figures of a run that matter most, as a table for the terminal."""
 
 from __future__ import annotations
 
@@ -9,33 +9,42 @@ from typing import Any
 from rich.table import Table
 
 HEADLINES = (
-    ("trajectory.ate_rmse_m", "trajectory error (ATE)", "{:.3f} m"),
-    ("localization.error_median_m", "error in the map's frame, median", "{:.3f} m"),
-    ("localization.found_after_m", "found after driving", "{:.1f} m"),
-    ("trajectory.heading_rmse_deg", "heading error", "{:.2f} deg"),
-    ("trajectory.odometry.ate_rmse_m", "odometry's error (ATE)", "{:.3f} m"),
-    ("relations.trans_mean_m", "relations, translation", "{:.4f} m"),
-    ("relations.trans_std_m", "relations, translation, std", "{:.4f} m"),
-    ("relations.rot_mean_deg", "relations, rotation", "{:.3f} deg"),
-    ("relations.pairs", "relations, pairs", "{}"),
-    ("map.iou", "map overlap (IoU)", "{:.3f}"),
-    ("map.wall_distance_m", "map, wall distance", "{:.3f} m"),
-    ("filter.resamplings", "resamplings", "{}"),
-    ("realtime_factor", "speed", "{:.1f} x real time"),
+    (("trajectory.ate_rmse_m",), "trajectory error (ATE)", "{:.3f} m"),
+    (("localization.error_median_m",), "error in the map's frame, median", "{:.3f} m"),
+    (("localization.found_after_m",), "found after driving", "{:.1f} m"),
+    (("trajectory.heading_rmse_deg",), "heading error", "{:.2f} deg"),
+    (("trajectory.odometry.ate_rmse_m",), "odometry's error (ATE)", "{:.3f} m"),
+    (("relations.trans_mean_m", "relations.trans_std_m"), "relations, translation", "{:.4f} ± {:.4f} m"),
+    (("relations.rot_mean_deg",), "relations, rotation", "{:.3f} deg"),
+    (("relations.pairs",), "relations, pairs", "{}"),
+    (("map.walls_within_cell_rate",), "walls within a cell of the true ones", "{:.1%}"),
+    (("map.missing_wall_rate",), "walls missing", "{:.1%}"),
+    (("map.double_wall_rate",), "walls double", "{:.1%}"),
+    (("map.wall_thickness_m", "map.true_wall_thickness_m"), "wall thickness (true)", "{:.3f} m ({:.3f} m)"),
+    (("map.wall_distance_subcell_m",), "wall distance", "{:.4f} m"),
+    (("filter.resamplings",), "resamplings", "{}"),
+    (("realtime_factor",), "speed", "{:.1f} x real time"),
 )
-"""Key in metrics.json, words, format."""
+"""Keys in metrics.json, words, format of their values."""
 
 
 def headline_table(metrics: Mapping[str, Any]) -> Table:
-    """The figures of `HEADLINES` that these metrics have."""
+    """Make the table: the outcome, its reason unless it is `ok`, and the figures that these metrics have."""
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_row("outcome", f"{metrics['outcome']}")
-    if metrics["outcome"] == "lost":
-        table.add_row("why", f"{metrics['outcome_reason']}")
-    for key, words, form in HEADLINES:
-        value: Any = metrics
-        for part in key.split("."):
-            value = value.get(part) if isinstance(value, Mapping) else None
-        if value is not None:
-            table.add_row(words, form.format(value))
+    reason = metrics.get("outcome_reason") or metrics.get("reason")
+    if metrics["outcome"] != "ok" and reason:
+        table.add_row("reason", f"{reason}")
+    for keys, words, number_format in HEADLINES:
+        values = [_value(metrics, key) for key in keys]
+        if None not in values:
+            table.add_row(words, number_format.format(*values))
     return table
+
+
+def _value(metrics: Mapping[str, Any], key: str) -> Any:
+    """The value of a key with dots; None where it is missing."""
+    value: Any = metrics
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    return value

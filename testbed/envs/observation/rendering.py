@@ -7,6 +7,7 @@ import math
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from gymnasium.error import DependencyNotInstalled, UnsupportedMode
@@ -86,6 +87,10 @@ class Screen:
         self._trail: list[Pose] = []
         self._truth, self._ranges = np.zeros(3), np.empty(0)
         self._periods = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave an open viewer out: a copy opens one of its own with its next episode."""
+        return self.__dict__ | {"_view": NullView(), "_folder": None}
 
     def begin(self, world: PreparedWorld, start: Pose) -> None:
         """Begin a new episode of a robot at `T_world_robot` (3,)."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
@@ -55,10 +55,21 @@ class Scenario:
         if start not in ("random", "world"):
             raise ValueError(f"start must be 'random' or 'world', got {start!r}")
         self._robot, self._start = robot, start
-        self._generated = lru_cache(MAX_PREPARED_WORLDS)(self._generate)
+        self._generated = self._cached()
         self._world, self._fixed = world, None
         if not isinstance(world, GeneratedWorlds):
             self._fixed = self._prepare(load(world) if isinstance(world, str) else world)
+
+    def _cached(self) -> Callable[[int], PreparedWorld]:
+        """Return `_generate` with a cache."""
+        return lru_cache(MAX_PREPARED_WORLDS)(self._generate)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_generated"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._generated = self._cached()
 
     def parse_reset_options(self, options: Mapping[str, Any] | None) -> ResetOptions:
         """Check the options of a reset.

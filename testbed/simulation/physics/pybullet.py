@@ -23,10 +23,16 @@ class PyBulletMissingError(ValueError):
 
 
 class PyBulletBackend:
-    """A world and a robot, moved by physics. Each one that is open has a physics client of its own (about 30 MB)."""
+    """A world and a robot, moved by physics; each open one has its own physics client (about 30 MB).
+
+    A copy or an unpickled backend repeats all motions from the start, since PyBullet cannot save its contacts; the bits
+    are the same.
+    """
 
     def __init__(self, world: World, robot: RobotPreset, limits: AccelerationLimits) -> None:
         """Place the robot at the start of the world. Raise `PyBulletMissingError` if pybullet cannot be imported."""
+        self._made_of = (world, robot, limits)
+        self._driven: list[tuple[float, float, int]] = []
         self._scene = borrow(import_pybullet(), world, robot)
         self._open = True
         self._half_track, self._wheel_radius, self._limits = robot.track / 2.0, robot.wheel_radius, limits
@@ -36,6 +42,7 @@ class PyBulletBackend:
     def drive(self, speed: float, turn_rate: float, steps: int) -> Motion:
         """Move the robot, see `Backend.drive`."""
         scene = self._scene
+        self._driven.append((speed, turn_rate, steps))
         speeds = ramp(self._command[0], speed, self._limits.acceleration, steps)
         turn_rates = ramp(self._command[1], turn_rate, self._limits.turn_acceleration, steps)
         rims = np.stack([speeds - self._half_track * turn_rates, speeds + self._half_track * turn_rates], axis=-1)
@@ -68,6 +75,16 @@ class PyBulletBackend:
         if self._open:
             give_back(self._scene)
             self._open = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"made_of": self._made_of, "driven": self._driven, "open": self._open}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._open = False
+        if state["open"]:
+            self.__init__(*state["made_of"])  # type: ignore[misc]  # the state is what the constructor needs
+            for motion in state["driven"]:
+                self.drive(*motion)
 
 
 def import_pybullet() -> Any:

@@ -31,7 +31,7 @@ def compute(cell: Cell) -> CellResult:
     started = time.perf_counter()
     check_inputs(cell)
     recording = recording_of(cell)
-    job = job_of(cell, recording)
+    job = replace(job_of(cell, recording), aligns_map=False)  # it would take most of the time of scoring
     began = time.perf_counter()
     estimation = Estimation(job.filter, job.seeds.filter, job.threads)
     for frame in job.source:
@@ -41,6 +41,7 @@ def compute(cell: Cell) -> CellResult:
     metrics = metrics_of(
         job, estimation, filtered, estimate, wall_seconds=time.perf_counter() - began, ended=job.source.ended
     )
+    metrics["features"] = recording.features
     timing = {name: metrics.pop(name, None) for name in MEASURED} | {"cell_s": time.perf_counter() - started}
     del timing["peak_rss_mb"]  # this process has computed other cells, whose memory would count too
     return CellResult(metrics, _curves(estimation.steps.columns()), timing)
@@ -49,6 +50,7 @@ def compute(cell: Cell) -> CellResult:
 def job_of(cell: Cell, recording: Recording) -> Job:
     """The job that `testbed run` or `testbed slam` would execute with the settings of the cell."""
     settings = RunSettings.of(cell.settings)
+    truth = recording.truth_map(settings.filter.map.cell)
     return Job(
         source=recording.source,
         document={},
@@ -56,7 +58,8 @@ def job_of(cell: Cell, recording: Recording) -> Job:
         filter=replace(settings.filter, particles=cell.particles),
         threads=1,
         refine=settings.refine,
-        truth_map=recording.truth_map(settings.filter.map.cell),
+        truth_map=truth.grid,
+        truth_walls=truth.walls,
         relations=recording.relations,
     )
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Generator, Sequence
-from contextlib import suppress
+from collections.abc import Generator, Hashable, Sequence
 from dataclasses import dataclass, replace
 
+from testbed.sweep.execution.cell_queue import CellQueue
+from testbed.sweep.execution.recordings import recording_key
 from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess, fair_share_megabytes
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
@@ -33,16 +34,15 @@ Event = Started | Finished
 
 
 def run_locally(cells: Sequence[Cell], workers: int, limits: Limits) -> Generator[Event, None, None]:
-    """Compute cells in their order on `workers` processes and yield an event as each starts and finishes.
+    """Compute cells on `workers` processes and yield an event as each starts and finishes.
 
+    Cells of one recording go to one worker, which keeps it, and recordings are begun in the order of their first cells.
     If the limits name no memory, each worker may use its share of the machine's. Ending the iteration early, by
     Ctrl-C or `close`, stops the workers at once.
     """
     if limits.megabytes is None:
         limits = replace(limits, megabytes=fair_share_megabytes(workers))
-    waiting: queue.SimpleQueue[Cell] = queue.SimpleQueue()
-    for cell in cells:
-        waiting.put(cell)
+    waiting = CellQueue(cells, recording_key)
     events: queue.SimpleQueue[Event | BaseException] = queue.SimpleQueue()
     processes = [WorkerProcess(limits) for _ in range(min(workers, len(cells)))]
     threads = [threading.Thread(target=_serve, args=(process, waiting, events)) for process in processes]
@@ -57,25 +57,19 @@ def run_locally(cells: Sequence[Cell], workers: int, limits: Limits) -> Generato
             left -= isinstance(event, Finished)
             yield event
     finally:
-        with suppress(queue.Empty):
-            while True:
-                waiting.get_nowait()
+        waiting.clear()
         for process in processes:
             process.stop()
         for thread in threads:
             thread.join()
 
 
-def _serve(
-    process: WorkerProcess, waiting: queue.SimpleQueue[Cell], events: queue.SimpleQueue[Event | BaseException]
-) -> None:
+def _serve(process: WorkerProcess, waiting: CellQueue, events: queue.SimpleQueue[Event | BaseException]) -> None:
     """Feed one worker until no cell is waiting."""
+    recording: Hashable | None = None
     try:
-        while True:
-            try:
-                cell = waiting.get_nowait()
-            except queue.Empty:
-                return
+        while (taken := waiting.take(recording)) is not None:
+            recording, cell = taken
             events.put(Started(cell))
             events.put(Finished(cell, outcome_of(process, cell)))
     except BaseException as error:  # such as a process that cannot be started: the iterating thread raises it

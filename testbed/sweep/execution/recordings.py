@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from eval.files.tum import read_tum
 from eval.map.grids import grid_from_true_map
@@ -19,9 +22,18 @@ from testbed.run.job import RecordedFrames
 from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import SimulationConfig, simulate
+from testbed.sweep.execution.features import Features, features_of
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings
 from worlds import World, true_map
+
+
+class TruthMap(NamedTuple):
+    """The true map; None where it is unknown."""
+
+    grid: OccupancyGrid | None
+    walls: NDArray[np.float64] | None
+    """Exact walls `(x0, y0, x1, y1)` [m], (n, 4)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,30 +41,42 @@ class Recording:
     """Frames of a drive or log, with what is known of the truth."""
 
     source: RecordedFrames
+    features: Features = field(default_factory=dict)
+    """Features of world, route and sensors; empty for logs."""
     relations: Relations | None = None
-    truth_map: Callable[[float], OccupancyGrid | None] = lambda cell: None
-    """Draws the true map with cells of a given size [m]; returns None if it is unknown."""
+    truth_map: Callable[[float], TruthMap] = lambda cell: TruthMap(None, None)
+    """Draws the true map with cells of a given size [m]."""
+
+
+def recording_key(cell: Cell) -> Hashable:
+    """What the recording of a cell depends on; cells with equal keys have the same frames."""
+    if "world" not in cell.source:
+        return json.dumps(cell.source, sort_keys=True)
+    return str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds
 
 
 def recording_of(cell: Cell) -> Recording:
     """Simulate or read the recording of a cell. The last two are kept for further cells of the same drive."""
-    if "world" not in cell.source:
-        return _logged(json.dumps(cell.source, sort_keys=True))
-    return _driven(str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds)
+    key = recording_key(cell)
+    return _driven(*key) if isinstance(key, tuple) else _logged(str(key))
 
 
 @lru_cache(maxsize=2)
 def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recording:
-    place, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
-    with simulate(place, config) as simulation:
+    loaded, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
+    with simulate(loaded, config) as simulation:
         frames = list(simulation)
         source = RecordedFrames(frames, simulation.ended(simulator.duration))
-    return Recording(source=source, truth_map=_true_map(place, config))
+    return Recording(source=source, features=features_of(loaded, config), truth_map=_true_map(loaded, config))
 
 
-def _true_map(place: World, config: SimulationConfig) -> Callable[[float], OccupancyGrid]:
-    height = config.robot.lidar_mount.height
-    return lru_cache(maxsize=2)(lambda cell: grid_from_true_map(true_map(place, cell, height=height)))
+def _true_map(world: World, config: SimulationConfig) -> Callable[[float], TruthMap]:
+    @lru_cache(maxsize=2)
+    def drawn(cell: float) -> TruthMap:
+        exact = true_map(world, cell, height=config.robot.lidar_mount.height)
+        return TruthMap(grid_from_true_map(exact), exact.walls)
+
+    return drawn
 
 
 @lru_cache(maxsize=2)

@@ -14,10 +14,12 @@ def command_of(spec: SweepSpec) -> str:
     """The command that repeats a sweep; for logs and variants, which need a file, the one that reads `sweep.toml`."""
     if spec.logs or spec.variants:
         return "testbed sweep SPEC.toml  # with the table [spec] of sweep.toml as its content"
-    words = ["testbed", "sweep", "--worlds", ",".join(_grouped(spec.worlds))]
+    words = ["testbed", "sweep", "--worlds", ",".join(grouped(spec.worlds))]
     words += ["--particles", ",".join(map(str, spec.particles)), "--seeds", _seeds(spec.seeds)]
     if spec.measure:
         words += ["--measure", spec.measure]
+    if spec.until:
+        words += ["--until", spec.until]
     for name, values in spec.axes.items():
         words += ["--axis", f"{name}={','.join(map(_text, values))}"]
     for name, value in spec.settings.items():
@@ -25,7 +27,7 @@ def command_of(spec: SweepSpec) -> str:
     return shlex.join(words)
 
 
-def _grouped(worlds: tuple[str, ...]) -> list[str]:
+def grouped(worlds: tuple[str, ...]) -> list[str]:
     """Names of worlds, with `generated:KIND:0`, `generated:KIND:1`, … as `generated:KIND*N`."""
     words: list[str] = []
     for base, group in groupby(worlds, key=lambda name: name.rpartition(":")[0] or name):

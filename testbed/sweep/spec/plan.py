@@ -23,6 +23,8 @@ _YAML = (".yaml", ".yml")
 """Suffixes of ROS maps; the image of a map is a second file in the same directory."""
 _WITHOUT_PARTICLES = 9.0
 """Simulating and scoring take as long as this many particles (measured: mean over the preset `particles`)."""
+_FINAL_PASS = 14.0
+"""The final pass takes as long as this many particles (measured: office and apartment)."""
 _PROPOSAL_COSTS = {"improved": 1.0, "scan-match": 0.75, "motion": 0.85}
 """Time per particle by `filter.proposal.kind`, as a multiple of the first (measured on the same worlds)."""
 
@@ -124,8 +126,14 @@ class Costs:
 
     def __call__(self, cell: Cell) -> float:
         """Predicted work of one cell."""
+        return self.of_length(self.lengths[cell.place], cell)
+
+    @staticmethod
+    def of_length(length: float, cell: Cell) -> float:
+        """Predicted work of a cell if its drive or log had this length."""
         factor = _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
-        return self.lengths[cell.place] * (_WITHOUT_PARTICLES + factor * cell.particles)
+        final_pass = _FINAL_PASS if cell.settings.get("refine", True) else 0.0
+        return length * (_WITHOUT_PARTICLES + factor * cell.particles + final_pass)
 
 
 def _log_length(log: LogSource) -> float:

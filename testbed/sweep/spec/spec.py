@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from importlib import resources
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from eval.sweep.statistics import LEVEL
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
@@ -26,6 +27,8 @@ _PRESETS = resources.files("testbed") / "sweep" / "presets"
 BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
 """Baseline of the preset `gate` (`eval.sweep.regression_check`)."""
 
+SEEDS_PER_LOOK = 8
+"""With `until` so many seeds are added at a time."""
 ESTIMATES = {"online": "_online", "filter": "_filter", "refined": ""}
 """The three estimates of a run by their words for `measure`, and the suffix of their keys in `metrics.json`."""
 FINAL = ("trajectory", "map", "relations", "outcome")
@@ -96,6 +99,9 @@ class SweepSpec(BaseModel):
     """Key of `metrics.json` by which accuracy is measured, smaller is better; or one of the words `online`, `filter`,
     `refined`, which stand for the main measure of that estimate. Default: `filter`, which shows what the particles
     do (`trajectory_filter.ate_rmse_m` for worlds, `relations_filter.trans_mean_m` for logs)."""
+
+    until: Literal["", "decided"] = ""
+    """decided: the seeds are an upper bound, and worlds whose answer is known get no more (`testbed.sweep.looks`)."""
 
     @field_validator("seeds", mode="before")
     @classmethod
@@ -171,8 +177,21 @@ class SweepSpec(BaseModel):
         word = self.measure or "filter"
         if word not in ESTIMATES:
             return word
-        head, rest = ("relations", "trans_mean_m") if self.logs else ("trajectory", "ate_rmse_m")
+        has_relations = any(log.relations for log in self.logs) or not any(log.truth for log in self.logs)
+        by_relations = bool(self.logs) and has_relations
+        head, rest = ("relations", "trans_mean_m") if by_relations else ("trajectory", "ate_rmse_m")
         return f"{head}{ESTIMATES[word]}.{rest}"
+
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """After how many seeds the results are looked at; the last is the number of all seeds."""
+        count = len(self.seeds)
+        return (*range(SEEDS_PER_LOOK, count, SEEDS_PER_LOOK), count) if self.until else (count,)
+
+    @property
+    def level(self) -> float:
+        """Confidence level of the intervals at each look, so that all looks together keep `LEVEL`."""
+        return 1.0 - (1.0 - LEVEL) / len(self.looks)
 
     def refines(self, line: Line, particles: int) -> bool:
         """Whether runs of a line with so many particles end with the final pass.

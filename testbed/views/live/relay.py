@@ -102,7 +102,7 @@ def send(
 
     from testbed.views.rerun import entities
     from testbed.views.rerun.blueprints import blueprint
-    from testbed.views.rerun.scenery import Scenery
+    from testbed.views.rerun.scene.scenery import Scenery
 
     warnings.simplefilter("ignore", rr.error_utils.RerunWarning)  # each batch is a file without footer
     rec = rr.RecordingStream(entities.APPLICATION, recording_id=job["run"])

@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 from testbed.views.live import programs
-from testbed.views.rerun.scenery import Scenery
+from testbed.views.rerun.scene.scenery import Scenery
 from testbed.views.view import ViewOptions
 
 logger = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ class LiveViewer:
         logger.warning("%s: %s; the run goes on, its recording is complete", self.name, why)
 
     def wait(self) -> None:
-        """Where a web page is served: go on until Ctrl-C, then end the server."""
+        """Wait until Ctrl-C if a web page is served, then end the server."""
         if self.address is None:
             return
         try:

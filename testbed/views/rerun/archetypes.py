@@ -13,22 +13,46 @@ from numpy.typing import NDArray
 
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
+from testbed.views.map_cells import grey_levels
 from testbed.views.rerun import drawing
+from testbed.views.rerun.layers.map_tiles import SQUARE, Index
 
 
-def grid_map(grid: OccupancyGrid, z: float = 0.0, opacity: float = 1.0) -> rr.GridMap:
-    """A map; its lower left corner lies at the grid's origin, raised by z [m]."""
+def grid_map(grid: OccupancyGrid) -> rr.GridMap:
+    """A whole map; its lower left corner lies at the grid's origin."""
     x, y, theta = grid.origin
-    rows, cols = grid.probability.shape
+    image = grey_levels(grid.probability)[::-1]
     return rr.GridMap(
-        data=drawing.cells_from_top(grid).tobytes(),
-        format=rr.components.ImageFormat(width=cols, height=rows, color_model="L", channel_datatype="U8"),
+        data=image.tobytes(),
+        format=_image_format(*image.shape),
         cell_size=grid.resolution,
-        translation=(x, y, z),
+        translation=(x, y, 0.0),
         quaternion=rr.Quaternion(xyzw=drawing.quaternion(theta)),
-        colormap=rr.components.Colormap.RvizMap,
-        opacity=opacity,
+        colormap=rr.components.Colormap.Grayscale,
     )
+
+
+def square_frame(index: Index, cell: float) -> rr.GridMap:
+    """Everything but the image of a square of a map, whose cells measure `cell` [m]."""
+    side = SQUARE * cell
+    return rr.GridMap.from_fields(
+        format=_image_format(SQUARE, SQUARE),
+        cell_size=cell,
+        translation=(index[0] * side, index[1] * side, 0.0),
+        colormap=rr.components.Colormap.Grayscale,
+    )
+
+
+def _image_format(rows: int, columns: int) -> rr.components.ImageFormat:
+    return rr.components.ImageFormat(width=columns, height=rows, color_model="L", channel_datatype="U8")
+
+
+def image_buffers(images: Sequence[NDArray[np.generic]]) -> Any:
+    """Images as the Arrow array that Rerun would make of them, which it takes as it is."""
+    kind = rr.components.ImageBufferBatch._ARROW_DATATYPE
+    flat = np.concatenate([image.reshape(-1) for image in images])
+    offsets = np.cumsum([0, *(image.size for image in images)], dtype=np.int32)
+    return pa.ListArray.from_arrays(offsets, pa.array(flat), type=kind)
 
 
 def pose_transform(pose: Pose) -> rr.Transform3D:
@@ -38,15 +62,10 @@ def pose_transform(pose: Pose) -> rr.Transform3D:
     )
 
 
-def line(path: Pose, z: float) -> rr.LineStrips3D:
-    """The line through the positions of a path (n, 3) at height z [m]; its colour is set in `styles`."""
-    return rr.LineStrips3D.from_fields(strips=strips([drawing.lifted(path, z)]))
-
-
-def strips(lines: Sequence[NDArray[np.generic]]) -> Any:
-    """Lines (n, 3) as the Arrow array that Rerun would make of them, which it takes as it is: its own conversion
-    takes 30 us a line."""
+def strips(lines: Sequence[NDArray[Any]], z: float) -> Any:
+    """Lines (n, 2) at height z [m] as the Arrow array that Rerun would make of them, which it takes as it is: its own
+    conversion takes 30 us a line."""
     kind = rr.components.LineStrip3DBatch._ARROW_DATATYPE
-    flat = np.concatenate(lines).astype(np.float32, copy=False).reshape(-1)
+    flat = drawing.lifted(np.concatenate([np.zeros((0, 2)), *lines]), z).reshape(-1)
     offsets = np.cumsum([0, *(len(points) for points in lines)], dtype=np.int32)
     return pa.ListArray.from_arrays(offsets, pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type), type=kind)

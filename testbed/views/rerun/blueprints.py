@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Where the viewer puts what: a tab with everything at a glance, and one that compares four particles."""
+"""Where the viewer puts what: tabs for the whole run, the particles, the proposal and the final pass."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import rerun as rr
@@ -10,24 +11,35 @@ import rerun.blueprint as rrb
 
 from testbed.views.rerun import entities
 from testbed.views.rerun.drawing import Extent
-from testbed.views.rerun.scenery import Scenery
+from testbed.views.rerun.scene.scenery import Scenery
+from testbed.views.rerun.scene.styles import UNSEEN
 
-Layout = Literal["overview", "compare"]
+Layout = Literal["overview", "particles", "proposal", "final pass"]
 
-PAPER = [236, 238, 242]
 HEIGHT_PER_METRE = 1.25
 """Height of the eye above a square of 1 m that shall fill the view (the viewer's eye opens 55 degrees, less margin)."""
 LANDSCAPE = 1.35
 """A map view is about this much wider than high."""
 FOLLOW_HEIGHT = 25.0
 """Height of the eye above the robot while the size of the place is unknown [m]."""
+HALF_VIEW = 0.95
+"""Two views side by side are about this much wider than high."""
+CLOSE_UP_HEIGHT, WIDER_HEIGHT = 0.4, 9.0
+"""Heights of the eye above the robot in the views of the proposal [m]."""
 WHOLE_RUN = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
 
 
 def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
-    """Both layouts as tabs. Without an extent the eye follows the robot from above."""
+    """All layouts as tabs. Without an extent the eye follows the robot from above."""
+    tabs: dict[Layout, rrb.Container] = {
+        "overview": overview(scenery),
+        "particles": compare_particles(scenery.extent),
+        "proposal": proposal(),
+    }
+    if scenery.final_pass:
+        tabs["final pass"] = final_pass(scenery.extent)
     return rrb.Blueprint(
-        rrb.Tabs(overview(scenery), compare_particles(scenery.extent), active_tab=("overview", "compare").index(front)),
+        rrb.Tabs(*tabs.values(), active_tab=list(tabs).index(front)),
         rrb.TimePanel(state="collapsed", timeline=entities.TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -37,24 +49,24 @@ def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
 
 
 def overview(scenery: Scenery) -> rrb.Horizontal:
-    """The map with everything on it, beside the plots, the event log and the settings."""
+    """Lay out the map with everything on it, next to the plots, the event log and the settings."""
     errors = [
-        plot(entities.POSITION_ERROR, "Position error [m]"),
-        plot(entities.HEADING_ERROR, "Heading error [deg]"),
+        plot(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m),
+        plot(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg),
     ]
     return rrb.Horizontal(
         rrb.Vertical(
-            map_view(scenery.extent),
+            map_view("Map", scenery.extent),
+            legend_view("map"),
             rrb.StateTimelineView(origin=entities.STATE, name="State", time_view=rrb.TimeAxis(view_range=WHOLE_RUN)),
-            row_shares=[6, 1],
+            row_shares=[12, 1.3, 2.2],
         ),
         rrb.Vertical(
             *(errors if scenery.truth else []),
-            plot(entities.ESS, "Effective sample size", upper=1.05 * scenery.particles),
+            plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
             rrb.Tabs(
-                plot(entities.MATCHED, "Matched share", upper=1.05),
-                plot(entities.STAGES, "Time per stage [ms]"),
-                rrb.BarChartView(origin=entities.WEIGHTS, name="Weights"),
+                plot(entities.MATCHED, "Share of beams on known walls", "", 1.0),
+                plot(entities.STAGES, "Time per update", "ms"),
                 active_tab=0,
             ),
             rrb.Tabs(
@@ -68,69 +80,102 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
     )
 
 
-def map_view(extent: Extent | None) -> rrb.Spatial3DView:
-    """The world from above, x to the right. The true map is there to be switched on."""
-    whole_history = rrb.VisibleTimeRanges(
-        [
-            rrb.VisibleTimeRange(
-                entities.TIMELINE,
-                start=rrb.TimeRangeBoundary.infinite(),
-                end=rrb.TimeRangeBoundary.cursor_relative(),
-            )
-        ]
-    )
+def map_view(name: str, extent: Extent | None, follow: str = entities.ESTIMATED_ROBOT) -> rrb.Spatial3DView:
+    """The world from above, x to the right, with everything that is known at the time."""
+    contents = [f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)]
+    return top_view(name, contents, eye(extent, follow), origin=entities.WORLD)
+
+
+def top_view(
+    name: str, contents: Sequence[str], eye_controls: rrb.EyeControls3D, origin: str = "/"
+) -> rrb.Spatial3DView:
+    """A view from above on the grey of what was not seen, so that a map has no edge where its squares end."""
     return rrb.Spatial3DView(
-        origin=entities.WORLD,
-        contents=[f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)],
-        name="Map",
-        background=PAPER,
+        origin=origin,
+        contents=list(contents),
+        name=name,
+        background=list(UNSEEN),
         line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=eye(extent),
-        overrides={
-            entities.TRUE_MAP: rrb.EntityBehavior(visible=False),
-            entities.TRUE_PATH: whole_history,
-            entities.ODOMETRY_PATH: whole_history,
-        },
+        eye_controls=eye_controls,
     )
 
 
-def compare_particles(extent: Extent | None) -> rrb.Grid:
-    """The maps of four particles, from the heaviest to the lightest, side by side."""
-    return rrb.Grid(
-        *(
-            rrb.Spatial3DView(
-                origin="/",
-                contents=[f"+ {entities.COMPARE}/{rank}/**"],
-                name=f"Particle: {rank.replace('_', ' ')}",
-                background=PAPER,
-                line_grid=rrb.LineGrid3D(visible=False),
-                eye_controls=eye(extent, follow=f"{entities.COMPARE}/{rank}/robot"),
-            )
-            for rank in entities.RANKS
-        ),
-        grid_columns=2,
-        name="Compare particles",
+def legend_view(name: str) -> rrb.Spatial2DView:
+    """The meaning of the colours."""
+    return rrb.Spatial2DView(origin=f"{entities.LEGEND}/{name}", name="Legend", background=[245, 246, 248])
+
+
+def compare_particles(extent: Extent | None) -> rrb.Vertical:
+    """The maps of four particles side by side, above their weights."""
+    names = ("Best particle", "Lightest particle", "Most different histories (1)", "Most different histories (2)")
+    views = []
+    for rank, name in zip(entities.RANKS, names, strict=True):
+        base = f"{entities.COMPARE}/{rank}"
+        contents = [f"+ {base}/**", f"+ {entities.TRUE_WALLS}"]
+        views.append(top_view(name, contents, eye(extent, f"{base}/robot")))
+    return rrb.Vertical(
+        rrb.Grid(*views, grid_columns=2),
+        rrb.BarChartView(origin=entities.WEIGHTS, name="Weights of all particles"),
+        row_shares=[5, 1],
+        name="Particles",
     )
 
 
-def eye(extent: Extent | None, follow: str = entities.ESTIMATED_ROBOT) -> rrb.EyeControls3D:
-    """An eye above the middle of the extent that sees all of it, or one that follows an entity."""
+def proposal() -> rrb.Vertical:
+    """How the new pose of the best particle is found, close up."""
+    contents = [
+        f"+ {entities.PROPOSAL}/**",
+        f"+ {entities.MAP}/**",
+        f"+ {entities.TRUE_WALLS}",
+        f"+ {entities.ESTIMATED_ROBOT}/heading",
+    ]
+    views = [
+        top_view(name, contents, eye_above((0.0, 0.0), height), origin=entities.PROPOSAL_EYE)
+        for name, height in (("Proposal, close up", CLOSE_UP_HEIGHT), ("Proposal and scan", WIDER_HEIGHT))
+    ]
+    return rrb.Vertical(rrb.Horizontal(*views), legend_view("proposal"), row_shares=[12, 1], name="Proposal")
+
+
+def final_pass(extent: Extent | None) -> rrb.Tabs:
+    """Map and path before and after the final pass: side by side, or as steps of a timeline."""
+    both = []
+    for step in entities.FINAL_STEPS:
+        contents = [f"+ {entities.FINAL}/{step}/**", f"+ {entities.TRUE_WALLS}", f"+ {entities.FINAL_TRUTH}"]
+        both.append(top_view(f"{step.capitalize()} the final pass", contents, eye(extent, entities.FINAL, HALF_VIEW)))
+    contents = [f"+ {entities.FINAL}/step/**", f"+ {entities.TRUE_WALLS}", f"+ {entities.FINAL_TRUTH}"]
+    switch = top_view("Choose the timeline final_pass, step 0 or 1", contents, eye(extent, entities.FINAL))
+    return rrb.Tabs(
+        rrb.Horizontal(*both, name="Side by side"), rrb.Horizontal(switch, name="Switch"), name="Final pass"
+    )
+
+
+def eye(extent: Extent | None, follow: str, landscape: float = LANDSCAPE) -> rrb.EyeControls3D:
+    """An eye above the middle of the extent that sees all of it, or one that follows an entity.
+
+    landscape: width of the view divided by its height
+    """
     if extent is None:
-        return rrb.EyeControls3D(
-            position=(0, -0.01, FOLLOW_HEIGHT), look_target=(0, 0, 0), eye_up=(0, 1, 0), tracking_entity=follow
-        )
-    x, y = extent.centre
-    side = max((extent.x_max - extent.x_min) / LANDSCAPE, extent.y_max - extent.y_min)
+        return eye_above((0.0, 0.0), FOLLOW_HEIGHT, follow)
+    side = max((extent.x_max - extent.x_min) / landscape, extent.y_max - extent.y_min)
+    return eye_above(extent.centre, HEIGHT_PER_METRE * side)
+
+
+def eye_above(place: tuple[float, float], height: float, follow: str | None = None) -> rrb.EyeControls3D:
+    """An eye above a place, x to the right."""
+    x, y = place
     # straight down the viewer does not know which way is up: a hair off the vertical it does
-    return rrb.EyeControls3D(position=(x, y - 0.01, HEIGHT_PER_METRE * side), look_target=(x, y, 0), eye_up=(0, 1, 0))
+    return rrb.EyeControls3D(
+        position=(x, y - 0.01, height), look_target=(x, y, 0), eye_up=(0, 1, 0), tracking_entity=follow
+    )
 
 
-def plot(origin: str, name: str, upper: float | None = None) -> rrb.TimeSeriesView:
-    """A plot of all series below an entity; with `upper` its axis is fixed to [0, upper]."""
+def plot(origin: str, name: str, unit: str, largest: float | None = None) -> rrb.TimeSeriesView:
+    """A plot of all series below an entity; with its largest value the axis is fixed, and its name says the range."""
+    units = f" [{unit}]" if unit else ""
     return rrb.TimeSeriesView(
         origin=origin,
-        name=name,
+        name=f"{name}{units}" if largest is None else f"{name}{units}, 0 to {largest:.3g}",
         axis_x=rrb.TimeAxis(view_range=WHOLE_RUN),
-        axis_y=None if upper is None else rrb.ScalarAxis(range=(0.0, upper)),
+        axis_y=None if largest is None else rrb.ScalarAxis(range=(0.0, 1.05 * max(largest, 1e-3))),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
     )

@@ -1,22 +1,28 @@
 # SPDX-License-Identifier: MIT
 """Rows that are sent many at a time: a log call costs about 0.1 ms, a row among others a tenth of that.
 
-What comes with every scan is kept here for a moment; `send` makes one call per entity of it.
+Rows are kept here for a moment, as they come; `send` turns all rows of an entity into what is drawn in one go, and
+makes one call for it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from slam import se2
+from slam.se2 import Pose
 from testbed.views.rerun import drawing, entities
-from testbed.views.rerun.archetypes import strips
+from testbed.views.rerun.archetypes import image_buffers, strips
+from testbed.views.rerun.scene.styles import Z_TOP
 
-Values = tuple[NDArray[np.generic], ...]
+Values = tuple[NDArray[Any], ...]
 """What one row holds; its meaning is the entity's."""
 Build = Callable[[Sequence[Values]], rr.ComponentColumnList]
 
@@ -31,49 +37,107 @@ def poses(rows: Sequence[Values]) -> rr.ComponentColumnList:
 
 def scalars(rows: Sequence[Values]) -> rr.ComponentColumnList:
     """Rows (values (series,),)."""
-    return rr.Scalars.columns(scalars=np.concatenate([row[0] for row in rows])).partition([len(r[0]) for r in rows])
+    return rr.Scalars.columns(scalars=np.concatenate([row[0] for row in rows])).partition(_lengths(rows))
 
 
-def points(rows: Sequence[Values]) -> rr.ComponentColumnList:
-    """Rows (positions (n, 3),)."""
-    return rr.Points3D.columns(positions=np.concatenate([row[0] for row in rows])).partition([len(r[0]) for r in rows])
+def scans(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (ranges (n,), angles (n,), mount (3,)) of the hits of a scan, see `drawing.thinned_hits`."""
+    ranges, angles = (np.concatenate(part) for part in zip(*(row[:2] for row in rows), strict=True))
+    mounts = np.repeat([row[2] for row in rows], _lengths(rows), axis=0)
+    directions = angles + mounts[:, 2]
+    ends = mounts[:, :2] + ranges[:, None] * np.column_stack([np.cos(directions), np.sin(directions)])
+    return rr.Points3D.columns(positions=drawing.lifted(ends, Z_TOP)).partition(_lengths(rows))
 
 
-def arrows(rows: Sequence[Values]) -> rr.ComponentColumnList:
-    """Rows (origins (n, 3), vectors (n, 3), colours (n, 3))."""
-    origins, vectors, colours = (np.concatenate(part) for part in zip(*rows, strict=True))
-    columns = rr.Arrows3D.columns(origins=origins, vectors=vectors, colors=colours)
-    return columns.partition([len(row[0]) for row in rows])
+def dots(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (poses (n, 3), weights (n,)) of weighted poses, drawn as dots."""
+    positions = drawing.lifted(np.concatenate([row[0] for row in rows]), Z_TOP)
+    return rr.Points3D.columns(positions=positions, colors=_colours(rows)).partition(_lengths(rows))
 
 
-def pieces(rows: Sequence[Values]) -> rr.ComponentColumnList:
-    """Rows (strip (n, 3),)."""
-    return rr.LineStrips3D.columns(strips=strips([row[0] for row in rows]))
+def arrows(length: float, rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (poses (n, 3), weights (n,)) of weighted poses, drawn as arrows of a length [m]."""
+    stacked = np.concatenate([row[0] for row in rows])
+    vectors = drawing.headings(stacked, length)
+    columns = rr.Arrows3D.columns(origins=drawing.lifted(stacked, Z_TOP), vectors=vectors, colors=_colours(rows))
+    return columns.partition(_lengths(rows))
+
+
+def lines(z: float, rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (strip (n, 2 or 3), strip (n, 2 or 3), ...) of lines at a height [m]."""
+    all_strips = [strip[:, :2] for row in rows for strip in row]
+    return rr.LineStrips3D.columns(strips=strips(all_strips, z)).partition([len(row) for row in rows])
 
 
 def ellipses(rows: Sequence[Values]) -> rr.ComponentColumnList:
-    """Rows (centre (3,), half axes (3,), quaternion (4,))."""
-    centres, half_sizes, turns = (np.array(part) for part in zip(*rows, strict=True))
-    return rr.Ellipsoids3D.columns(centers=centres, half_sizes=half_sizes, quaternions=turns)
+    """Rows (pose (3,), covariance (3, 3)): the ellipses that hold 95 % of the positions."""
+    centres = drawing.lifted(np.array([row[0] for row in rows]), Z_TOP)
+    half, angles = drawing.ellipses(np.array([row[1] for row in rows]))
+    sizes = np.column_stack([half, np.full(len(half), 1e-4)])
+    turns = np.zeros((len(rows), 4))
+    turns[:, 2], turns[:, 3] = np.sin(angles / 2.0), np.cos(angles / 2.0)
+    return rr.Ellipsoids3D.columns(centers=centres, half_sizes=sizes, quaternions=turns)
+
+
+def images(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (grey levels (rows, columns),), of squares of a map."""
+    return rr.GridMap.columns(data=image_buffers([row[0] for row in rows]))
+
+
+def _lengths(rows: Sequence[Values]) -> list[int]:
+    return [len(row[0]) for row in rows]
+
+
+def _colours(rows: Sequence[Values]) -> NDArray[np.uint8]:
+    """Colours (n, 3) by the second value of the rows, weights (n,); each row has its own heaviest."""
+    shares = [row[1] / row[1].max() if len(row[1]) else row[1] for row in rows]
+    return drawing.weight_colours(np.concatenate(shares))
+
+
+@dataclass(eq=False)
+class ErrorColumns:
+    """Errors of estimate and odometry; rows (truth (3,), estimate (3,), odometry (3,)), each in its own frame."""
+
+    T_world_map: Pose
+    T_world_odom: Pose
+    heading: bool
+    """Whether the errors are of the heading [deg], not of the position [m]."""
+    maximum: float = 0.0
+    """Largest error so far."""
+
+    def __call__(self, rows: Sequence[Values]) -> rr.ComponentColumnList:
+        """Errors (rows, 2)."""
+        truth, estimate, odometry = (np.array(part) for part in zip(*rows, strict=True))
+        miss = np.stack(
+            [
+                se2.between(truth, se2.compose(self.T_world_map, estimate)),
+                se2.between(truth, se2.compose(self.T_world_odom, odometry)),
+            ],
+            axis=1,
+        )
+        errors = np.degrees(np.abs(miss[..., 2])) if self.heading else np.hypot(miss[..., 0], miss[..., 1])
+        self.maximum = max(self.maximum, float(errors.max()))
+        return rr.Scalars.columns(scalars=errors.ravel()).partition([2] * len(rows))
 
 
 BUILD: dict[str, Build] = {
     entities.ESTIMATED_ROBOT: poses,
     entities.TRUE_ROBOT: poses,
-    entities.SCAN: points,
-    entities.PARTICLES: arrows,
-    entities.PROPOSAL_SAMPLES: points,
+    entities.SCAN: scans,
+    entities.PARTICLE_DOTS: dots,
     entities.COVARIANCE: ellipses,
+    entities.PROPOSAL_PRIOR: ellipses,
+    entities.PROPOSAL_SAMPLES: dots,
     entities.PROPOSAL_GAUSSIAN: ellipses,
-    entities.ODOMETRY_PATH: pieces,
-    entities.TRUE_PATH: pieces,
-    entities.POSITION_ERROR: scalars,
-    entities.HEADING_ERROR: scalars,
+    entities.PROPOSAL_OPTIMUM: poses,
+    entities.PROPOSAL_EYE: poses,
+    entities.PROPOSAL_SCAN: scans,
     entities.ESS_VALUE: scalars,
     entities.ESS_RESAMPLED: scalars,
     entities.MATCHED: scalars,
     entities.STAGES: scalars,
 }
+"""How the rows of an entity become columns; those of the others are stated with the rows."""
 
 
 @dataclass
@@ -83,19 +147,38 @@ class Columns:
     rec: rr.RecordingStream
     time: tuple[float, int] = (0.0, 0)
     """Time [s] and number of the scan that the next rows belong to."""
-    _rows: dict[str, list[tuple[float, int, Values]]] = field(default_factory=dict)
+    build: dict[str, Build] = field(default_factory=lambda: dict(BUILD))
+    """How the rows of each entity become columns."""
+    _rows: dict[str, tuple[list[tuple[float, int]], list[Values]]] = field(default_factory=dict)
 
-    def add(self, entity: str, *values: NDArray[np.generic]) -> None:
-        """Keep one row of an entity that is in `BUILD`."""
-        self._rows.setdefault(entity, []).append((*self.time, values))
+    def add(self, entity: str, *values: NDArray[Any], build: Build | None = None) -> None:
+        """Keep one row of an entity that is in `build`, or is built by the argument of that name."""
+        if build is not None:
+            self.build[entity] = build
+        times, rows = self._rows.setdefault(entity, ([], []))
+        times.append(self.time)
+        rows.append(values)
 
     def send(self) -> None:
         """Send all rows."""
-        for entity, rows in self._rows.items():
-            stamps, scans, values = zip(*rows, strict=True)
-            times = [
-                rr.TimeColumn(entities.TIMELINE, duration=stamps),
-                rr.TimeColumn(entities.SCAN_TIMELINE, sequence=scans),
-            ]
-            self.rec.send_columns(entity, times, BUILD[entity](values))
+        made: dict[tuple[tuple[float, int], ...], list[rr.TimeColumn]] = {}
+        for entity, (times, rows) in self._rows.items():
+            key = tuple(times)
+            if key not in made:  # most entities have rows at the same times
+                stamps, numbers = np.array(times).T
+                made[key] = [
+                    rr.TimeColumn(entities.TIMELINE, duration=stamps),
+                    rr.TimeColumn(entities.SCAN_TIMELINE, sequence=numbers.astype(np.int64)),
+                ]
+            self.rec.send_columns(entity, made[key], self.build[entity](rows))
         self._rows.clear()
+
+
+def line_columns(z: float) -> Build:
+    """Columns of lines at a height [m]."""
+    return partial(lines, z)
+
+
+def arrow_columns(length: float) -> Build:
+    """Columns of weighted poses, drawn as arrows of a length [m]."""
+    return partial(arrows, length)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +13,6 @@ from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose
 
-UNKNOWN = 255
-"""Value of a cell that was never observed; 0 = free ... 100 = occupied (nav_msgs/OccupancyGrid: -1)."""
 ELLIPSE_SIGMAS = 2.4477
 """Half axes of the drawn ellipse in standard deviations: it holds 95 % of a plane normal distribution,
 sqrt(-2 ln 0.05)."""
@@ -52,20 +49,17 @@ def extent_of(grid: OccupancyGrid, T_world_map: ArrayLike) -> Extent:
     return Extent(float(x_min), float(y_min), float(x_max), float(y_max))
 
 
-def cells_from_top(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    """Percent of occupation, (rows, cols), row 0 = highest y as in a picture; `UNKNOWN` where never observed."""
-    values = grid.probability[::-1] * np.float32(100.0) + np.float32(0.5)
-    np.fmin(values, np.float32(UNKNOWN), out=values)  # of NaN and a number fmin takes the number
-    return values.astype(np.uint8)
-
-
-def scan_points(scan: Scan, most: int) -> NDArray[np.float32]:
-    """End points of the hits in the robot's frame [m], (n, 2); every k-th one, so that n <= most."""
+def thinned_hits(scan: Scan, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Ranges (n,) [m], angles (n,) [rad] and mount (3,) of the hits; every k-th one, so that n <= most."""
     hit = np.flatnonzero(scan.hit)
     hit = hit[:: max(1, -(-len(hit) // most))]
-    ranges, angles = scan.ranges[hit], scan.angles[hit]
-    ends = np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
-    return se2.transform_points(scan.mount, ends).astype(np.float32)
+    return scan.ranges[hit], scan.angles[hit], np.asarray(scan.mount)
+
+
+def scan_points(scan: Scan, most: int) -> NDArray[np.float64]:
+    """End points of these hits in the robot's frame [m], (n, 2)."""
+    ranges, angles, mount = thinned_hits(scan, most)
+    return se2.transform_points(mount, np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)]))
 
 
 def lifted(poses: ArrayLike, z: float) -> NDArray[np.float32]:
@@ -85,42 +79,33 @@ def quaternion(theta: float) -> tuple[float, float, float, float]:
     return 0.0, 0.0, float(np.sin(theta / 2.0)), float(np.cos(theta / 2.0))
 
 
-def weight_colours(weights: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colours (n, 3) of particles: from light blue, no weight, to red, the heaviest of them."""
-    share = (weights / weights.max())[:, None]
+def weight_colours(shares: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Colours (n, 3) of particles by their share of the largest weight: from light blue, 0, to red, 1."""
+    share = shares[:, None]
     colours: NDArray[np.uint8] = np.rint((1.0 - share) * LIGHT + share * HEAVY).astype(np.uint8)
     return colours
 
 
-def ellipse(covariance: NDArray[np.float64]) -> tuple[tuple[float, float], float]:
-    """Half axes [m] of the ellipse that holds 95 % of the positions, and the angle of its long axis [rad].
+def ellipses(covariances: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half axes (n, 2) [m], the long one first, of the ellipses that hold 95 % of the positions, and the angles (n,) of
+    their long axes [rad].
 
-    covariance: (3, 3) or (2, 2), of x and y first
+    covariances: (n, 3, 3) or (n, 2, 2), of x and y first
     """
-    variances, axes = np.linalg.eigh(covariance[:2, :2])
-    half = ELLIPSE_SIGMAS * np.sqrt(np.maximum(variances, 0.0))
-    return (float(half[1]), float(half[0])), float(np.arctan2(axes[1, 1], axes[0, 1]))
+    variances, axes = np.linalg.eigh(covariances[:, :2, :2])
+    half = ELLIPSE_SIGMAS * np.sqrt(np.maximum(variances[:, ::-1], 0.0))
+    return half, np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
 
 
-def branches(paths: Sequence[Pose]) -> list[NDArray[np.float64]]:
-    """The tree that the particles' histories form, each limb drawn once: strips (n, 2) of positions.
-
-    paths: one (length, 3) per particle, all of the same length, oldest first. Histories that were shared up to some
-    scan are equal up to there, bit by bit; a later strip begins at the pose where it leaves the earlier ones.
-    """
-    positions = np.ascontiguousarray(np.asarray(paths)[:, :, :2])
-    points = positions.view(np.complex128)[:, :, 0]  # one number a position: compared in one go
-    shared = (points[:, None] == points).sum(axis=2)
-    leaves_at = np.tril(shared, -1).max(axis=1)
-    return [
-        strip[max(first - 1, 0) :]
-        for strip, first in zip(positions, leaves_at.tolist(), strict=True)
-        if first < positions.shape[1]
-    ]
-
-
-def spread_over_weights(weights: NDArray[np.float64], count: int) -> NDArray[np.intp]:
-    """Numbers of `count` particles from the heaviest to the lightest, evenly by rank."""
-    ranks = np.rint(np.linspace(0, len(weights) - 1, count)).astype(np.intp)
-    chosen: NDArray[np.intp] = np.argsort(-weights, kind="stable")[ranks]
-    return chosen
+def wall_lines(grid: OccupancyGrid) -> list[NDArray[np.float64]]:
+    """Rows and columns of occupied cells of a map as lines (2, 2) in the map's frame [m]."""
+    lines = []
+    for across in (False, True):
+        cells = grid.occupied.T if across else grid.occupied
+        step = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+        (row, first), (_, last) = np.nonzero(step == 1), np.nonzero(step == -1)
+        long = last - first > 1
+        ends = [np.column_stack([at[long] + half, row[long] + 0.5]) for at, half in ((first, 0.0), (last, 0.0))]
+        lines.append(np.stack([end[:, ::-1] if across else end for end in ends], axis=1))
+    points = np.concatenate(lines).reshape(-1, 2) * grid.resolution
+    return list(se2.transform_points(grid.origin, points).reshape(-1, 2, 2))

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: MIT
 """The recording of a run: every snapshot becomes entities of a Rerun file, which live viewers follow.
 
-Poses, scan and plots are logged at most ten times a second; particles at every scan that the filter took in; maps,
-paths and weights about once a second, after resampling, and at the end; the maps of four particles with every 15th
-(`schedule`). What that costs is measured in docs/views.md. Stored poses are float32: the files of the run directory
-are the source of truth.
+Poses, scan and plots are logged at most ten times a second; particles at every scan that the filter took in; map,
+paths and the tree of histories before they become older than a second or half a metre, after each resampling and
+loop closure, and at the end; the comparison of particles every ten seconds (`schedule`). Map and paths go in pieces of
+which only those that have changed are sent (`layers`). What that costs is measured in docs/views.md. Stored poses are
+float32: the files of the run directory are the source of truth.
 """
 
 from __future__ import annotations
 
 import errno
+import math
 import os
 import shutil
 import time
@@ -23,35 +25,40 @@ from typing import Self
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.views.live.viewers import LiveViewer, start_viewers
-from testbed.views.rerun import drawing, entities, styles
-from testbed.views.rerun.archetypes import grid_map, line, pose_transform, strips
+from testbed.views.rerun import columns, drawing, entities
+from testbed.views.rerun.archetypes import grid_map, pose_transform, square_frame, strips
 from testbed.views.rerun.blueprints import blueprint
-from testbed.views.rerun.columns import Columns
-from testbed.views.rerun.scenery import Scenery
+from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
+from testbed.views.rerun.layers import comparison
+from testbed.views.rerun.layers.events import EventWatch
+from testbed.views.rerun.layers.map_tiles import MapTiles
+from testbed.views.rerun.layers.particle_tree import ParticleTree
+from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
+from testbed.views.rerun.layers.prediction import Prediction, predict
+from testbed.views.rerun.scene import styles
+from testbed.views.rerun.scene.scenery import Scenery
+from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN, Z_TOP
 from testbed.views.schedule import Schedule
 from testbed.views.view import Scene, Snapshot, ViewOptions
 
-Z_TRUTH, Z_ODOMETRY, Z_FAN, Z_ESTIMATE, Z_TOP = 0.02, 0.03, 0.035, 0.04, 0.06
-"""Heights at which things are drawn [m], so that they do not fight for the same pixels."""
-MOST_POINTS = 360
+MAX_POINTS = 240
 """Beams of a scan that are drawn."""
-MOST_BRANCHES = 100
-"""Particles whose recent path is drawn."""
-FAN_LENGTH = 60
-"""Updates of the recent paths."""
-SEND_PERIOD = 0.5
+TREE_UPDATES = 3
+"""The tree of histories is drawn again with the next map after this many updates."""
+ARROW = 2.0
+"""Length of a particle's arrow in radii of the robot."""
+SEND_PERIOD = 1.0
 """Rows are sent this often [s of wall time], by the snapshot that comes next."""
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
 
-SMALLEST_SPACE = 1 << 16
+MIN_SPACE = 1 << 16
 """Bytes; with less than this left a disk counts as full."""
 
 
@@ -63,30 +70,36 @@ class RerunView:
         self._scene = scene
         self._schedule = Schedule()
         self._last: Snapshot | None = None
+        self._last_update: Snapshot | None = None
         self._start = 0.0
         self._scans = 0
+        self._travelled = 0.0
+        self._pending = False  # whether the filter has changed since map and paths were logged
         self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
-        self._path_ends: dict[str, Pose] = {}
-        self._states: dict[str, str] = {}
+        self._errors: list[ErrorColumns] = []  # of the position, of the heading
+        self._events = EventWatch()
+        self._tiles, self._tree = MapTiles(), ParticleTree()
+        self._path = PathBlocks()
+        self._visited = {entities.TRUE_PATH: GrowingPath(), entities.ODOMETRY_PATH: GrowingPath()}
+        self._updates_in_tree = 0  # since the tree was drawn
+        self._slots = comparison.slots()
+        self._styled: set[str] = set()
+        self._whole_map: OccupancyGrid | None = None
+        self._refined = False
         run = str(uuid.uuid4())  # of its own: a viewer would merge runs of one id
-        known = scene.true_map
-        scenery = Scenery(
-            particles=scene.particles,
-            truth=known is not None,
-            extent=None if known is None else drawing.extent_of(known, np.zeros(3)),
-        )
         batches = rr.ChunkBatcherConfig.DEFAULT()
         batches.flush_tick = timedelta(seconds=FILE_PERIOD)
         self._rec = rr.RecordingStream(entities.APPLICATION, recording_id=run, batcher_config=batches)
         self._rec.set_log_time_enabled(False)
         self._recording = recording
         with self._file_errors():
-            self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(scenery))
+            self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(self._scenery(None)))
         self._rec.send_recording_name(scene.title)
         self._columns = Columns(self._rec)
+        self._arrows = arrow_columns(ARROW * scene.robot_radius)
         styles.log_scene(self._rec, scene)
-        self._viewers: list[LiveViewer] = start_viewers(recording, run, scenery, options)
+        self._viewers: list[LiveViewer] = start_viewers(recording, run, self._scenery(None), options)
 
     @property
     def address(self) -> str | None:
@@ -94,53 +107,83 @@ class RerunView:
         return next((viewer.address for viewer in self._viewers if viewer.address), None)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Log one scan's news."""
+        """Log what one scan has changed."""
         if self._last is None:
             self._align(snapshot)
-        self._last = snapshot
         step = snapshot.step if snapshot.step is not None and snapshot.step.updated else None
+        next_step = self._advance(snapshot)
         self._set_time(snapshot)
-        self._log_events(snapshot)
         if self._schedule.frame_due(snapshot.stamp, step is not None):
             self._add_frame(snapshot)
-        if step is not None:
-            self._add_filter(step)
-            self._add_particles(snapshot)
-            self._extend_path(entities.ODOMETRY_PATH, snapshot.odometry, Z_ODOMETRY)
-            self._extend_path(entities.TRUE_PATH, snapshot.truth, Z_TRUTH)
-            if self._schedule.map_due(snapshot.stamp, step.resampled):
-                self._log_map(snapshot)
+        prediction, died = (None, 0) if step is None else self._add_update(snapshot, step)
+        self._log_events(snapshot, prediction, died)
+        at_once = step is not None and (step.resampled or step.loop_closed)
+        if self._pending and (at_once or self._schedule.map_due(snapshot.stamp, self._travelled, next_step)):
+            self._add_map_and_paths(snapshot)
+        if step is not None and self._schedule.comparison_due(snapshot.stamp, at_once):
+            self._add_comparison(snapshot)
         if time.monotonic() - self._sent > SEND_PERIOD:
             self._send()
 
+    def _advance(self, snapshot: Snapshot) -> tuple[float, float]:
+        """Count the way since the last snapshot; returns its time [s] and length [m]."""
+        last, self._last = self._last, snapshot
+        if last is None:
+            return 0.0, 0.0
+        distance = math.dist(last.odometry[:2], snapshot.odometry[:2])
+        self._travelled += distance
+        return abs(snapshot.stamp - last.stamp), distance
+
     def finish(self, path: Pose, grid: OccupancyGrid) -> None:
-        """Replace path (scans, 3), map and last pose by the result of a final pass."""
+        """Show map and path before and after a final pass; path (scans, 3)."""
         last = self._last
         if last is None:
             return
-        self._last = None  # its map is not the final one any more
+        self._close_run(last)
+        self._refined = True
+        before = None if last.path is None or last.map is None else (last.path(None), last.map(None))
+        for number, (step, shown) in enumerate(zip(entities.FINAL_STEPS, (before, (path, grid)), strict=True)):
+            if shown is None:
+                continue
+            line = styles.line_style(styles.ESTIMATE, 1.2)
+            row = rr.LineStrips3D.from_fields(strips=strips([shown[0][:, :2]], Z_ESTIMATE))
+            for base, static in ((f"{entities.FINAL}/{step}", True), (f"{entities.FINAL}/step", False)):
+                self._rec.reset_time()
+                self._rec.log(f"{base}/path", line, static=True)
+                self._rec.set_time(entities.FINAL_PASS_TIMELINE, sequence=number)
+                self._rec.log(f"{base}/map", grid_map(shown[1]), static=static)
+                self._rec.log(f"{base}/path", row, static=static)
+        truth = self._visited[entities.TRUE_PATH].poses
+        if len(truth):
+            self._rec.log(entities.FINAL_TRUTH, styles.line_style(styles.TRUTH, 2.5), static=True)
+            row = rr.LineStrips3D.from_fields(strips=strips([truth[:, :2]], styles.Z_TRUTH))
+            self._rec.log(entities.FINAL_TRUTH, row, static=True)
+        self._rec.reset_time()
         self._set_time(last)
-        self._columns.add(entities.ESTIMATED_ROBOT, path[-1])
-        self._rec.log(entities.MAP, grid_map(grid))
-        self._rec.log(entities.PATH, line(path, Z_ESTIMATE))
-        for entity in (entities.PARTICLES, entities.PARTICLE_PATHS, entities.COVARIANCE, entities.PROPOSAL):
-            self._rec.log(entity, rr.Clear(recursive=True))
-        self._rec.log(entities.EVENTS, rr.TextLog("final pass: path and map replaced", level="INFO"))
-        self._fit_eye(grid)
+        self._rec.log(entities.EVENTS, rr.TextLog("final pass: see the tab of that name", level="INFO"))
+        self._fit_view(grid)
 
     def close(self) -> None:
         """Log the last map, complete the file, and let the viewers have the rest."""
-        if self._last is not None:
-            self._set_time(self._last)
-            self._add_frame(self._last)
-            grid = self._log_map(self._last, last=True)
-            if grid is not None:
-                self._fit_eye(grid)
+        last = self._last
+        if last is not None:
+            self._close_run(last)
+            if last.map is not None:
+                self._fit_view(last.map(None))
             self._last = None
         self._send()
         with self._file_errors():
             self._rec.flush()
         self._rec.disconnect()
+
+    def _close_run(self, last: Snapshot) -> None:
+        """Log the state after the last snapshot, in full."""
+        if self._refined:
+            return
+        self._set_time(last)
+        self._add_frame(last)
+        self._add_map_and_paths(last, everything=True)
+        self._add_comparison(last)
 
     @contextmanager
     def _file_errors(self) -> Iterator[None]:
@@ -148,7 +191,7 @@ class RerunView:
         try:
             yield
         except RuntimeError as error:
-            full = shutil.disk_usage(self._recording.parent).free < SMALLEST_SPACE
+            full = shutil.disk_usage(self._recording.parent).free < MIN_SPACE
             reason = os.strerror(errno.ENOSPC) if full else " ".join(f"{error}".split())
             raise OSError(errno.ENOSPC if full else errno.EIO, reason, str(self._recording)) from error
 
@@ -166,18 +209,20 @@ class RerunView:
         self.close()
 
     def _align(self, first: Snapshot) -> None:
-        """Lay the frames of map and odometry on the world's, so that all three paths start at the same pose."""
+        """Align the frames of map and odometry to the world's, so that all three paths start at the same pose."""
         self._start = first.stamp
-        if first.truth is not None:
+        if self._scene.T_world_map is not None:
+            self._T_world_map = self._scene.T_world_map
+        elif first.truth is not None:
             self._T_world_map = se2.compose(first.truth, se2.inverse(first.estimate))
         T_world_first = se2.compose(self._T_world_map, first.estimate)
+        if first.truth is not None:
+            T_world_first = first.truth
         self._T_world_odom = se2.compose(T_world_first, se2.inverse(first.odometry))
-        for entity, pose in (
-            (entities.SLAM, self._T_world_map),
-            (entities.COMPARE, self._T_world_map),
-            (entities.ODOMETRY, self._T_world_odom),
-        ):
-            self._rec.log(entity, pose_transform(pose), static=True)
+        self._errors = [ErrorColumns(self._T_world_map, self._T_world_odom, heading) for heading in (False, True)]
+        for entity in (entities.SLAM, entities.COMPARE, entities.PROPOSAL, entities.FINAL):
+            self._rec.log(entity, pose_transform(self._T_world_map), static=True)
+        self._rec.log(entities.ODOMETRY, pose_transform(self._T_world_odom), static=True)
 
     def _set_time(self, snapshot: Snapshot) -> None:
         stamp = snapshot.stamp - self._start
@@ -192,139 +237,171 @@ class RerunView:
         for viewer in self._viewers:
             viewer.check()
 
+    # --- each scan
+
     def _add_frame(self, snapshot: Snapshot) -> None:
-        """Poses, scan and errors."""
+        """Add poses, scan and errors."""
         add = self._columns.add
         add(entities.ESTIMATED_ROBOT, snapshot.estimate)
         if snapshot.scan is not None:
-            add(entities.SCAN, drawing.lifted(drawing.scan_points(snapshot.scan, MOST_POINTS), Z_TOP))
+            add(entities.SCAN, *drawing.thinned_hits(snapshot.scan, MAX_POINTS))
         if snapshot.truth is None:
             return
         add(entities.TRUE_ROBOT, snapshot.truth)
-        estimates = np.stack(
-            [se2.compose(self._T_world_map, snapshot.estimate), se2.compose(self._T_world_odom, snapshot.odometry)]
-        )
-        miss = se2.between(snapshot.truth, estimates)
-        add(entities.POSITION_ERROR, np.hypot(miss[:, 0], miss[:, 1]))
-        add(entities.HEADING_ERROR, np.degrees(np.abs(miss[:, 2])))
+        for entity, build in zip((entities.POSITION_ERROR, entities.HEADING_ERROR), self._errors, strict=True):
+            add(entity, snapshot.truth, snapshot.estimate, snapshot.odometry, build=build)
+
+    def _log_events(self, snapshot: Snapshot, prediction: Prediction | None, died: int) -> None:
+        lines, states = self._events.update(snapshot, self._travelled, prediction, died)
+        for lane, state in states.items():
+            self._rec.log(lane, rr.StateChange(state=state))
+        for level, text in lines:
+            self._rec.log(entities.EVENTS, rr.TextLog(text, level=level))
+
+    # --- each update of the filter
+
+    def _add_update(self, snapshot: Snapshot, step: StepReport) -> tuple[Prediction | None, int]:
+        """Add what the filter did; returns what the odometry had predicted, and how many particles died."""
+        self._pending = True
+        self._add_filter(step)
+        self._add_particles(snapshot)
+        for entity, pose in ((entities.TRUE_PATH, snapshot.truth), (entities.ODOMETRY_PATH, snapshot.odometry)):
+            if pose is not None:
+                self._visited[entity].append(pose)
+        before, self._last_update = self._last_update, snapshot
+        prediction = None
+        if before is not None and self._scene.motion is not None and snapshot.localization is None:
+            prediction = predict(before, snapshot, self._scene.motion)
+        self._add_proposal(snapshot, prediction)
+        return prediction, self._add_to_tree(snapshot, step)
 
     def _add_filter(self, step: StepReport) -> None:
-        """What the filter says of itself."""
+        """Add what the filter says of itself."""
         add = self._columns.add
         add(entities.ESS_VALUE, np.array([step.ess]))
         if step.resampled:
             add(entities.ESS_RESAMPLED, np.array([step.ess]))
         add(entities.MATCHED, np.array([step.matched_share]))
         add(entities.STAGES, np.array([1e3 * step.seconds.get(stage, 0.0) for stage in ("match", "map", "resample")]))
-        add(entities.COVARIANCE, *flat_ellipse(step.pose, step.covariance))
-        if step.proposed is not None:
-            mean, covariance = step.proposed.mean[step.best], step.proposed.covariance[step.best]
-            add(entities.PROPOSAL_GAUSSIAN, *flat_ellipse(mean, covariance))
+        add(entities.COVARIANCE, step.pose, step.covariance)
 
     def _add_particles(self, snapshot: Snapshot) -> None:
-        if snapshot.poses is not None and snapshot.weights is not None:
-            self._columns.add(
-                entities.PARTICLES,
-                drawing.lifted(snapshot.poses, Z_TOP),
-                drawing.headings(snapshot.poses, self._scene.robot_radius),
-                drawing.weight_colours(snapshot.weights),
-            )
-        samples = np.empty((0, 3)) if snapshot.proposal_samples is None else snapshot.proposal_samples
-        self._columns.add(entities.PROPOSAL_SAMPLES, drawing.lifted(samples, Z_TOP))  # none: the last ones go away
-
-    def _extend_path(self, entity: str, pose: Pose | None, z: float) -> None:
-        """Log the last piece of a path that never changes afterwards; the view shows all pieces up to its time."""
-        if pose is None:
+        if snapshot.poses is None or snapshot.weights is None:
             return
-        end = self._path_ends.get(entity)
-        self._path_ends[entity] = pose
-        if end is not None:
-            self._columns.add(entity, drawing.lifted(np.stack([end, pose]), z))
+        self._columns.add(entities.PARTICLES, snapshot.poses, snapshot.weights, build=self._arrows)
+        self._columns.add(entities.PARTICLE_DOTS, snapshot.poses, snapshot.weights)
 
-    def _log_events(self, snapshot: Snapshot) -> None:
-        lines = [("WARN", note) for note in snapshot.notes]
-        if snapshot.step is not None and snapshot.step.updated:
-            state, news = filter_state(snapshot.step)
-            self._enter(entities.FILTER_STATE, state)
-            lines += news
-        robot = styles.COLLIDED if snapshot.collided else styles.DRIVING
-        if self._enter(entities.ROBOT_STATE, robot) and snapshot.collided:
-            lines.append(("ERROR", "collision"))
-        for level, text in lines:
-            self._rec.log(entities.EVENTS, rr.TextLog(text, level=level))
+    def _add_proposal(self, snapshot: Snapshot, prediction: Prediction | None) -> None:
+        """Add prior, samples, fitted Gaussian, and the scan from its mean; without a proposal they go away."""
+        add, proposal = self._columns.add, snapshot.proposal
+        if prediction is not None:
+            add(entities.PROPOSAL_PRIOR, prediction.pose, prediction.covariance)
+        if proposal is None:
+            add(entities.PROPOSAL_SAMPLES, np.empty((0, 3)), np.empty(0))
+            return
+        weights = np.ones(len(proposal.samples)) if proposal.weights is None else proposal.weights
+        add(entities.PROPOSAL_SAMPLES, proposal.samples, weights)
+        add(entities.PROPOSAL_GAUSSIAN, proposal.mean, proposal.covariance)
+        add(entities.PROPOSAL_OPTIMUM, proposal.mean)
+        add(entities.PROPOSAL_EYE, np.array([*proposal.mean[:2], 0.0]))
+        if snapshot.scan is not None:
+            add(entities.PROPOSAL_SCAN, *drawing.thinned_hits(snapshot.scan, MAX_POINTS))
 
-    def _enter(self, lane: str, state: str) -> bool:
-        """Note a change of state; whether there was one."""
-        if self._states.get(lane) == state:
-            return False
-        self._states[lane] = state
-        self._rec.log(lane, rr.StateChange(state=state))
-        return True
+    def _add_to_tree(self, snapshot: Snapshot, step: StepReport) -> int:
+        """Add the update to the tree of histories; returns how many particles died."""
+        if snapshot.poses is None:
+            return 0
+        self._updates_in_tree += 1
+        proposed = snapshot.poses if step.proposed is None else step.proposed.pose
+        branches = self._tree.add(proposed, snapshot.poses)
+        if branches is None:
+            return 0
+        if branches.shape[1] > 1:
+            thin = branches[:, :: max(1, branches.shape[1] // 50)]
+            self._columns.add(entities.DEAD_BRANCHES, *thin, build=line_columns(Z_FAN))
+        return len(branches)
 
-    def _log_map(self, snapshot: Snapshot, last: bool = False) -> OccupancyGrid | None:
-        """Log the best map, the particles' paths and the weights; the map, if there is one."""
-        started = time.monotonic()
+    # --- map and paths
+
+    def _add_map_and_paths(self, snapshot: Snapshot, everything: bool = False) -> None:
+        """Add what has changed of the best map and of all paths, and the tree of the particles' histories."""
+        self._schedule.map_was_logged(snapshot.stamp, self._travelled)
+        self._pending = False
         if snapshot.path is not None:
-            self._rec.log(entities.PATH, line(snapshot.path(None), Z_ESTIMATE))
-            count = self._scene.particles if snapshot.weights is None else len(snapshot.weights)
-            branches = [snapshot.path(i)[-FAN_LENGTH:] for i in range(min(count, MOST_BRANCHES))]
-            limbs = [drawing.lifted(limb, Z_FAN) for limb in drawing.branches(branches)]
-            self._rec.log(entities.PARTICLE_PATHS, rr.LineStrips3D.from_fields(strips=strips(limbs)))
-        if snapshot.weights is not None:
-            self._rec.log(entities.WEIGHTS, rr.BarChart(snapshot.weights))
-        if snapshot.map is None:
-            return None
-        grid = snapshot.map(None)
-        self._rec.log(entities.MAP, grid_map(grid))
-        if last or self._schedule.comparison_due:
-            self._log_comparison(snapshot)
-        self._schedule.map_was_logged(snapshot.stamp, grid.probability.size, time.monotonic() - started)
-        return grid
+            self._add_path(entities.PATH, self._path.changes(snapshot.path(None)))
+        for entity, visited in self._visited.items():
+            self._add_path(entity, visited.changes())
+        resampled = snapshot.step is not None and snapshot.step.resampled
+        if everything or resampled or self._updates_in_tree >= TREE_UPDATES:
+            self._updates_in_tree = 0
+            self._columns.add(entities.PARTICLE_PATHS, *self._tree.strips(), build=line_columns(Z_FAN))
+        if snapshot.cells is not None:
+            self._add_squares(entities.MAP, self._tiles, snapshot, snapshot.best, everything)
+        elif snapshot.map is not None:
+            self._log_whole_map(snapshot.map(None))
 
-    def _log_comparison(self, snapshot: Snapshot) -> None:
-        """Map, path and pose of four particles from the heaviest to the lightest."""
-        if snapshot.weights is None or snapshot.poses is None or snapshot.map is None or snapshot.path is None:
+    def _add_squares(self, entity: str, tiles: MapTiles, snapshot: Snapshot, particle: int, everything: bool) -> None:
+        """Add the squares of a particle's map that have changed."""
+        assert snapshot.cells is not None
+        cells = snapshot.cells(particle)
+        for square in tiles.changes(cells, everything):
+            name = entities.square(entity, square.grid_index)
+            if name not in self._styled:
+                self._styled.add(name)
+                self._rec.log(name, square_frame(square.grid_index, cells.cell), static=True)
+            self._columns.add(name, square.image, build=columns.images)
+
+    def _add_path(self, entity: str, blocks: list[tuple[int, Pose]]) -> None:
+        """Add the blocks of a path that have changed."""
+        colour, width, z = styles.PATHS[entity]
+        for number, part in blocks:
+            name = entities.block(entity, number)
+            if name not in self._styled:
+                self._styled.add(name)
+                self._rec.log(name, styles.line_style(colour, width), static=True)
+            self._columns.add(name, part, build=line_columns(z))
+
+    def _log_whole_map(self, grid: OccupancyGrid) -> None:
+        """Log a map that comes as a whole, unless it is the one that is there."""
+        if grid is not self._whole_map:
+            self._whole_map = grid
+            self._rec.log(entities.MAP, grid_map(grid))
+
+    # --- comparison of particles
+
+    def _add_comparison(self, snapshot: Snapshot) -> None:
+        """Add weights, and map, path and pose of four particles."""
+        if snapshot.weights is None or snapshot.poses is None or snapshot.path is None:
             return
-        chosen = drawing.spread_over_weights(snapshot.weights, len(entities.RANKS))
-        for rank, particle in zip(entities.RANKS, chosen.tolist(), strict=True):
-            base = f"{entities.COMPARE}/{rank}"
-            self._rec.log(f"{base}/map", grid_map(snapshot.map(particle)))
-            self._rec.log(f"{base}/path", line(snapshot.path(particle), Z_ESTIMATE))
-            self._rec.log(f"{base}/robot", pose_transform(snapshot.poses[particle]))
+        self._rec.log(entities.WEIGHTS, rr.BarChart(snapshot.weights))
+        if snapshot.cells is None:
+            return
+        particles = comparison.chosen(snapshot, self._tree.most_different())
+        for slot, particle in zip(self._slots, particles, strict=True):
+            self._add_squares(f"{slot.entity}/map", slot.tiles, snapshot, particle, everything=False)
+            self._add_path(f"{slot.entity}/path", slot.path.changes(snapshot.path(particle)))
+            self._rec.log(f"{slot.entity}/robot", pose_transform(snapshot.poses[particle]))
             label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}"
             mark = rr.Points3D([[0, 0, Z_TOP]], labels=label, colors=(255, 255, 255), radii=rr.Radius.ui_points(4.0))
-            self._rec.log(f"{base}/robot/label", mark)
+            self._rec.log(f"{slot.entity}/robot/label", mark)
 
-    def _fit_eye(self, grid: OccupancyGrid) -> None:
-        """Once the place is known, let a viewer that opens the file see all of it."""
-        if self._scene.true_map is None:
-            scenery = Scenery(
-                particles=self._scene.particles,
-                truth=entities.TRUE_PATH in self._path_ends,
-                extent=drawing.extent_of(grid, self._T_world_map),
-            )
-            self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)
+    # --- layout
 
+    def _scenery(self, extent: drawing.Extent | None) -> Scenery:
+        """What the layout depends on, as far as it is known."""
+        known = self._scene.true_map
+        largest = [errors.maximum for errors in self._errors]
+        return Scenery(
+            particles=self._scene.particles,
+            truth=known is not None or len(self._visited[entities.TRUE_PATH].poses) > 0,
+            extent=extent if known is None else drawing.extent_of(known, np.zeros(3)),
+            max_error_m=largest[0] if any(largest) else None,
+            max_error_deg=largest[1] if any(largest) else None,
+            final_pass=self._refined,
+        )
 
-def filter_state(step: StepReport) -> tuple[str, list[tuple[str, str]]]:
-    """The filter's state after a scan that it took in, and (level, text) of what is worth a line in the event log."""
-    state, news = styles.MAPPING, []
-    if step.resampled:
-        state = styles.RESAMPLED
-        news.append(("INFO", f"resampled: effective sample size {step.ess:.1f} of {step.particles}"))
-    if step.loop_closed:
-        state = styles.LOOP_CLOSED
-        news.append(("INFO", "loop closed: back at a place left long ago"))
-    if step.match_failures:
-        news.append(("WARN", f"match failed for {step.match_failures} of {step.particles} particles"))
-    if 2 * step.match_failures > step.particles:
-        state = styles.MATCH_FAILED
-    return state, news
-
-
-def flat_ellipse(
-    pose: Pose, covariance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Centre (3,), half axes (3,) and quaternion (4,) of the ellipse about a pose that holds 95 % of the positions."""
-    (long, short), angle = drawing.ellipse(covariance)
-    return np.array([pose[0], pose[1], Z_TOP]), np.array([long, short, 1e-4]), np.array(drawing.quaternion(angle))
+    def _fit_view(self, grid: OccupancyGrid) -> None:
+        """Once all is known, let a viewer that opens the file see all of it, on axes that fit."""
+        self._columns.send()
+        scenery = self._scenery(drawing.extent_of(grid, self._T_world_map))
+        self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)

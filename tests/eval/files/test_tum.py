@@ -70,7 +70,7 @@ def test_a_trajectory_refuses_what_is_none(stamps, poses):
         Trajectory(np.asarray(stamps), np.asarray(poses))
 
 
-def test_a_trajectory_does_not_change_with_the_arrays_it_was_made_of():
+def test_a_trajectory_copies_its_arrays():
     stamps, poses = np.arange(2.0), np.zeros((2, 3))
     trajectory = Trajectory(stamps, poses)
     poses[0, 0] = 7.0

@@ -29,7 +29,7 @@ def scan(first_deg: float, last_deg: float, beams: int, *, range_max: float = 10
     )
 
 
-def test_from_inside_an_empty_room_all_of_it_is_seen_and_nothing_else():
+def test_an_empty_room_is_seen_whole_and_nothing_else():
     seen = observable_cells(TRUTH, [[3.0, 2.0, 0.0]], lidar=LidarView())
     corners = np.zeros_like(seen)
     corners[np.ix_([19, 100], [19, 140])] = True
@@ -52,7 +52,7 @@ def test_positions_off_the_map_or_in_a_wall_see_nothing():
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, np.pi / 2, -2.5])
-def test_a_lidar_that_looks_ahead_sees_the_half_of_the_room_before_it(heading):
+def test_a_lidar_that_looks_ahead_sees_half_of_the_room(heading):
     ahead = LidarView(first=-np.pi / 2, width=np.pi)
     seen = observable_cells(TRUTH, [[3.0, 2.0, heading]], lidar=ahead)
     x, _ = transform_points(inverse([3.0, 2.0, heading]), cell_centres(TRUTH, TRUTH.free)).T
@@ -62,7 +62,7 @@ def test_a_lidar_that_looks_ahead_sees_the_half_of_the_room_before_it(heading):
     assert not free_seen[x < -0.1].any()
 
 
-def test_a_turn_on_the_spot_shows_all_around_whatever_the_field_of_view():
+def test_a_turn_on_the_spot_shows_everything_around():
     ahead = LidarView(first=-np.pi / 4, width=np.pi / 2)
     turning = np.column_stack([np.full(60, 3.0), np.full(60, 2.0), np.linspace(0.0, 2.0 * np.pi, 60)])
     np.testing.assert_array_equal(
@@ -96,7 +96,7 @@ def test_what_is_seen_does_not_depend_on_the_frame(x, y, theta):
 # --- the view, from scans
 
 
-def test_the_field_of_view_is_what_the_beams_leave_no_wide_gap_in():
+def test_the_field_of_view_is_without_the_widest_gap():
     half = LidarView.of([scan(-90.0, 90.0, 181, range_max=8.0, mount=(0.1, 0.0, 0.0))])
     assert (half.first, half.width) == pytest.approx((-np.pi / 2, np.pi), abs=1e-5)
     assert (half.range_max, half.mount, half.all_around) == (8.0, (0.1, 0.0, 0.0), False)

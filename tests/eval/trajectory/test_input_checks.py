@@ -19,7 +19,7 @@ def doubts(poses) -> list[str]:
     return check_pair(associate(Trajectory(TRUTH.stamps, poses), TRUTH))
 
 
-def test_degrees_and_nanoseconds_are_suspected_and_turns_counted_on_are_not():
+def test_degrees_and_nanoseconds_are_named_and_full_turns_are_not():
     rng = np.random.default_rng(0)
     stamps = np.arange(100.0)
     degrees = np.column_stack([stamps, stamps, rng.uniform(-180.0, 180.0, 100)])
@@ -34,7 +34,7 @@ def test_another_unit_of_length_is_named_with_its_factor(factor):
     assert f"scaled by {1.0 / factor:.4g}" in doubts(scaled)[0]
 
 
-def test_headings_in_degrees_or_of_another_axis_are_told_from_positions_that_fit():
+def test_headings_in_degrees_or_of_another_axis_are_named():
     there = compose(ELSEWHERE, noisy(TRUTH, 5, 0.01).poses)
     for headings in (np.degrees(there[:, 2]), there[:, 2] + np.pi / 2):
         read = np.column_stack([there[:, :2], wrap_angle(headings)])  # as a quaternion makes of it

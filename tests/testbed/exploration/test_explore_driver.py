@@ -11,7 +11,7 @@ from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, SimulationConfig, simulate
 from tests.testbed.exploration.hand_drawn_maps import belief, grid_of
-from worlds import Box, Start, Wall, World, generate, true_map
+from worlds import Box, Start, Wall, World, generate, load, true_map
 
 ROBOT, LIDAR = load_robot("create3"), load_lidar("rplidar_a2").model_copy(update={"beams": 180})
 CONFIG = DriverConfig()
@@ -21,10 +21,10 @@ def explorer(strategy, seed=0):
     return make_explorer(ROBOT, LIDAR, DriverConfig(strategy=strategy), np.random.default_rng(seed))
 
 
-def explore(world, strategy="nearest", duration=150.0, seed=0, **settings):
+def explore(world, strategy="nearest", duration=150.0, seed=0, backend="fast", **settings):
     """The simulation, the filter and the explorer at the end of a drive with the estimate in the loop."""
     config = SimulationConfig(
-        lidar=LIDAR, backend="fast", duration=duration, seeds=RunSeeds.from_seed(seed),
+        lidar=LIDAR, duration=duration, seeds=RunSeeds.from_seed(seed), backend=backend,
         driver=DriverConfig(kind="explore", strategy=strategy), **settings,
     )  # fmt: skip
     driver, mapper = ExploreDriver(explorer(strategy, seed)), GMapping(FilterConfig(particles=5), threads=1)
@@ -72,6 +72,19 @@ def test_frontier_explorers_map_generated_worlds(kind):
     assert simulation.finished
     assert not simulation.collided
     assert share_mapped(world, mapper) > 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", ["fast", "pybullet"])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_explorers_touch_nothing_in_a_furnished_apartment(backend, seed):
+    """Turns beside furniture: a robot that looks straight ahead only touches some of it."""
+    if backend == "pybullet":
+        pytest.importorskip("pybullet")
+    simulation, mapper = explore(load("apartment"), "information", duration=250.0, seed=seed, backend=backend)
+    assert not simulation.collided
+    assert simulation.finished
+    assert share_mapped(load("apartment"), mapper) > 0.95
 
 
 @pytest.mark.parametrize("strategy", ["wall", "random"])

@@ -119,6 +119,11 @@ def test_bad_files_are_explained_in_one_line(tmp_path, old, new, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("preset", [*map(load_lidar, lidars()), *map(load_robot, robots())], ids=lambda p: p.name)
+def test_an_assumed_number_has_a_reason_or_says_what_it_changes(preset):
+    assert [key for key, source in preset.sources.items() if source.strip() == "assumed"] == []
+
+
 def test_unknown_names_get_the_nearest_ones(tmp_path):
     with pytest.raises(PresetError, match=r"unknown robot 'creat3'.*create3"):
         load_robot("creat3")

@@ -67,16 +67,17 @@ def test_samples_of_the_best_particle_are_shown_at_updates(tmp_path: Path) -> No
     proposed = [s.step is not None and s.step.proposed is not None for s in shown]
     assert 3 < sum(proposed) < len(shown)
     for snapshot, updated in zip(shown, proposed, strict=True):
-        assert (snapshot.proposal_samples is not None) == updated
+        assert (snapshot.proposal is not None) == updated
         if updated:
             assert snapshot.step is not None
             assert snapshot.step.proposed is not None
             expected = snapshot.step.proposed.samples[snapshot.step.best]
-            np.testing.assert_array_equal(snapshot.proposal_samples, expected)
+            assert snapshot.proposal is not None
+            np.testing.assert_array_equal(snapshot.proposal.samples, expected)
 
 
 def test_the_motion_model_as_proposal_shows_no_samples(tmp_path: Path) -> None:
     config = FilterConfig(particles=5, proposal=ProposalConfig(kind="motion"))
     shown = watched(tmp_path, config, seconds=1.0)
     assert any(s.step is not None and s.step.proposed is not None for s in shown)
-    assert all(s.proposal_samples is None for s in shown)
+    assert all(s.proposal is None for s in shown)

@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -72,6 +73,24 @@ def test_every_cell_is_a_row_and_nothing_is_left_over(swept):
     assert {path.suffix for path in (swept / "figures").iterdir()} == {".svg", ".pdf"}
 
 
+def test_every_column_says_what_it_holds(swept):
+    for name in ("sweep", "curves", "timings"):
+        schema = pq.read_schema(swept / f"{name}.parquet")
+        assert all(field.metadata[b"description"] for field in schema)
+    described = {
+        field.name: field.metadata[b"description"].decode() for field in pq.read_schema(swept / "sweep.parquet")
+    }
+    assert described["place"] == "name of the world or log"
+    assert described["setting.refine"] == "setting refine; null = default"
+    assert described["trajectory_filter.ate_rmse_m"].endswith("of metrics.json (docs/metrics.md)")
+
+
+def test_features_of_world_and_sensors_are_columns(swept):
+    rows = pq.read_table(swept / "sweep.parquet").to_pylist()
+    assert {row["features.area_m2"] for row in rows} == {19.8}  # 5 m x 4 m without the pillar
+    assert {row["features.odometry_grade"] for row in rows} == {"typical"}
+
+
 def test_all_counts_and_variants_of_a_seed_get_the_same_data(swept):
     table = pq.read_table(swept / "sweep.parquet").to_pylist()
     odometry = {
@@ -88,7 +107,10 @@ def test_a_cell_gives_what_testbed_run_gives(swept, world, tmp_path):
     rows = pq.read_table(swept / "sweep.parquet").to_pylist()
     (row,) = (row for row in rows if (row["line"], row["particles"], row["seed"]) == ("motion", 3, 1))
     assert row["result_hash"] == metrics["result_hash"]
-    assert row["trajectory.ate_rmse_m"] == metrics["trajectory"]["ate_rmse_m"]
+    for estimate in ("trajectory_online", "trajectory_filter", "trajectory"):
+        assert row[f"{estimate}.ate_rmse_m"] == metrics[estimate]["ate_rmse_m"]
+    assert row["map_filter.wall_distance_m"] == metrics["map_filter"]["wall_distance_m"]
+    assert "map.best_rigid.iou" not in row  # left out of sweeps, since it would take most of the time of scoring
 
 
 def test_shards_give_the_bytes_of_the_single_sweep(swept, world, tmp_path, capsys):
@@ -142,6 +164,11 @@ def test_jobs_over_the_limit_fail_and_are_tried_again(swept, copied, capsys):
         (["--worlds", "office", "--axis", "robt=burger"], "robt: unknown setting, expected such as robot"),
         (["--worlds", "office", "--axis", "robot=burgr"], "burger"),
         (["--worlds", "office", "--axis", "robot="], "axis robot: is empty"),
+        (["--worlds", "office", "--seeds", "100000000"], "seeds: 100000000 seeds, expected 1 to 10000"),
+        (["--worlds", "office", "--seeds", "0:many"], "expected a number of seeds such as 10"),
+        (["--worlds", "generated:rooms*100000"], "expected a number of worlds from 1 to 1000"),
+        (["--worlds", "office", "--measure", "accuracy"], "expected one of online, filter, refined"),
+        (["--worlds", "office", "--until", "decided", "--shard", "0/2"], "--shard and --until: expected one of them"),
         (["--worlds", "office", "--workers", "0"], "workers must be at least 1"),
         (["--worlds", "office", "--shard", "4/4"], "shard 4/4: expected 0/4 to 3/4"),
         (["--worlds", "office", "--time-limit", "0"], "time limit must be positive"),
@@ -193,8 +220,40 @@ def test_an_unreachable_scheduler_is_one_line(world, tmp_path, capsys, monkeypat
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.5)
     out = ["--out", tmp_path / "out"]
-    assert_refused(capsys, "cannot be reached", *room_sweep(world), "--scheduler", "tcp://127.0.0.1:1", *out)
-    assert_refused(capsys, "cannot be reached", *room_sweep(world), "--scheduler", "nonsense", *out)
+    for address in ("tcp://127.0.0.1:1", "nonsense"):
+        assert call(*room_sweep(world), "--scheduler", address, *out) == 2
+        assert "cannot be reached" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
+    said = capsys.readouterr().out
+    assert f"6 jobs: {world}; 3 seeds; default; 1, 3 particles, some seconds" in said
+    assert "3 seeds cannot show that a count is enough; 6 can" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_a_larger_plan_is_measured(capsys):
+    assert (
+        call("sweep", "--worlds", "apartment", "--particles", "1,3", "--seeds", "0:8", "--plan", "--workers", "2") == 0
+    )
+    said = capsys.readouterr().out
+    assert re.search(
+        r"16 jobs: apartment; 8 seeds; default; 1, 3 particles, about \d+ (s|minutes) with 2 workers", said
+    )
+
+
+def test_until_decided_stops_where_the_answer_is_known(world, tmp_path, capsys):
+    out = tmp_path / "sweep"
+    grid = ["--worlds", world, "--particles", "2,3", "--until", "decided", "--seeds", "16", "--refine", "none"]
+    assert call("sweep", *grid, "--no-worst", "--out", out) == 0
+    rows = pq.read_table(out / "sweep.parquet").to_pylist()
+    states = {row["seed"]: row["status"] for row in rows}
+    assert [seed for seed, state in states.items() if state == "done"] == list(range(8))
+    assert {state for seed, state in states.items() if seed >= 8} == {"not needed"}
+    assert "up to 16 seeds" in capsys.readouterr().err
 
 
 def test_damaged_cells_and_directories_are_named(copied, tmp_path, capsys):
@@ -231,6 +290,9 @@ def test_a_worker_refuses_cells_of_another_code_version(world):
 def test_the_worst_runs_are_repeated_with_report_and_recording(copied, monkeypatch, capsys):
     monkeypatch.undo()
     assert call("gather", copied) == 0
+    assert not (copied / "worst").exists()  # none of them failed
+    monkeypatch.setattr("eval.sweep.summary.UNUSUAL", 0.0)
+    assert call("gather", copied) == 0
     assert "differently" not in capsys.readouterr().err
     rows = {row["key"]: row for row in pq.read_table(copied / "sweep.parquet").to_pylist()}
     recorded = {path.name: path for path in (copied / "worst").iterdir()}
@@ -261,6 +323,7 @@ def test_a_stopped_sweep_leaves_no_process_and_no_half_cell(world, swept, tmp_pa
     if sign != signal.SIGKILL:
         assert process.returncode == 130
         assert f"testbed sweep --out {out} continues with them" in said
+        assert (out / "sweep.html").is_file()
     while any(map(is_running, workers)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(map(is_running, workers))

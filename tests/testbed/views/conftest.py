@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
-from testbed.views import Snapshot, open_view, schedule
+from testbed.views import Snapshot, open_view
 from tests.testbed.views.synthetic import scene, snapshots
 
 SECONDS = 20.0
@@ -36,8 +36,7 @@ class Recorded:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     path = tmp_path_factory.mktemp("views") / "recording.rrd"
     shown = []
-    with pytest.MonkeyPatch.context() as patch, open_view(path, scene()) as view:
-        patch.setattr(schedule, "MAP_SHARE", 1.0)  # the test must not depend on the machine
+    with open_view(path, scene()) as view:
         for snapshot in snapshots(SECONDS):
             view.show(snapshot)
             shown.append(snapshot)

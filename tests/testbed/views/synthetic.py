@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -71,18 +72,21 @@ def settings(particles: int) -> FilterConfig:
     )
 
 
-def snapshots(seconds: float, particles: int = 30, seed: int = 0) -> Iterator[Snapshot]:
-    """What a run of so many seconds shows, one snapshot per scan."""
+def snapshots(
+    seconds: float, particles: int = 30, seed: int = 0, period: float = PERIOD, reach: float = np.inf
+) -> Iterator[Snapshot]:
+    """What a run of so many seconds shows, one snapshot per scan, of a lidar that sees walls up to `reach` [m]."""
     rng = np.random.default_rng(seed)
     mapper = GMapping(settings(particles), seed=seed)
     odometry, previous = np.array([1.0, -2.0, 0.5]), truth_at(0.0)
-    for k in range(round(seconds / PERIOD) + 1):
-        stamp = k * PERIOD
+    for k in range(round(seconds / period) + 1):
+        stamp = k * period
         truth = truth_at(stamp)
         slip = rng.normal((0.001, 0.0, 0.002), (0.002, 0.001, 0.002))
         odometry = se2.compose(odometry, se2.between(previous, truth) + (slip if k else 0.0))
         previous = truth
         scan = scan_at(truth, stamp)
+        scan = replace(scan, ranges=np.where(scan.ranges < reach, scan.ranges, np.inf))
         step = mapper.process(odometry, scan)
         yield take_snapshot(Frame(stamp=stamp, odometry=odometry, scan=scan, truth=truth), step, mapper)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a view costs a real run: time of the thread that maps, bytes of the recording."""
+"""What a view costs a real run: CPU time, encoding included, and bytes of the recording."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ def test_a_view_costs_little_of_the_run(tmp_path: Path) -> None:
     scene = Scene(
         title="office",
         particles=30,
+        motion=FilterConfig().motion,
         true_map=grid_from_true_map(worlds.true_map(world)),
         robot_urdf=robot_urdf(config.robot),
     )
-    estimation = Estimation(FilterConfig(particles=30), seed=0)
+    estimation = Estimation(FilterConfig(particles=30), seed=0, threads=1)
     spent, stamp = [], 0.0
-    started = time.perf_counter()
+    process, thread = time.process_time(), time.thread_time()
     with simulate(world, config) as frames, open_view(recording, scene) as view:
         for frame in frames:
             report = estimation.process(frame)
@@ -40,10 +41,15 @@ def test_a_view_costs_little_of_the_run(tmp_path: Path) -> None:
                 before = time.thread_time()
                 view.show(shown)
                 spent.append(time.thread_time() - before)
-    elapsed = time.perf_counter() - started
-    mean, share = 1e3 * np.mean(spent), np.sum(spent) / elapsed
+        refined = estimation.refined(estimation.filtered())
+        before = time.thread_time()
+        view.finish(refined.at_scans.poses, refined.map)
+        spent.append(time.thread_time() - before)
+    total = time.process_time() - process
+    encoding = total - (time.thread_time() - thread)  # with one thread of the filter the others are Rerun's
+    share = (np.sum(spent) + encoding) / total
     megabytes = recording.stat().st_size / 1e6 * 600.0 / stamp
-    print(f"\n{mean:.2f} ms a snapshot, {100 * share:.1f} % of the run, {megabytes:.0f} MB in ten minutes")  # noqa: T201
-    assert mean < 2.0
+    mean = 1e3 * np.mean(spent)
+    print(f"\n{mean:.2f} ms a snapshot, {100 * share:.1f} % of the CPU time, {megabytes:.0f} MB in ten minutes")  # noqa: T201
     assert share < 0.05
     assert megabytes < 60.0

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 import rerun as rr
 
 from slam import se2
+from slam.config import MotionConfig
 from slam.occupancy import OccupancyGrid
 from testbed.presets import load_robot
 from testbed.simulation.physics.urdf import robot_urdf
@@ -22,15 +22,17 @@ from tests.testbed.views.conftest import Recorded
 from tests.testbed.views.synthetic import scene, snapshots, true_map
 
 
-def rows(path: Path, entity: str, column: str, static: bool = False) -> list[tuple[float, Any]]:
-    """(time [s], value) of each row of a component, in the order of time; time 0 where static."""
+def rows(
+    path: Path, entity: str, column: str, static: bool = False, timeline: str = entities.TIMELINE
+) -> list[tuple[float, Any]]:
+    """(time [s] or step, value) of each row of a component, in the order of time; time 0 where static."""
     found = []
     for chunk in rr.chunk.RrdReader(path).stream().filter(content=entity, is_static=static):
         batch = chunk.to_record_batch()
         if column in batch.schema.names:
             times = [0.0] * len(batch)
             if not static:
-                times = [t.total_seconds() for t in batch.column(entities.TIMELINE).to_pylist()]
+                times = [getattr(t, "total_seconds", lambda t=t: t)() for t in batch.column(timeline).to_pylist()]
             values = batch.column(column).to_pylist()
             found += [(t, v) for t, v in zip(times, values, strict=True) if v is not None]
     return sorted(found, key=lambda row: row[0])
@@ -82,14 +84,12 @@ def test_what_the_filter_did_is_there_scan_by_scan(recorded: Recorded) -> None:
     assert len(rows(recorded.path, entities.ESS_RESAMPLED, "Scalars:scalars")) == resamplings
     log = [text[0] for _, text in rows(recorded.path, entities.EVENTS, "TextLog:text")]
     assert sum(line.startswith("resampled") for line in log) == resamplings
-    states = [state[0] for _, state in rows(recorded.path, entities.FILTER_STATE, "StateChange:state")]
-    assert {"mapping", "resampled"} <= set(states)
-    assert all(before != after for before, after in itertools.pairwise(states))
+    for lane, state in ((entities.ESTIMATE_STATE, "follows the truth"), (entities.MATCHING_STATE, "scan fits the map")):
+        states = [value[0] for _, value in rows(recorded.path, lane, "StateChange:state")]
+        assert states == [state]  # nothing changes in a good run
 
 
-def test_the_samples_of_the_best_particle_are_there_and_go_where_none_are_drawn(
-    recorded: Recorded, tmp_path: Path
-) -> None:
+def test_the_samples_of_the_best_particle_go_where_none_are_drawn(recorded: Recorded, tmp_path: Path) -> None:
     updates = [s for s in recorded.snapshots if s.step is not None and s.step.updated]
     found = rows(recorded.path, entities.PROPOSAL_SAMPLES, "Points3D:positions")
     assert [stamp for stamp, _ in found] == pytest.approx([s.stamp for s in updates])
@@ -101,34 +101,48 @@ def test_the_samples_of_the_best_particle_are_there_and_go_where_none_are_drawn(
         assert np.array(points)[:, :2] == pytest.approx(drawn[:, :2], abs=1e-6)
     path = tmp_path / "recording.rrd"
     with open_view(path, scene()) as view:
-        for update, samples in ((updates[1], updates[1].proposal_samples), (updates[2], None)):
-            view.show(replace(update, proposal_samples=samples))
+        for update, proposal in ((updates[1], updates[1].proposal), (updates[2], None)):
+            view.show(replace(update, proposal=proposal))
     assert [len(points) for _, points in rows(path, entities.PROPOSAL_SAMPLES, "Points3D:positions")] == [20, 0]
 
 
-def test_maps_come_about_once_a_second_and_at_the_end(recorded: Recorded) -> None:
-    maps = rows(recorded.path, entities.MAP, "GridMap:data")
-    duration = recorded.snapshots[-1].stamp
-    resamplings = sum(s.step is not None and s.step.resampled for s in recorded.snapshots)
-    assert 0.7 * duration <= len(maps) <= duration + resamplings + 2
-    assert maps[-1][0] == pytest.approx(duration)
-    final = recorded.snapshots[-1].map
-    assert final is not None
-    cells = final(None).probability.size
-    assert len(bytes(maps[-1][1][0])) == cells
+def test_the_prior_lies_where_the_odometry_points(tmp_path: Path) -> None:
+    path, shown = tmp_path / "recording.rrd", []
+    with open_view(path, replace(scene(), motion=MotionConfig())) as view:
+        for snapshot in snapshots(3.0):
+            view.show(snapshot)
+            if snapshot.step is not None and snapshot.step.updated:
+                shown.append(snapshot)
+    centres = rows(path, entities.PROPOSAL_PRIOR, "Ellipsoids3D:centers")
+    assert [stamp for stamp, _ in centres] == pytest.approx([s.stamp for s in shown[1:]])
+    for (_, centre), before, now in zip(centres, shown[:-1], shown[1:], strict=True):
+        assert before.poses is not None
+        assert now.step is not None
+        start = before.poses[now.step.best]
+        expected = se2.compose(start, se2.between(before.odometry, now.odometry))
+        assert centre[0][:2] == pytest.approx(expected[:2], abs=1e-5)
 
 
-def test_the_result_of_a_final_pass_replaces_path_map_and_last_pose(tmp_path: Path) -> None:
+def test_a_final_pass_is_shown_before_and_after_and_as_steps(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     refined = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5]])
     grid = OccupancyGrid(probability=np.ones((2, 3), np.float32), resolution=1.0, origin=(0.0, 0.0, 0.0))
+    shown = list(snapshots(2.0))
     with open_view(path, scene()) as view:
-        for snapshot in snapshots(2.0):
+        for snapshot in shown:
             view.show(snapshot)
         view.finish(refined, grid)
-    assert rows(path, entities.ESTIMATED_ROBOT, "Transform3D:translation")[-1][1][0] == pytest.approx([1.0, 2.0, 0.0])
-    assert bytes(rows(path, entities.MAP, "GridMap:data")[-1][1][0]) == bytes([100] * 6)
-    assert len(rows(path, entities.PATH, "LineStrips3D:strips")[-1][1][0]) == 2
+    assert shown[-1].path is not None
+    lengths = {"before": len(shown[-1].path(None)), "after": 2}
+    for step, length in lengths.items():
+        strips = rows(path, f"{entities.FINAL}/{step}/path", "LineStrips3D:strips", static=True)
+        assert len(strips[0][1][0]) == length
+    after = rows(path, f"{entities.FINAL}/after/map", "GridMap:data", static=True)
+    assert bytes(after[0][1][0]) == bytes([0] * 6)
+    steps = rows(path, f"{entities.FINAL}/step/map", "GridMap:data", timeline=entities.FINAL_PASS_TIMELINE)
+    assert [step for step, _ in steps] == [0, 1]
+    ends = rows(path, entities.ESTIMATED_ROBOT, "Transform3D:translation")
+    assert ends[-1][1][0][:2] == pytest.approx(shown[-1].estimate[:2], abs=1e-6)  # the run itself stays as it was
 
 
 def test_the_robots_urdf_hangs_on_both_robots(tmp_path: Path) -> None:
@@ -152,7 +166,7 @@ def test_a_log_without_truth_has_neither_true_robot_nor_errors(tmp_path: Path) -
             view.show(replace(snapshot, truth=None, stamp=snapshot.stamp + 1e9))
     assert rows(path, entities.TRUE_ROBOT, "Transform3D:translation") == []
     assert rows(path, entities.POSITION_ERROR, "Scalars:scalars") == []
-    assert rows(path, entities.TRUE_PATH, "LineStrips3D:strips") == []
+    assert rows(path, entities.block(entities.TRUE_PATH, 0), "LineStrips3D:strips") == []
     assert rows(path, entities.ESTIMATED_ROBOT, "Transform3D:translation")[0][0] == 0.0  # times count from the start
 
 
@@ -163,7 +177,7 @@ def test_collisions_and_notes_are_in_the_event_log(tmp_path: Path) -> None:
             view.show(replace(snapshot, collided=snapshot.stamp > 0.25, notes=("hello",) if not snapshot.stamp else ()))
     log = [text[0] for _, text in rows(path, entities.EVENTS, "TextLog:text")]
     assert log.count("hello") == 1
-    assert log.count("collision") == 1  # when it begins, not at every scan
+    assert log.count("the robot has collided") == 1  # when it begins, not at every scan
     assert [s[0] for _, s in rows(path, entities.ROBOT_STATE, "StateChange:state")] == ["driving", "collided"]
 
 

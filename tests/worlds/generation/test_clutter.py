@@ -9,7 +9,7 @@ from worlds import WorldError, add_clutter, check_world, load
 
 
 @pytest.mark.parametrize("name", ["office", "concourse", "museum"])
-def test_the_drive_stays_possible_and_more_is_the_same_and_others(name):
+def test_a_higher_density_keeps_objects_and_adds_more(name):
     world = load(name)
     some, more = (add_clutter(world, density, clearance=0.4) for density in (0.5, 2.0))
     check_world(more, footprint_radius=0.3)

@@ -59,7 +59,7 @@ def test_200_seeds_of_each_kind_are_connected_and_drivable(kind):
 
 
 @pytest.mark.parametrize("kind", worlds.KINDS)
-def test_the_same_arguments_give_the_same_world_and_files_keep_it(kind):
+def test_the_same_arguments_give_the_same_world(kind):
     first, again, other = (worlds.generate(kind, seed=seed) for seed in (5, 5, 6))
     assert worlds.dumps(first) == worlds.dumps(again)
     assert worlds.dumps(first) != worlds.dumps(other)
@@ -99,7 +99,7 @@ def test_bad_requests_are_refused(settings, message):
         ("cave", "cave", {"size": (24.0, 18.0), "clutter": 0.5, "loops": 2, "seed": 2}),
     ],
 )
-def test_generated_worlds_of_the_catalogue_are_what_their_files_say(name, kind, settings):
+def test_generated_worlds_of_the_catalogue_equal_their_files(name, kind, settings):
     generated, stored = worlds.generate(kind, **settings), worlds.load(name)
     assert stored.path().shape == generated.path().shape
     np.testing.assert_allclose(stored.path(), generated.path(), atol=0.001)

@@ -32,7 +32,7 @@ def divided(gap: float) -> World:
 
 
 @pytest.mark.parametrize("name", ["office", "loop", "apartment", "museum", "maze"])
-def test_a_tour_is_drivable_comes_past_everything_and_ends_at_home(name):
+def test_a_tour_is_drivable_complete_and_closed(name):
     world = plan_tour(bare(worlds.load(name)), footprint_radius=RADIUS)
     worlds.check_world(world, footprint_radius=RADIUS)
     path = shapely.LineString(world.path())
@@ -47,7 +47,7 @@ def test_the_same_world_gets_the_same_tour():
 
 
 @pytest.mark.parametrize(("gap", "crossed"), [(1.2, True), (0.6, False)])
-def test_a_gap_is_crossed_where_the_robot_fits_through_with_a_margin(gap, crossed):
+def test_a_gap_is_crossed_if_the_robot_fits_with_a_margin(gap, crossed):
     world = plan_tour(divided(gap), footprint_radius=RADIUS)
     worlds.check_world(world, footprint_radius=RADIUS)
     assert bool((world.path()[:, 0] > 4.2).any()) == crossed
@@ -62,3 +62,12 @@ def test_nowhere_to_go_is_refused():
     cell = Wall(name="outline", points=[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], closed=True)
     with pytest.raises(worlds.WorldError, match="no floor can be reached"):
         plan_tour(World(name="cell", start=Start(x=0.5, y=0.5), walls=[cell]), footprint_radius=RADIUS)
+
+
+def test_planning_reports_the_visited_share():
+    world = worlds.load("office").model_copy(update={"tour": None})
+    shares = []
+    planned = worlds.plan_tour(world, footprint_radius=0.2, progress=shares.append)
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < shares[-1] == 1.0
+    assert planned == worlds.plan_tour(world, footprint_radius=0.2)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from testbed.cli.sweep import SweepOptions
+from testbed.cli.shared.sweep_options import SweepOptions
 from testbed.sweep.spec.command import command_of
 from testbed.sweep.spec.spec import parse_spec
 
@@ -22,7 +22,7 @@ from testbed.sweep.spec.spec import parse_spec
             "seeds": [1, 5],
             "axes": {"odometry.grade": ["good", "poor"], "layers.motion": [True]},
         },
-        {"worlds": ["office"], "settings": {"filter.gate.distance": 0.3}},
+        {"worlds": ["office"], "settings": {"filter.gate.distance": 0.3}, "until": "decided", "seeds": 40},
     ],
 )
 def test_the_command_gives_the_same_specification(document):

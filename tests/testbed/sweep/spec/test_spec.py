@@ -79,6 +79,7 @@ def test_the_final_pass_is_made_for_the_smallest_and_largest_count(more, refined
 def test_a_word_stands_for_the_main_measure_of_an_estimate(measure, of_worlds, of_logs):
     assert spec_of({"worlds": ["office"], "measure": measure}).key_measure == of_worlds
     assert spec_of({"logs": [{"log": "a.log"}], "measure": measure}).key_measure == of_logs
+    assert spec_of({"logs": [{"log": "a.log", "truth": "a.tum"}], "measure": measure}).key_measure == of_worlds
 
 
 def test_worlds_and_seeds_are_lists_texts_or_numbers():

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from testbed.views import open_run
-from testbed.views.rerun.styles import ESTIMATE, ODOMETRY
+from testbed.views.rerun.scene.styles import ESTIMATE, ODOMETRY
 from tests.browser import browser_page
 from tests.testbed.views.conftest import Recorded
 from tests.testbed.views.test_pictures import UNKNOWN, WALL

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a layout depends on."""
+"""What the layout of a run depends on."""
 
 from __future__ import annotations
 
@@ -19,13 +19,19 @@ class Scenery:
     """Whether there are errors to plot."""
     extent: Extent | None
     """What the views of the map show; None = not known yet, they follow the robot."""
+    max_error_m: float | None = None
+    """Largest position error of estimate or odometry [m]; None = not known yet."""
+    max_error_deg: float | None = None
+    """Largest heading error [deg]; None = not known yet."""
+    final_pass: bool = False
+    """Whether there is a final pass to show."""
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data, for another process."""
+        """Convert to plain data, for another process."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, plain: dict[str, Any]) -> Self:
-        """From the plain data of `to_json`."""
+        """Make a scenery from the plain data of `to_json`."""
         extent = plain["extent"]
         return cls(**plain | {"extent": None if extent is None else Extent(**extent)})

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: MIT
+"""What the data show at the moment of a failure: the fault, in words with numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.filter.step_table import Columns, column
+from eval.trajectory.trajectory import Trajectory
+from eval.wording import length
+from slam.se2 import Pose, between
+
+WINDOW_S = 1.5
+"""Motions are compared from this long before the moment to this long after it [s]."""
+LOOK_BACK_S = 10.0
+"""A lidar that saw nothing, or scans that were lost, may have done harm for this long [s]."""
+MAX_SPEED, MAX_TURN_RATE = 3.0, 6.0
+"""No robot drives [m/s] or turns [rad/s] faster than this by itself."""
+MIN_SLIP_M, MIN_SLIP_DEG = 0.1, 5.0
+"""Odometry is at fault from either of these on …"""
+MIN_SLIP_SHARE = 0.15
+"""… and from this share of the motion."""
+MIN_RESTART_M = 0.5
+"""A restarted odometry jumps by more than this, to a pose nearer than this to its first one [m]."""
+BLIND_SHARE = 0.2
+"""A lidar is blind if less than this part of the usual number of beams returns."""
+GAP_FACTOR, MIN_GAP_S = 5.0, 1.0
+"""Scans were lost if the time between two of them is this many times the usual one, and at least this long [s]."""
+
+
+def find_cause(
+    stamp: float, *, odometry: Trajectory | None, reference: Trajectory | None, steps: Columns | None = None
+) -> str | None:
+    """Name what went wrong at a time [s] as a sentence, or None where the data show nothing.
+
+    odometry: the wheels' poses at the scans;  reference: the true poses at the same stamps, or the scans' own where
+    the truth is unknown;  steps: the table of the run
+    """
+    for found in (_lost_scans(stamp, odometry), _blind_lidar(stamp, steps), _wrong_motion(stamp, odometry, reference)):
+        if found is not None:
+            return found
+    return _failed_matching(stamp, steps)
+
+
+def _lost_scans(stamp: float, odometry: Trajectory | None) -> str | None:
+    if odometry is None or len(odometry) < 3:
+        return None
+    gaps, ends = np.diff(odometry.stamps), odometry.stamps[1:]
+    near = (ends >= stamp - LOOK_BACK_S) & (ends - gaps <= stamp + WINDOW_S)
+    if not near.any():
+        return None
+    longest = float(gaps[near].max())
+    if longest < max(MIN_GAP_S, GAP_FACTOR * float(np.median(gaps))):
+        return None
+    return f"no scan came for {longest:.1f} s"
+
+
+def _blind_lidar(stamp: float, steps: Columns | None) -> str | None:
+    if steps is None:
+        return None
+    hits, stamps = column(steps, "hits"), column(steps, "stamp")
+    near = (stamps >= stamp - LOOK_BACK_S) & (stamps <= stamp + WINDOW_S)
+    usual = float(np.median(hits))
+    if not near.any() or not hits[near].min() < BLIND_SHARE * usual:
+        return None
+    return f"the lidar saw next to nothing: {hits[near].min():.0f} beams returned (usual: {usual:.0f})"
+
+
+def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajectory | None) -> str | None:
+    """Odometry against the true motion: a jump of either, or wheels that slipped."""
+    if odometry is None or reference is None:
+        return None
+    _, rows, true_rows = np.intersect1d(odometry.stamps, reference.stamps, return_indices=True)
+    near = np.abs(odometry.stamps[rows] - stamp) <= WINDOW_S
+    wheels, true, stamps = odometry.poses[rows[near]], reference.poses[true_rows[near]], odometry.stamps[rows[near]]
+    if len(stamps) < 2:
+        return None
+    restart = _restart(wheels, odometry.poses[0])
+    if restart is not None:
+        jump_of_pose = _in_words(between(wheels[restart], wheels[restart + 1]))
+        return f"the odometry was restarted: its pose jumped back to its start, by {jump_of_pose}"
+    jump = _jump(true, stamps)
+    if jump is not None:
+        moved, reported = between(true[jump], true[jump + 1]), between(wheels[jump], wheels[jump + 1])
+        seconds = stamps[jump + 1] - stamps[jump]
+        return (
+            f"the robot was pushed or carried: within {seconds:.1f} s it moved by {_in_words(moved)}, "
+            f"the wheels reported {_in_words(reported)}"
+        )
+    moved, reported = between(true[0], true[-1]), between(wheels[0], wheels[-1])
+    miss = between(moved, reported)
+    path = float(np.hypot(*np.diff(true[:, :2], axis=0).T).sum())
+    turned = float(np.degrees(np.abs(between(true[:-1], true[1:])[:, 2]).sum()))
+    far = np.hypot(miss[0], miss[1]) > max(MIN_SLIP_M, MIN_SLIP_SHARE * path)
+    if not far and abs(np.degrees(miss[2])) <= max(MIN_SLIP_DEG, MIN_SLIP_SHARE * turned):
+        return None
+    return f"the wheels slipped: they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
+
+
+def _restart(wheels: Pose, start: Pose) -> int | None:
+    """The step (its first row) at which odometry poses (n, 3) jump back to the start (3,); None if there is none."""
+    steps = np.hypot(*np.diff(wheels[:, :2], axis=0).T)
+    home = np.hypot(wheels[1:, 0] - start[0], wheels[1:, 1] - start[1])
+    jumps = np.flatnonzero((steps > MIN_RESTART_M) & (home < MIN_RESTART_M))
+    return int(jumps[0]) if len(jumps) else None
+
+
+def _jump(poses: Pose, stamps: NDArray[np.float64]) -> int | None:
+    """The step (its first row) of poses (n, 3) that is faster than any robot, None where there is none."""
+    steps, seconds = between(poses[:-1], poses[1:]), np.maximum(np.diff(stamps), 1e-3)
+    fast = (np.hypot(steps[:, 0], steps[:, 1]) > np.maximum(MAX_SPEED * seconds, 0.25)) | (
+        np.abs(steps[:, 2]) > np.maximum(MAX_TURN_RATE * seconds, 0.35)
+    )
+    return int(np.argmax(fast)) if fast.any() else None
+
+
+def _failed_matching(stamp: float, steps: Columns | None) -> str | None:
+    """What the filter did where the data are sound."""
+    if steps is None:
+        return None
+    stamps = column(steps, "stamp")
+    near = np.abs(stamps - stamp) <= WINDOW_S
+    failed, particles = column(steps, "match_failures")[near], column(steps, "particles")[near]
+    if len(failed) and failed.max() > 0:
+        at = int(np.argmax(failed))
+        return (
+            f"scan matching failed for {failed[at]:.0f} of {particles[at]:.0f} particles; the odometry shows no fault"
+        )
+    if (column(steps, "loop_closed")[near] == 1.0).any():
+        return "the robot had come back to a known place, and the particles settled on a wrong history"
+    return None
+
+
+def _in_words(motion: Pose) -> str:
+    return f"{length(float(np.hypot(motion[0], motion[1])))} and {np.degrees(motion[2]):.0f} degrees"

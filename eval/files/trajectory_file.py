@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: MIT
+"""Read trajectories as other programs write them: TUM, EuRoC, and KITTI poses with stamps.
+
+| format | numbers in a line |
+|---|---|
+| TUM | `t x y z qx qy qz qw` |
+| EuRoC | `t x y z qw qx qy qz`, also with velocity and biases (17 numbers), stamps in nanoseconds |
+| KITTI with stamps | `t` and the twelve numbers of `[R p]`, row by row |
+
+Numbers are separated by spaces, tabs, commas or semicolons; `#` starts a comment. Quaternions with w first, camera
+frames (x right, y down, z forward) and stamps in nano-, micro- or milliseconds since 1970 are recognised, because any
+other reading would not be planar or not be of this time. The plane is x, y: z is ignored.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.trajectory.trajectory import Trajectory
+from slam.se2 import wrap_angle
+
+NORM_TOLERANCE = 1e-3
+"""Largest deviation of a quaternion's length from 1 (files with 4 digits); such a quaternion is normalised."""
+TILT_TOLERANCE = np.radians(1.0)
+"""Largest tilt of a pose out of the plane [rad]; such a pose is projected onto the plane."""
+_COLUMNS = "t x y z qx qy qz qw"
+_WIDTHS = (8, 13, 17)
+_OTHER_FORMATS = {
+    12: "KITTI poses, which have no stamps; put them in front of the lines: paste -d' ' times.txt poses.txt",
+    4: "'t x y yaw'; expected a quaternion: 0 0 sin(yaw/2) cos(yaw/2)",
+    3: "'x y yaw' without stamps",
+}
+_UNITS = ((1e9, "nanoseconds"), (1e6, "microseconds"), (1e3, "milliseconds"))
+"""Units of stamps since 1970, per second."""
+_YEARS = (1.0e9, 4.1e9)
+"""Stamps since 1970 lie between 2001 and 2099 [s]."""
+_MAX_STEP = 100.0
+"""Poses are usually at most this far apart [s]."""
+_MIN_HEIGHT, _MIN_HEIGHT_SHARE = 0.5, 0.2
+"""z adds a note if it varies by more than this [m], and by more than this share of the extent in the plane."""
+
+Table = NDArray[np.float64]
+
+
+class TumError(ValueError):
+    """A file that is not a planar trajectory; the message names file, line and what was expected."""
+
+
+def read_trajectory(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str, ...]]:
+    """Read a trajectory in file order, and notes on what was recognised; stamps may repeat and step backwards.
+
+    Raises TumError for a wrong count of columns (naming the format that it looks like), what is not a finite number, a
+    quaternion that is no unit (beyond `NORM_TOLERANCE`), a pose out of the plane (beyond `TILT_TOLERANCE`), or no pose
+    at all; OSError as `open` does.
+    """
+    path = Path(path)
+    table, lines, notes = _read_table(path)
+    stamps, positions = table[:, 0], table[:, 1:4]
+    step = float(np.median(np.abs(np.diff(stamps)))) if len(stamps) > 1 else 0.0
+    for per_second, unit in _UNITS:
+        if (
+            _YEARS[0] < stamps.min() / per_second
+            and stamps.max() / per_second < _YEARS[1]
+            and step < _MAX_STEP * per_second
+        ):
+            stamps = stamps / per_second
+            notes.append(f"{path}: stamps are read as {unit}")
+            break
+    if table.shape[1] == 13:
+        positions, quaternions = _from_matrices(path, table, lines)
+    else:
+        quaternions = _unit(path, table[:, 4:8], lines, notes)
+    positions, quaternions = _planar(path, positions, quaternions, lines, notes)
+    extent = float(np.ptp(positions[:, :2], axis=0).max())
+    if (height := float(np.ptp(positions[:, 2]))) > max(_MIN_HEIGHT, _MIN_HEIGHT_SHARE * extent):
+        notes.append(f"{path}: z varies by {height:.2f} m and is ignored: is z up?")
+    headings = wrap_angle(2.0 * np.arctan2(quaternions[:, 2], quaternions[:, 3]))
+    return Trajectory(stamps, np.column_stack([positions[:, :2], headings])), tuple(notes)
+
+
+def _read_table(path: Path) -> tuple[Table, list[int], list[str]]:
+    """Return the numbers (n, 8, 13 or 17), the line of each row, and a note on a header."""
+    lines: list[int] = []
+    rows: list[list[float]] = []
+    notes: list[str] = []
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for number, line in enumerate(file, start=1):
+            fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
+            if not fields:
+                continue
+            if not rows and not notes and not any(map(_is_number, fields)):
+                notes.append(f"{path}: line {number} is read as a header")
+                continue
+            expected = len(rows[0]) if rows else 8
+            columns = f" '{_COLUMNS}'" if expected == 8 else " as in the lines before"
+            if len(fields) != expected and (rows or len(fields) not in _WIDTHS):
+                other = _OTHER_FORMATS.get(len(fields)) if not rows else None
+                hint = f", which looks like {other}" if other else ""
+                raise TumError(f"{path}:{number}: expected {expected} numbers{columns}, got {len(fields)}{hint}")
+            try:
+                rows.append([float(field) for field in fields])
+            except ValueError:
+                raise TumError(f"{path}:{number}: expected {expected} numbers, got '{line.strip()[:80]}'") from None
+            lines.append(number)
+    if not rows:
+        raise TumError(f"{path}: expected poses '{_COLUMNS}', found none")
+    table = np.array(rows)
+    if len(bad := np.flatnonzero(~np.isfinite(table).all(axis=1))):
+        raise TumError(f"{path}:{lines[bad[0]]}: expected finite numbers, got NaN or infinity")
+    return table, lines, notes
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True
+
+
+def _unit(path: Path, quaternions: Table, lines: list[int], notes: list[str]) -> Table:
+    """Return normalised quaternions (n, 4); raise TumError for those that are no unit and not rounded ones either."""
+    norm = np.linalg.norm(quaternions, axis=1)
+    bad = np.flatnonzero(np.abs(norm - 1.0) > NORM_TOLERANCE)
+    if len(bad):
+        digits = next((d for d in (1, 2) if np.allclose(quaternions, np.round(quaternions, d), atol=1e-7)), 0)
+        if not digits or np.abs(norm - 1.0).max() > 10.0**-digits:
+            raise TumError(
+                f"{path}:{lines[bad[0]]}: expected a unit quaternion qx qy qz qw, got one of length {norm[bad[0]]:.4g}"
+            )
+        error = np.degrees(2.0 * np.sqrt(0.5) * 10.0**-digits)
+        count = "one digit" if digits == 1 else "two digits"
+        notes.append(f"{path}: quaternions are rounded to {count}: headings are off by up to {error:.1f} degrees")
+    unit: Table = quaternions / norm[:, None]
+    return unit
+
+
+def _from_matrices(path: Path, table: Table, lines: list[int]) -> tuple[Table, Table]:
+    """Return positions (n, 3) and quaternions (n, 4), w last, of poses `[R p]` row by row."""
+    from scipy.spatial.transform import Rotation
+
+    matrices = table[:, 1:].reshape(-1, 3, 4)
+    rotations = matrices[:, :, :3]
+    error = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    if len(bad := np.flatnonzero((error > 10.0 * NORM_TOLERANCE) | (np.linalg.det(rotations) < 0.0))):
+        raise TumError(f"{path}:{lines[bad[0]]}: expected a rotation matrix in 't [R p]', got one that is none")
+    return matrices[:, :, 3], np.asarray(Rotation.from_matrix(rotations).as_quat())
+
+
+def _planar(
+    path: Path, positions: Table, quaternions: Table, lines: list[int], notes: list[str]
+) -> tuple[Table, Table]:
+    """Return positions (n, 3) and quaternions (n, 4), w last, in the reading in which all poses lie in the plane.
+
+    w is first only where most poses would lean otherwise, and a frame is a camera's only where less movement is out of
+    its plane. Of several planar readings (no pose turns) the one with the least movement out of the plane is taken.
+    """
+    w_first = quaternions[:, [1, 2, 3, 0]]
+    readings = [
+        (positions, quaternions, None),
+        (positions, w_first, "quaternions are read with w first: qw qx qy qz"),
+        (_from_camera(positions), _from_camera(quaternions), "poses are read in a camera frame: z forward, y down"),
+        (
+            _from_camera(positions),
+            _from_camera(w_first),
+            "poses are read in a camera frame (z forward, y down), quaternions with w first",
+        ),
+    ]
+    tilts = [2.0 * np.arcsin(np.minimum(np.hypot(q[:, 0], q[:, 1]), 1.0)) for _, q, _ in readings]
+    heights = [float(np.ptp(p[:, 2])) for p, _, _ in readings]
+    most_lean = float(np.mean(tilts[0] > TILT_TOLERANCE)) > 0.5
+    allowed = (True, most_lean, heights[2] < heights[0], most_lean and heights[2] < heights[0])
+    planar = [(round(heights[k], 1), k) for k in range(4) if allowed[k] and float(tilts[k].max()) <= TILT_TOLERANCE]
+    if not planar:
+        first = int(np.argmax(tilts[0] > TILT_TOLERANCE))
+        raise TumError(
+            f"{path}:{lines[first]}: expected a pose in the plane (qx = qy = 0), got one that leans by "
+            f"{np.degrees(tilts[0][first]):.1f} degrees"
+        )
+    chosen, turned, note = readings[min(planar)[1]]
+    if note is not None:
+        notes.append(f"{path}: {note}")
+    return chosen, turned
+
+
+def _from_camera(values: Table) -> Table:
+    """Return vectors (n, 3), or quaternions (n, 4) with w last, of a camera frame (z forward, y down) with z up."""
+    turned = np.column_stack([values[:, 2], -values[:, 0], -values[:, 1]])
+    return np.column_stack([turned, values[:, 3]]) if values.shape[1] == 4 else turned

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: MIT
+"""Options of `testbed sweep`: what is computed, how it is executed, and what it is compared with."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from testbed.cli.shared.output import FLAG
+from testbed.sweep.errors import SweepError
+from testbed.sweep.execute import Executor
+from testbed.sweep.execution.dask_cluster import run_on_cluster
+from testbed.sweep.execution.local_pool import run_locally
+from testbed.sweep.execution.worker_process import Limits
+from testbed.sweep.spec.plan import Shard
+from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
+from testbed.sweep.store import SweepDirectory
+from worlds import expand_names
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions:
+    """What is to be computed: a preset or flags. Flags override a file and a preset."""
+
+    preset: str | None = None
+    """Specification in the package: particles, gate."""
+    worlds: str | None = None
+    """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds."""
+    particles: str | None = None
+    """Particle counts, separated by commas."""
+    seeds: str | None = None
+    """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10."""
+    route: Literal["fixed", "random"] | None = None
+    """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
+    direction from another start. Default: fixed."""
+    measure: str | None = None
+    """What accuracy is measured by: online (the pose reported at each scan), filter (the best particle's path at the
+    end), refined (after the final pass), or any key of metrics.json of which less is better. Default: filter."""
+    refine: Literal["ends", "all", "none"] | None = None
+    """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
+    all where the measure needs it."""
+    until: Literal["decided"] | None = None
+    """decided: add seeds, 8 at a time, where the answer is open, up to --seeds (default: 40). Each look at the results
+    uses higher confidence, so that all looks together keep 95 %."""
+    axis: tuple[str, ...] = ()
+    """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
+    set: tuple[str, ...] = ()
+    """NAME=VALUE: a setting of all runs. May be repeated."""
+
+    def document(self) -> dict[str, Any]:
+        """The given flags as the document of a specification."""
+        flags: dict[str, Any] = {}
+        if self.worlds is not None:
+            flags["worlds"] = expand_names(self.worlds)
+        if self.particles is not None:
+            flags["particles"] = _counts(self.particles)
+        if self.seeds is not None:
+            flags["seeds"] = self.seeds
+        if self.measure is not None:
+            flags["measure"] = self.measure
+        if self.until is not None:
+            flags |= {"until": self.until, "seeds": self.seeds or MAX_SEEDS_UNTIL_DECIDED}
+        if self.axis:
+            flags["axes"] = parsed_axes(self.axis)
+        return flags
+
+    def specification(self, file: Path | None, out: Path | None) -> SweepSpec:
+        """The specification of a file, a preset or flags; without any of them that of the sweep in `out`."""
+        if file is not None and self.preset is not None:
+            raise SweepError(f"{file} and --preset {self.preset}: expected one of the two")
+        if file is not None:
+            return self._with_flags(read_document(file), str(file), file.parent)
+        if self.preset is not None:
+            return self._with_flags(read_preset(self.preset), f"preset {self.preset}", Path())
+        if self == SweepOptions() and out is not None:
+            return SweepDirectory.open(out).manifest.spec
+        return self._with_flags({}, "command line", Path())
+
+    def _with_flags(self, document: dict[str, Any], source: str, folder: Path) -> SweepSpec:
+        spec = parse_spec(document | self.document(), source, folder)
+        settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
+        if self.route is not None:
+            settings["route"] = self.route
+        if self.refine in ("all", "none"):
+            settings["refine"] = self.refine == "all"
+        shared = {name: value for name, value in spec.settings.items() if name != "refine" or self.refine != "ends"}
+        if shared | settings == spec.settings:
+            return spec
+        return parse_spec(spec.document() | {"settings": shared | settings}, source, folder)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Execution:
+    """How the jobs are executed; the results do not depend on it."""
+
+    workers: int | None = None
+    """Worker processes. Default: one per core."""
+    shard: str | None = None
+    """i/n: compute only shard i of n (from 0); `testbed gather` combines the shards."""
+    scheduler: str | None = None
+    """Address of a dask.distributed scheduler, such as tcp://host:8786, whose workers compute the jobs."""
+    time_limit: float = 3600.0
+    """Time limit of one job [s]; a job that takes longer counts as failed."""
+    memory_limit: float | None = None
+    """Memory limit of one worker [MB]. Default: nine tenths of the memory, divided by the workers."""
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise SweepError(f"workers must be at least 1, got {self.workers}")
+        _ = self.limits, self.part
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of one job."""
+        return Limits(seconds=self.time_limit, megabytes=self.memory_limit)
+
+    @property
+    def part(self) -> Shard | None:
+        """The requested shard; None for all jobs."""
+        return None if self.shard is None else Shard.parse(self.shard)
+
+    @property
+    def worker_count(self) -> int:
+        """Worker processes on this machine."""
+        return self.workers or os.cpu_count() or 1
+
+    @property
+    def executor(self) -> Executor:
+        """Computes the jobs as requested."""
+        if self.scheduler is not None:
+            return partial(run_on_cluster, address=self.scheduler, limits=self.limits)
+        return partial(run_locally, workers=self.worker_count, limits=self.limits)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class RegressionOptions:
+    """Comparison with a baseline. Without another sweep the preset `gate` is run."""
+
+    check: Annotated[bool, FLAG] = False
+    """Exit with 1 if accuracy is worse than the baseline by more than the noise of the seeds."""
+    update_baseline: Annotated[bool, FLAG] = False
+    """Write a new baseline."""
+    baseline: Path = BASELINE
+    """File of the baseline. Default: that of the preset `gate`."""
+
+    @property
+    def is_requested(self) -> bool:
+        """Whether a baseline is read or written."""
+        return self.check or self.update_baseline
+
+
+MAX_SEEDS_UNTIL_DECIDED = "40"
+"""Upper bound of the seeds for `--until decided` without --seeds."""
+REQUEST = SweepOptions()
+REGRESSION = RegressionOptions()
+EXECUTION = Execution()
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _counts(text: str) -> list[int]:
+    words = _words(text)
+    if not all(word.isdecimal() for word in words):
+        raise SweepError(f"--particles {text}: expected whole numbers such as 1,5,30")
+    return list(map(int, words))

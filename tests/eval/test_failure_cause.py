@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""Faults at a known time are named, and sound data name none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eval.failure_cause import find_cause
+from eval.trajectory.trajectory import Trajectory
+from slam.se2 import between, compose
+
+STAMPS = 0.1 * np.arange(400)
+TRUTH = np.column_stack([0.05 * np.arange(400), np.zeros(400), np.zeros(400)])
+STEPS = {
+    "stamp": STAMPS,
+    "hits": np.full(400, 180),
+    "match_failures": np.zeros(400),
+    "particles": np.full(400, 10),
+    "loop_closed": np.zeros(400),
+}
+
+
+def after(poses: np.ndarray, row: int, motion: list[float]) -> np.ndarray:
+    """Poses that make one more motion before a row."""
+    moved = poses.copy()
+    moved[row:] = compose(compose(poses[row], motion), between(poses[row], poses[row:]))
+    return moved
+
+
+def cause(odometry: np.ndarray = TRUTH, truth: np.ndarray = TRUTH, **changed: object) -> str | None:
+    return find_cause(
+        20.0, odometry=Trajectory(STAMPS, odometry), reference=Trajectory(STAMPS, truth), steps=STEPS | changed
+    )
+
+
+def test_sound_data_name_no_fault():
+    assert cause() is None
+    assert cause(odometry=TRUTH * [1.02, 1.0, 1.0]) is None
+
+
+def test_wheels_that_slip_are_named_with_both_motions():
+    found = cause(odometry=after(TRUTH, 200, [0.0, 0.0, np.radians(-33.0)]))
+    assert found.startswith("the wheels slipped")
+    assert "-33 degrees" in found
+    assert "and 0 degrees" in found
+
+
+def test_a_robot_that_is_carried_is_told_from_slip():
+    found = cause(truth=after(TRUTH, 200, [2.0, 1.0, 0.5]))
+    assert found.startswith("the robot was pushed or carried: within 0.1 s")
+    assert "29 degrees" in found
+
+
+def test_an_odometry_that_starts_anew_is_named():
+    assert "restarted" in cause(odometry=np.concatenate([TRUTH[:200], between(TRUTH[200], TRUTH[200:])]))
+
+
+def test_a_blind_lidar_and_lost_scans_are_named():
+    hits = np.full(400, 180)
+    hits[170:195] = 0
+    assert "next to nothing: 0 beams returned (usual: 180)" in cause(hits=hits)
+    kept = np.r_[0:150, 195:400]
+    lost = find_cause(20.0, odometry=Trajectory(STAMPS[kept], TRUTH[kept]), reference=None, steps=None)
+    assert lost == "no scan came for 4.6 s"
+
+
+def test_where_only_matching_failed_it_says_so():
+    failures = np.zeros(400)
+    failures[201] = 7
+    assert cause(match_failures=failures).startswith("scan matching failed for 7 of 10 particles")

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: MIT
+"""Poses are matched by time: exactly, by interpolation, in any order; no common time is an error."""
+
+import numpy as np
+import pytest
+
+from eval.trajectory.association import AssociationError, associate, covered_share
+from eval.trajectory.errors import relative_error
+from eval.trajectory.trajectory import Trajectory
+from slam.se2 import wrap_angle
+from tests.eval.helpers import noisy, random_walk
+
+
+def straight(n: int, step: float = 0.1) -> Trajectory:
+    """Along x, `step` metres and 0.1 s from pose to pose."""
+    return Trajectory(0.1 * np.arange(n), np.column_stack([step * np.arange(n), np.zeros(n), np.zeros(n)]))
+
+
+def test_identical_stamps_are_matched_row_by_row():
+    stamps = np.array([1.0, 3.0, 2.0, 2.0])
+    a = Trajectory(stamps, np.arange(12.0).reshape(4, 3))
+    b = Trajectory(stamps, -np.arange(12.0).reshape(4, 3))
+    matched = associate(a, b)
+    np.testing.assert_array_equal(matched.reference.poses, b.poses)
+    assert matched.share == 1.0
+
+
+def test_interpolation_is_exact_and_takes_the_shorter_turn():
+    reference = Trajectory(np.array([0.0, 0.4]), np.array([[0.0, 0.0, 3.0], [4.0, 2.0, -3.0]]))
+    matched = associate(Trajectory(np.array([0.1]), np.zeros((1, 3))), reference)
+    np.testing.assert_allclose(matched.reference.poses[0, :2], [1.0, 0.5])
+    assert wrap_angle(matched.reference.poses[0, 2]) == pytest.approx(3.0 + (2 * np.pi - 6.0) / 4.0)
+
+
+def test_no_pose_is_made_up_in_a_gap_and_the_share_says_so():
+    reference = Trajectory(np.array([0.0, 10.0]), np.zeros((2, 3)))
+    matched = associate(Trajectory(np.array([0.005, 5.0, 9.995, 12.0]), np.zeros((4, 3))), reference)
+    np.testing.assert_array_equal(matched.rows, [0, 2])
+    assert matched.share == 0.5
+    assert "2 of 4 poses have no partner" in matched.notes[0]
+
+
+def test_an_unsorted_estimate_is_sorted_and_keeps_its_errors():
+    truth = random_walk(200, 6)
+    estimate = noisy(truth, 7)
+    shuffled = np.random.default_rng(0).permutation(200)
+    matched = associate(estimate[shuffled], truth)
+    np.testing.assert_array_equal(shuffled[matched.rows], np.arange(200))
+    assert "step back" in matched.notes[0]
+    straight_on = associate(estimate, truth)
+    a, b = (relative_error(found, 1.0, "m").translation for found in (matched, straight_on))
+    assert a.rmse == pytest.approx(b.rmse, abs=1e-12)
+    assert a.count == b.count
+    twice = Trajectory(np.r_[truth.stamps, truth.stamps[-1]], np.r_[truth.poses, truth.poses[-1:]])
+    assert "1 repeated stamps in the estimate" in associate(twice, truth).notes[0]
+
+
+def test_the_covered_share_does_not_depend_on_the_density():
+    truth = straight(101)
+    for rows, share in ((slice(0, 101, 10), 1.0), (slice(0, 51), 0.5), (slice(25, 76), 0.5)):
+        assert covered_share(associate(truth[rows], truth), truth) == pytest.approx(share)
+    assert associate(truth[:51], truth).share == 1.0
+
+
+def test_the_first_of_repeated_reference_stamps_counts():
+    reference = Trajectory(np.array([2.0, 1.0, 1.0]), np.array([[2.0, 0, 0], [1.0, 0, 0], [9.0, 0, 0]]))
+    matched = associate(Trajectory(np.array([1.0, 2.0]), np.zeros((2, 3))), reference)
+    np.testing.assert_array_equal(matched.reference.poses[:, 0], [1.0, 2.0])
+    assert "1 repeated stamps" in matched.notes[0]
+
+
+def test_no_common_time_is_an_error_that_names_both_spans():
+    late = Trajectory(straight(5).stamps + 1000.0, straight(5).poses)
+    with pytest.raises(AssociationError, match=r"5 poses from 0\.0.*from 1000\.0.*within 0\.01 s"):
+        associate(straight(5), late)

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: MIT
+"""What the terminal says at the end of a run."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from testbed.cli.shared.summary import headline_table
+
+
+def printed(metrics: dict[str, object]) -> str:
+    out = io.StringIO()
+    Console(file=out, width=200).print(headline_table(metrics))
+    return out.getvalue()
+
+
+def test_walls_are_summed_up_without_the_iou_of_single_cells() -> None:
+    walls = {
+        "iou": 0.431,
+        "walls_within_cell_rate": 0.96,
+        "missing_wall_rate": 0.007,
+        "double_wall_rate": 0.037,
+        "wall_thickness_m": 0.056,
+        "true_wall_thickness_m": 0.053,
+        "wall_distance_subcell_m": 0.0041,
+    }
+    text = printed({"outcome": "ok", "outcome_reason": "every loop closes", "map": walls})
+    for figure in ("96.0%", "0.7%", "3.7%", "0.056 m (0.053 m)", "0.0041 m"):
+        assert figure in text
+    assert "0.431" not in text
+    assert "every loop closes" not in text  # nothing to explain
+
+
+def test_the_reason_stands_beside_every_outcome_that_is_not_ok() -> None:
+    for outcome in ("lost", "broken loop", "drift", "collided", "timeout", "interrupted", "unjudged"):
+        assert "because" in printed({"outcome": outcome, "outcome_reason": "because"})
+    assert "no scan" in printed({"outcome": "failed", "reason": "no scan"})

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: MIT
+"""Seeds are added only where the answer is open, and looking several times gives no more wrong answers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbed.sweep.gather import gather
+from testbed.sweep.looks import needed_cells
+from testbed.sweep.result import CellResult
+from testbed.sweep.spec.code_version import code_version
+from testbed.sweep.spec.spec import parse_spec
+from testbed.sweep.store import Manifest, SweepDirectory
+
+
+def directory_of(folder: Path, worlds, seeds=24):
+    spec = parse_spec(
+        {"worlds": worlds, "particles": [1, 5], "seeds": seeds, "until": "decided", "settings": {"refine": False}},
+        "x.toml",
+        Path(),
+    )
+    return SweepDirectory.prepare(folder / "sweep", Manifest(spec, code_version(), {}))
+
+
+def store(directory, cells, error):
+    """Store a result for each cell; error(place, particles, seed) [m]."""
+    for cell in cells:
+        metrics = {
+            "outcome_filter": "ok",
+            "trajectory_filter": {"ate_rmse_m": error(cell.place, cell.particles, cell.seed)},
+            "filter": {"updates": 1},
+        }
+        curves = {name: [0.5] for name in ("share", "ess", "unique_ancestors", "nees")}
+        directory.keep(cell, CellResult(metrics, curves, {"filter_s": 1.0, "cell_s": 1.0}))
+
+
+def carried_out(directory, error) -> dict[str, int]:
+    """Compute what is needed until nothing is; number of seeds of each place."""
+    while todo := [cell for cell in needed_cells(directory) if not directory.is_done(cell.key)]:
+        store(directory, todo, error)
+    cells = [cell for cell in directory.manifest.cells() if directory.is_done(cell.key)]
+    return {place: len({c.seed for c in cells if c.place == place}) for place in dict.fromkeys(c.place for c in cells)}
+
+
+def clear(place, particles, seed):
+    """In office both counts are equal, in loop the difference is at the limit and noisy."""
+    if place == "office":
+        return 0.02
+    return 0.02 if particles == 5 else 0.0249 + 0.004 * (-1) ** seed
+
+
+def test_only_open_answers_get_more_seeds(tmp_path):
+    directory = directory_of(tmp_path, ["office", "loop"])
+    assert directory.manifest.spec.looks == (8, 16, 24)
+    first = needed_cells(directory)
+    assert {cell.seed for cell in first} == set(range(8))
+    assert len(first) == 2 * 2 * 8
+    assert carried_out(directory, clear) == {"office": 8, "loop": 24}
+    gathered = gather(directory, {cell.key for cell in needed_cells(directory)})
+    assert (gathered.done, gathered.complete) == (2 * 8 + 2 * 24, True)
+
+
+def test_an_interrupted_look_is_completed_first(tmp_path):
+    directory = directory_of(tmp_path, ["office"])
+    first = needed_cells(directory)
+    store(directory, first[:5], clear)
+    assert needed_cells(directory) == first
+
+
+def test_jobs_without_a_result_do_not_stop_the_looks(tmp_path):
+    directory = directory_of(tmp_path, ["loop"])
+    first = needed_cells(directory)
+    store(directory, first[1:], clear)
+    directory.keep_failure(first[0], "time limit")
+    assert {cell.seed for cell in needed_cells(directory)} == set(range(16))
+
+
+def test_without_until_all_cells_are_needed(tmp_path):
+    spec = parse_spec({"worlds": ["office"], "seeds": 20}, "x.toml", Path())
+    directory = SweepDirectory.prepare(tmp_path / "sweep", Manifest(spec, code_version(), {}))
+    assert needed_cells(directory) == directory.manifest.cells()
+    assert spec.level == pytest.approx(0.95)
+
+
+def test_worlds_of_one_kind_are_decided_together(tmp_path):
+    directory = directory_of(tmp_path, ["generated:rooms*9", "loop"], seeds=16)
+    assert carried_out(directory, lambda *what: clear("office" if what[0] != "loop" else "loop", *what[1:])) == {
+        **{f"rooms-{number}": 8 for number in range(9)},
+        "loop": 16,
+    }
+
+
+def test_looking_several_times_keeps_the_error_rate():
+    """The smaller count is worse by exactly the limit: each look may find it enough by chance, all together rarely."""
+    from eval.sweep.decision import decide
+
+    spec = parse_spec({"worlds": ["office"], "seeds": 40, "until": "decided"}, "x.toml", Path())
+    rng = np.random.default_rng(0)
+    wrong = {spec.level: 0, 0.95: 0}
+    for _ in range(300):
+        errors = 0.1 * (1.0 + np.array([[0.1], [0.0]]) + 0.1 * rng.normal(size=(2, 40)))
+        errors[1] = 0.1
+        for level in wrong:
+            found = [decide((1, 5), errors[:, :n], np.zeros((2, n)), level=level).kind == "enough" for n in spec.looks]
+            wrong[level] += any(found)
+    assert wrong[spec.level] / 300 < 0.05
+    assert wrong[0.95] > wrong[spec.level]
