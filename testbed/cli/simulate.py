@@ -126,7 +126,7 @@ def describe(directory: Path, command: str) -> None:
     totals = Collection(directory, rows).totals()
     splits = ", ".join(f"{count} {split}" for split, count in totals["splits"].items())
     results.print(
-        f"{directory}: {totals['datasets']} datasets of {totals['worlds']} worlds ({splits}), "
+        f"{directory}: {totals['datasets']} datasets of {totals['worlds']} world{'' if totals['worlds'] == 1 else 's'} ({splits}), "
         f"{totals['seconds'] / 3600:.2f} h, {totals['metres'] / 1000:.2f} km, {totals['bytes'] / 1e6:.0f} MB; see "
         + ("README.md and contact_sheet.png" if card else "contact_sheet.png; README.md is yours and was kept")
     )
@@ -232,7 +232,7 @@ def _made(jobs: list[_Job], options: DatasetOptions) -> Iterator[tuple[_Job, dic
         from testbed.sweep.execution.dask_cluster import compute_on_cluster
 
         yield from compute_on_cluster(_make, jobs, options.scheduler)
-    elif options.workers == 1 or len(jobs) == 1:
+    elif options.workers == 1 or len(jobs) <= 1:
         for job in jobs:
             yield job, _make(job)
     else:
