@@ -13,6 +13,7 @@ from testbed.formats.checksums import CONFIG, verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import TABLE, read_parquet
 from testbed.formats.ros.reader import read_bag
+from testbed.formats.ros.salvage import bag_files
 from testbed.formats.tum import ODOMETRY, read_trajectories
 
 MAX_SNIFFED = 1 << 20
@@ -53,10 +54,10 @@ def _read(path: Path, laser_offset: float | None, range_max: float | None) -> Lo
     path = _recording_in(path)
     if _is_carmen(path):
         return read_carmen(path, laser_offset=laser_offset, range_max=range_max)
-    if laser_offset is not None:
-        raise LogError(f"{path}: only CARMEN logs take a laser offset, other formats hold the lidar's mount")
     if _is_bag(path):
-        return read_bag(path, range_max=range_max)
+        return read_bag(path, laser_offset=laser_offset, range_max=range_max)
+    if laser_offset is not None:
+        raise LogError(f"{path}: only CARMEN logs and bags take a laser offset, other formats hold the lidar's mount")
     for recognised, read in ((_is_parquet, read_parquet), (_is_trajectory, read_trajectories)):
         if recognised(path):
             if range_max is not None:
@@ -73,7 +74,7 @@ def _recordings_below(path: Path) -> list[Path]:
     if not path.is_dir() or (path / CONFIG).is_file() or _is_bag(path) or _is_parquet(path) or _is_trajectory(path):
         return []
     below = (child for child in sorted(path.iterdir()) if child.is_dir() and not child.name.startswith("."))
-    return [child for child in below if (child / CONFIG).is_file() or (child / "metadata.yaml").is_file()]
+    return [child for child in below if (child / CONFIG).is_file() or _is_bag(child)]
 
 
 def _listed(paths: list[Path]) -> str:
@@ -94,9 +95,9 @@ def _recording_in(path: Path) -> Path:
 
 
 def _is_bag(path: Path) -> bool:
-    """Whether it is a rosbag2 directory, or a single file that begins like a bag."""
+    """Tell whether it is a rosbag2 directory, with or without metadata, or a single file that begins like a bag."""
     if path.is_dir():
-        return (path / "metadata.yaml").is_file()
+        return (path / "metadata.yaml").is_file() or bool(bag_files(path))
     return any(_head(path).startswith(magic) for magic in BAG_BEGINNINGS)
 
 

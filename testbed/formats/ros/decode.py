@@ -39,6 +39,10 @@ class Track(NamedTuple):
     child_frame: str = ""
     """Frame whose poses they are."""
 
+    def first(self, count: int) -> Track:
+        """The first messages."""
+        return self._replace(stamps=self.stamps[:count], poses=self.poses[:count], twists=self.twists[:count])
+
     def in_time(self) -> Track:
         """The same sorted by time; of equal stamps the first counts."""
         stamps, rows = np.unique(self.stamps, return_index=True)

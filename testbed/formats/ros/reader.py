@@ -33,10 +33,12 @@ from testbed.formats.ros.decode import (
     decode_commands,
     decode_odometry,
     decode_scan,
+    seconds,
 )
 from testbed.formats.ros.layouts import Encoding
-from testbed.formats.ros.mcap import verify_mcap
-from testbed.formats.ros.transforms import Transforms, planar_pose
+from testbed.formats.ros.repairs import Fan, bag_time, bridged, first_pass, with_twists
+from testbed.formats.ros.salvage import readable
+from testbed.formats.ros.transforms import Moving, Transforms, joint_transforms, planar_pose, planar_transform
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
@@ -55,10 +57,11 @@ ODOMETRY_REACH = 0.2
 """A scan may lie outside of the odometry's time by this much [s], one period of slow odometry."""
 
 
-def read_bag(path: Path, *, range_max: float | None = None) -> Log:
+def read_bag(path: Path, *, laser_offset: float | None = None, range_max: float | None = None) -> Log:
     """Read a ROS bag; frames are sorted by the stamps in the messages' headers.
 
-    range_max [m] overrides what the scans say. Topics are chosen by type: of several, `/odom` and `/cmd_vel`, and of
+    laser_offset [m]: the lidar sits this far ahead of the robot's centre, whatever the transforms say; range_max [m]
+    overrides what the scans say. Topics are chosen by type: of several, `/odom` and `/cmd_vel`, and of
     several with scans of one lidar (one frame) `/scan`. Odometry and truth are interpolated at the scans' stamps, a
     frame's command is the latest one; scans outside of the odometry's time are left out and counted, as are topics.
     Raises LogError, naming the file and the place, for damaged bags, missing topics, clocks that do not meet, and
@@ -66,12 +69,13 @@ def read_bag(path: Path, *, range_max: float | None = None) -> Log:
     """
     if path.is_dir():
         verify(path)
-    content = _Content()
-    with _complaints(path, content):
-        for part in sorted(path.glob("*.mcap")) if path.is_dir() else [path]:
-            if part.suffix == ".mcap":
-                verify_mcap(part)
-        _read_messages(path, content)
+    metadata = path / "metadata.yaml"
+    if metadata.is_file() and metadata.stat().st_size > MAX_METADATA:
+        raise LogError(f"{metadata}: larger than {MAX_METADATA} bytes")
+    content = _Content(laser_offset=laser_offset)
+    with _complaints(path, content), readable(path) as (paths, notes):
+        content.notes += notes
+        _read_messages(path, paths, content)
     if not len(content.odometry.stamps):
         raise LogError(f"{path}: no odometry: the topic {content.topics['odometry']} is empty")
     return _assemble(path, content, range_max)
@@ -81,6 +85,10 @@ def read_bag(path: Path, *, range_max: float | None = None) -> Log:
 class _Content:
     """What is read of a bag."""
 
+    laser_offset: float | None = None
+    """The lidar's place ahead of the robot's centre as the user gave it [m]."""
+    notes: list[str] = field(default_factory=list)
+    """What was found and mended, for the user."""
     topics: dict[str, str] = field(default_factory=dict)
     """Topics of odometry, truth, commands and map, as far as there are any."""
     others: list[str] = field(default_factory=list)
@@ -94,6 +102,10 @@ class _Content:
     commands: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     """Stamp [s], speed [m/s], turn rate [rad/s], in the order of the bag."""
     transforms: Transforms = field(default_factory=Transforms)
+    moving: Moving = field(default_factory=Moving)
+    """Transforms of topics that are not static; only read where odometry or mounts are nowhere else."""
+    clock_offset: float = 0.0
+    """How far the bag's own times lie behind the stamps of odometry [s]."""
     truth_map: OccupancyGrid | None = None
     robot_urdf: str | None = None
     messages: int = 0
@@ -121,14 +133,11 @@ def _complaints(path: Path, content: _Content) -> Iterator[None]:
         raise LogError(f"{path}: damaged or unreadable bag, after {content.messages} messages: {reason}") from None
 
 
-def _read_messages(path: Path, content: _Content) -> None:
+def _read_messages(path: Path, paths: list[Path], content: _Content) -> None:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    metadata = path / "metadata.yaml"
-    if path.is_dir() and metadata.stat().st_size > MAX_METADATA:
-        raise LogError(f"{metadata}: larger than {MAX_METADATA} bytes")
-    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+    with AnyReader(paths, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         wanted = _choose_topics(path, reader, content)
         topics = {connection.topic for connection in wanted}
         sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
@@ -145,13 +154,17 @@ def _read_messages(path: Path, content: _Content) -> None:
             raws.setdefault(connection.topic, (connection, []))[1].append(_Raw(content.messages, time, raw))
         if sealed and seal != total.text:
             raise LogError(f"{path}: damaged bag: its messages differ from the SHA-256 in {SEAL_TOPIC}")
-        for connection, messages in raws.values():
+        odometry = content.topics["odometry"]  # first, since its clock mends others
+        for topic in sorted(raws, key=lambda topic: topic != odometry):
+            connection, messages = raws[topic]
             try:
                 _decode(content, connection, messages, reader)
             except BadMessageError as error:
-                raise LogError(
-                    f"{path}: message {messages[error.number].number} ({connection.topic}): {error}"
-                ) from None
+                raise LogError(f"{path}: message {messages[error.number].number} ({topic}): {error}") from None
+        try:
+            _complete_transforms(path, content, raws, reader)
+        except ValueError as error:
+            raise error if isinstance(error, LogError) else LogError(f"{path}: /tf: {error}") from None
 
 
 def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
@@ -164,7 +177,10 @@ def _choose_topics(path: Path, reader: Any, content: _Content) -> list[Any]:
     others = [topic for topic in poses if topic not in truths]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
     content.scans = {topic: [] for topic in sorted(by_type[SCAN_TYPE])}
-    content.topics = {"odometry": _choose(path, ODOMETRY_TYPE, others, "/odom", reader)}
+    if not others and by_type[SCAN_TYPE] and "/tf" in by_type[TRANSFORM_TYPE]:
+        content.topics = {"odometry": "/tf"}
+    else:
+        content.topics = {"odometry": _choose(path, ODOMETRY_TYPE, others, "/odom", reader)}
     if truths:
         content.topics["truth"] = truths[0]
     if COMMANDS in commands or len(commands) == 1:
@@ -212,17 +228,94 @@ def _decode(content: _Content, connection: Any, raws: list[_Raw], reader: Any) -
     elif topic == DESCRIPTION:
         content.robot_urdf = deserialise(data[-1]).data
     elif topic in content.scans:
-        content.scans[topic] = [decode_scan(raw, encoding, deserialise) for raw in data]
-        places = (f"message {raw.number} ({topic})" for raw in raws)
+        content.scans[topic] = _in_one_pass(content, raws, [decode_scan(raw, encoding, deserialise) for raw in data])
+        places = (f"message {raw.number} ({topic})" for raw in raws[: len(content.scans[topic])])
         content.places |= dict(zip(map(id, content.scans[topic]), places, strict=True))
     elif topic == topics.get("commands"):
         content.commands = decode_commands(data, [raw.time for raw in raws], encoding, deserialise)
     elif topic == topics.get("map"):
         _one_by_one(data[-1:], lambda raw: setattr(content, "truth_map", _grid(deserialise(raw))))
     elif topic == topics["odometry"]:
-        content.odometry = decode_odometry(data, encoding, deserialise)
+        track = decode_odometry(data, encoding, deserialise)
+        content.odometry = _one_clock(content, np.array([seconds(raw.time) for raw in raws]), track)
     else:
-        content.truth = decode_odometry(data, encoding, deserialise)
+        truth = decode_odometry(data, encoding, deserialise)
+        content.truth = truth.first(first_pass(truth.stamps))
+
+
+def _one_clock(content: _Content, times: NDArray[np.float64], track: Track) -> Track:
+    """Odometry without repeated passes, with the bag's `times` [s], (n,), where all of its stamps are equal."""
+    mended = bag_time(track.stamps, times, 0.0)
+    if mended is not None:
+        content.notes.append(f"all stamps of the odometry are {track.stamps[0]:g} s: the bag's own times are used")
+        track = track._replace(stamps=mended)
+    else:
+        content.clock_offset = float(np.median(times - track.stamps))
+    count = first_pass(track.stamps)
+    if count < len(track.stamps):
+        content.notes.append(
+            f"time steps back by {track.stamps[:count].max() - track.stamps[count]:.1f} s: the recording was played "
+            f"more than once; the first pass is used, {len(track.stamps) - count} messages of odometry are left out"
+        )
+    return track.first(count)
+
+
+def _in_one_pass(content: _Content, raws: list[_Raw], scans: list[RawScan]) -> list[RawScan]:
+    """The same for the scans of a topic."""
+    stamps = np.array([scan.stamp for scan in scans])
+    times = np.array([seconds(raw.time) for raw in raws])
+    mended = bag_time(stamps, times, content.clock_offset)
+    if mended is not None:
+        content.notes.append(f"all stamps of the scans are {stamps[0]:g} s: the bag's own times are used")
+        stamps = mended
+        scans = [scan._replace(stamp=stamp) for scan, stamp in zip(scans, stamps.tolist(), strict=True)]
+    return scans[: first_pass(stamps)]
+
+
+def _complete_transforms(path: Path, content: _Content, raws: dict[str, tuple[Any, list[_Raw]]], reader: Any) -> None:
+    """Look for odometry in /tf, and for mounts in /tf and the robot's description, where they are nowhere else."""
+    lidars = {scan.frame_id for scans in content.scans.values() for scan in scans}
+    robot = content.odometry.child_frame
+    from_tf = content.topics["odometry"] == "/tf"
+    if from_tf or not all(content.transforms.leads(robot, lidar) for lidar in lidars):
+        for topic, (connection, messages) in raws.items():
+            if connection.msgtype == TRANSFORM_TYPE and "static" not in topic:
+                for raw in messages:
+                    content.moving.add(reader.deserialize(raw.data, connection.msgtype))
+    if from_tf:
+        pair = content.moving.odometry()
+        if pair is None:
+            raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and /tf has no transform from odom")
+        track = _track_of(content.moving, pair)
+        content.odometry = with_twists(_one_clock(content, track.stamps, track))
+        content.topics["odometry"] = f"/tf ({pair[0]} to {pair[1]})"
+        robot = pair[1]
+    if lidars and not all(content.transforms.leads(robot, lidar) for lidar in lidars):
+        _find_mounts(content, robot, lidars)
+
+
+def _track_of(moving: Moving, pair: tuple[str, str]) -> Track:
+    """Odometry out of transforms; ValueError where one leans."""
+    poses = [planar_transform(matrix) for matrix in moving.matrices[pair]]
+    stamps = np.array(moving.stamps[pair])
+    return Track(stamps, np.array(poses), np.full((len(stamps), 3), np.nan), *pair)
+
+
+def _find_mounts(content: _Content, robot: str, lidars: set[str]) -> None:
+    """Complete the static transforms from /tf and the robot's description; notes say where mounts were found."""
+    known = content.transforms.parents
+    sources = {"/tf": content.moving.fixed()}
+    if content.robot_urdf is not None:
+        sources[DESCRIPTION] = joint_transforms(content.robot_urdf)
+    for source, found in sources.items():
+        missing = {lidar for lidar in lidars if not content.transforms.leads(robot, lidar)}
+        if missing:
+            content.transforms.parents = found | known | content.transforms.parents
+            if reached := sorted(lidar for lidar in missing if content.transforms.leads(robot, lidar)):
+                content.notes.append(f"the mount of {', '.join(reached)} is taken from {source}")
+            else:
+                content.transforms.parents = known
+            known = content.transforms.parents
 
 
 def _one_by_one(raws: list[bytes], take: Callable[[bytes], None]) -> None:
@@ -251,7 +344,8 @@ def _grid(message: Any) -> OccupancyGrid:
 
 
 def _assemble(path: Path, content: _Content, range_max: float | None) -> Log:
-    track = content.odometry.in_time()
+    track, jumps = bridged(content.odometry.in_time())
+    content.notes += jumps
     first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = _one_topic_per_lidar(path, content)
     reachable = [scan for scan in scans if first - ODOMETRY_REACH <= scan.stamp <= last + ODOMETRY_REACH]
@@ -267,11 +361,12 @@ def _assemble(path: Path, content: _Content, range_max: float | None) -> Log:
         notes.append(f"{outside} of {len(scans)} scans lie outside of the odometry's time and are left out")
     if left_out := [*(f"{topic} (the same lidar)" for topic in repeated), *content.others]:
         notes.append(f"topics left out: {', '.join(left_out[:8])}{' and others' if left_out[8:] else ''}")
+    table = _table(path, content, track, reachable, range_max)
     return Log(
         path=path,
         format="ROS bag",
-        table=_table(path, content, track, reachable, range_max),
-        notes=tuple(notes),
+        table=table,
+        notes=(*notes, *content.notes),
         truth_map=content.truth_map,
         robot_urdf=content.robot_urdf,
     )
@@ -319,12 +414,17 @@ class _Scans:
         self.limits: list[tuple[float, float]] = []
         self.mounts: list[tuple[float, float, float]] = []
         known: dict[tuple[Any, ...], int] = {}
+        checked: set[Fan] = set()
         mounts: dict[str, tuple[tuple[float, float, float], bool]] = {}
         for scan in scans:
             self._check(scan)
             if scan.frame_id not in mounts:
                 mounts[scan.frame_id] = self._mount(scan)
             mount, upside_down = mounts[scan.frame_id]
+            fan = Fan(scan.angle_min, scan.angle_max, scan.angle_increment, scan.ranges.size)
+            if fan not in checked:
+                self._check_fan(scan, fan)
+                checked.add(fan)
             key = scan.angle_min, scan.angle_increment, scan.time_increment, scan.ranges.size, upside_down
             number = known.setdefault(key, len(self.patterns))
             if number == len(self.patterns):
@@ -342,11 +442,29 @@ class _Scans:
             limits = f"{scan.range_min} and {scan.range_max}"
             raise LogError(f"{self._place(scan)}: expected 0 <= range_min < range_max, got {limits}")
 
-    def _mount(self, scan: RawScan) -> tuple[tuple[float, float, float], bool]:
+    def _check_fan(self, scan: RawScan, fan: Fan) -> None:
         try:
-            return self._content.transforms.mount(self._content.odometry.child_frame, scan.frame_id)
+            note = fan.check()
         except ValueError as error:
             raise LogError(f"{self._place(scan)}: {error}") from None
+        if note is not None and not any("angle_max is" in other for other in self._content.notes):
+            self._content.notes.append(note)
+
+    def _mount(self, scan: RawScan) -> tuple[tuple[float, float, float], bool]:
+        content, robot = self._content, self._content.odometry.child_frame
+        if content.laser_offset is not None:
+            content.notes.append(f"{scan.frame_id} {content.laser_offset:+g} m along x (as given)")
+            return (content.laser_offset, 0.0, 0.0), False
+        try:
+            mount = content.transforms.mount(robot, scan.frame_id)
+        except ValueError as error:
+            raise LogError(f"{self._place(scan)}: {error}; --laser-offset X says where the lidar sits") from None
+        if not content.transforms.leads(robot, scan.frame_id):
+            content.notes.append(
+                f"no transform says where {scan.frame_id} is mounted: it is taken to sit at the robot's centre, ahead; "
+                "--laser-offset X says otherwise"
+            )
+        return mount
 
     def _place(self, scan: RawScan) -> str:
         return f"{self._path}: {self._content.places[id(scan)]}"

@@ -6,14 +6,52 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.se2 import Pose
+from testbed.formats.ros.messages import joints_of
 
+ROBOT_FRAMES = ("base_footprint", "base_link")
+"""Names of the robot's own frame, by REP 105 and REP 120."""
+MAX_PLAY = 1e-4
+"""A transform whose numbers change by less [m], [1] is a fixed mount."""
 MAX_TILT = math.radians(5.0)
 """Lidars and poses that lean more than this are not planar [rad]."""
+
+
+class Moving:
+    """Transforms that are sent again and again, by parent and child frame."""
+
+    def __init__(self) -> None:
+        self.stamps: dict[tuple[str, str], list[float]] = {}
+        self.matrices: dict[tuple[str, str], list[NDArray[np.float64]]] = {}
+
+    def add(self, message: Any) -> None:
+        """Take in a tf2_msgs/TFMessage; ValueError where a transform is not finite."""
+        for transform in message.transforms:
+            pair = _name(transform.header.frame_id), _name(transform.child_frame_id)
+            time = transform.header.stamp
+            self.stamps.setdefault(pair, []).append((time.sec * 1_000_000_000 + time.nanosec) / 1_000_000_000)
+            matrix = _matrix(transform.transform.translation, transform.transform.rotation)
+            self.matrices.setdefault(pair, []).append(matrix)
+
+    def odometry(self) -> tuple[str, str] | None:
+        """Parent and child of the transform that is odometry: from `odom`, best to the robot's base; None = there is
+        none."""
+        pairs = [pair for pair in self.stamps if "odom" in pair[0].lower() and len(self.stamps[pair]) > 1]
+        order = {name: rank for rank, name in enumerate(ROBOT_FRAMES)}
+        return min(pairs, key=lambda pair: (order.get(pair[1], len(order)), pair), default=None)
+
+    def fixed(self) -> dict[str, tuple[str, NDArray[np.float64]]]:
+        """Transforms that never change, as `Transforms.parents` has them: mounts that are sent as if they moved."""
+        return {
+            child: (parent, matrices[0])
+            for (parent, child), matrices in self.matrices.items()
+            if all(np.abs(matrix - matrices[0]).max() < MAX_PLAY for matrix in matrices)
+        }
 
 
 @dataclass
@@ -27,6 +65,14 @@ class Transforms:
         for transform in message.transforms:
             T = _matrix(transform.transform.translation, transform.transform.rotation)
             self.parents[_name(transform.child_frame_id)] = (_name(transform.header.frame_id), T)
+
+    def leads(self, robot: str, lidar: str) -> bool:
+        """Tell whether a chain of transforms leads from one frame to the other."""
+        try:
+            self.mount(robot, lidar)
+        except ValueError as error:
+            return "no transforms lead" not in str(error)
+        return _name(robot) == _name(lidar) or bool(self.parents)
 
     def mount(self, robot: str, lidar: str) -> tuple[tuple[float, float, float], bool]:
         """`T_robot_lidar` in the plane [m, m, rad], and whether the lidar hangs upside down.
@@ -66,10 +112,41 @@ class Transforms:
 
 def planar_pose(position: Any, orientation: Any) -> Pose:
     """x, y, yaw (3,) of a geometry_msgs pose; ValueError where it is not finite, no rotation, or leans."""
-    T = _matrix(position, orientation)
+    return planar_transform(_matrix(position, orientation))
+
+
+def planar_transform(T: NDArray[np.float64]) -> Pose:
+    """x, y, yaw (3,) of a transform (4, 4); ValueError where it leans."""
     if T[2, 2] < math.cos(MAX_TILT):
         raise ValueError(f"the robot leans by {math.degrees(math.acos(max(T[2, 2], -1.0))):.0f} degrees")
     return np.array([T[0, 3], T[1, 3], math.atan2(T[1, 0], T[0, 0])])
+
+
+def joint_transforms(urdf: str) -> dict[str, tuple[str, NDArray[np.float64]]]:
+    """The joints of a robot at rest, as `Transforms.parents` has them; none where the text is no URDF."""
+    try:
+        joints = joints_of(urdf)
+    except (ElementTree.ParseError, ValueError):
+        return {}
+    found = {}
+    for joint in joints:
+        T = np.eye(4)
+        T[:3, :3] = _rotation(*joint.rpy)
+        T[:3, 3] = joint.xyz
+        found[joint.child] = joint.parent, T
+    return found
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+    """Turned about the fixed axes x, y, z in this order, (3, 3)."""
+    (cr, cp, cy), (sr, sp, sy) = ([f(angle) for angle in (roll, pitch, yaw)] for f in (math.cos, math.sin))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
 
 
 def _name(frame: str) -> str:

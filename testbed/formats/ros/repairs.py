@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: MIT
+"""Faults that recordings often have, found and mended: each function returns what to use, and notes for the user."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from testbed.formats.ros.decode import RawScan, Track
+
+Floats = NDArray[np.float64]
+Stamped = TypeVar("Stamped", Track, Sequence[RawScan])
+
+MIN_LOOP = 1.0
+"""Stamps that step back by more than this [s] mean that a recording begins again."""
+MAX_SPEED, MAX_TURN_RATE = 10.0, 4.0 * math.pi
+"""Odometry that moves faster [m/s], [rad/s] has jumped: no indoor robot does."""
+MIN_JUMP, MIN_TURN = 0.3, math.radians(30.0)
+"""Smaller steps [m], [rad] are no jump, however short the time between two messages is."""
+NOTED_BEAMS, ACCEPTED_BEAMS, ACCEPTED_SHARE = 0.5, 1.5, 0.05
+"""Differences between angle_max and angle_min + increment * (n - 1): beams that are worth a note, and beams or share of
+the view up to which the increment is believed."""
+
+
+class Fan(NamedTuple):
+    """The stated angles of a scan."""
+
+    angle_min: float
+    angle_max: float
+    increment: float
+    readings: int
+
+    @property
+    def difference(self) -> float:
+        """How far the last beam is from angle_max [beams]; infinite where the increment is zero."""
+        miss = abs(abs(self.increment) * (self.readings - 1) - abs(self.angle_max - self.angle_min))
+        return miss / abs(self.increment) if self.increment else math.inf
+
+    def check(self) -> str | None:
+        """A note where the numbers differ by about a beam; ValueError, with the numbers, where they contradict."""
+        if self.readings < 2 or not math.isfinite(self.angle_max):
+            return None
+        span = abs(self.angle_max - self.angle_min)
+        accepted = max(ACCEPTED_BEAMS, ACCEPTED_SHARE * (self.readings - 1))
+        if self.difference > accepted or abs(self.increment) * (self.readings - 2) > 2.0 * math.pi + 1e-3:
+            raise ValueError(
+                f"the angles contradict each other: angle_min {self.angle_min:.6g}, angle_max {self.angle_max:.6g} and "
+                f"{self.readings} readings make an increment of {span / (self.readings - 1):.6g}, angle_increment is "
+                f"{self.increment:.6g} rad"
+            )
+        if self.difference > NOTED_BEAMS:
+            return (
+                f"angle_max is {self.difference:.1f} beams off angle_min + {self.readings - 1} * angle_increment; the "
+                "increment is used"
+            )
+        return None
+
+
+def first_pass(stamps: Floats) -> int:
+    """How many messages come before the recording begins again; stamps in the order of the bag [s], (n,)."""
+    if not len(stamps):
+        return 0
+    back = np.flatnonzero(stamps < np.maximum.accumulate(stamps) - MIN_LOOP)
+    return int(back[0]) if back.size else len(stamps)
+
+
+def bag_time(stamps: Floats, times: Floats, offset: float) -> Floats | None:
+    """The bag's own times less an offset [s], (n,), where all stamps of a topic are equal; else None."""
+    if len(stamps) > 2 and float(np.ptp(stamps)) == 0.0 and float(np.ptp(times)) > 0.0:
+        return times - offset
+    return None
+
+
+def with_twists(track: Track) -> Track:
+    """Odometry, sorted by time, with the mean velocity up to the next pose, for sources that hold poses only."""
+    track = track.in_time()
+    if len(track.stamps) < 2:
+        return track
+    steps = se2.between(track.poses[:-1], track.poses[1:]) / np.diff(track.stamps)[:, None]
+    return track._replace(twists=np.concatenate([steps, steps[-1:]]))
+
+
+def bridged(track: Track) -> tuple[Track, list[str]]:
+    """Odometry, sorted by time, whose jumps are taken out: what follows one is moved to where the robot was before.
+
+    Between the messages before and after a jump the robot is taken to have moved as its twist says, if it is known.
+    """
+    steps, spans = se2.between(track.poses[:-1], track.poses[1:]), np.diff(track.stamps)
+    length, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    far = (length > np.maximum(MAX_SPEED * spans, MIN_JUMP)) | (turn > np.maximum(MAX_TURN_RATE * spans, MIN_TURN))
+    jumps = np.flatnonzero(far).tolist()
+    poses, notes = track.poses.copy(), []
+    for row in jumps:
+        twist = track.twists[row]
+        moved = twist * spans[row] if np.isfinite(twist).all() else np.zeros(3)
+        T = se2.compose(se2.compose(poses[row], moved), se2.inverse(poses[row + 1]))
+        poses[row + 1 :] = se2.compose(T, poses[row + 1 :])
+    if jumps:
+        first = jumps[0]
+        more = f", and {len(jumps) - 1} times more" if jumps[1:] else ""
+        notes.append(
+            f"the odometry jumps by {length[first]:.2f} m and {math.degrees(turn[first]):.0f} deg within "
+            f"{spans[first]:.2f} s at {track.stamps[first]:.2f} s{more}, as where it starts again: the path is joined"
+        )
+    return track._replace(poses=poses), notes

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: MIT
+"""Bags that no recorder has finished: made readable as far as they are whole, in a temporary copy.
+
+A recorder that was killed leaves an MCAP file without its footer, an SQLite file with a journal, or a ROS 1 bag without
+an index, and no metadata.yaml.
+"""
+
+from __future__ import annotations
+
+import bz2
+import shutil
+import sqlite3
+import struct
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+from testbed.formats.log import LogError
+from testbed.formats.ros.mcap import CHUNK, DATA_END, FOOTER, FOOTER_CONTENT, MAGIC, RECORD, verify_mcap
+
+JOURNALS = ("-journal", "-wal")
+"""Endings of what SQLite leaves beside a data base that was not closed."""
+ROS1_MAGIC = b"#ROSBAG V2.0\n"
+_LENGTH = struct.Struct("<I")
+_CHUNK_HEAD = 28
+"""Bytes of a chunk in front of the name of its compression."""
+
+
+class Readable(NamedTuple):
+    """What to open instead of a recording."""
+
+    paths: list[Path]
+    notes: list[str]
+    """What was found and done, for the user."""
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[Readable]:
+    """Yield what the library can open: the recording itself, or a copy of its whole part while the block runs.
+
+    Raises LogError where not even the begin of a file is whole, and as `verify_mcap` does.
+    """
+    has_metadata = path.is_dir() and (path / "metadata.yaml").is_file()
+    files = bag_files(path) if path.is_dir() else [path]
+    broken = [file for file in files if _is_unfinished(file)]
+    for file in files:
+        if file.suffix == ".mcap" and file not in broken:
+            verify_mcap(file)
+    if not broken:
+        notes = [] if has_metadata or path.is_file() else [f"no metadata.yaml: read {_names(files)}"]
+        yield Readable([path] if has_metadata or path.is_file() else files, notes)
+        return
+    with tempfile.TemporaryDirectory(prefix="testbed-") as folder:
+        copies = [_repaired(file, Path(folder)) if file in broken else file for file in files]
+        text = f"{_names(broken)}: the recorder was not stopped properly: what is whole is read, the rest is left out"
+        yield Readable(copies, [text])
+
+
+def bag_files(directory: Path) -> list[Path]:
+    """The MCAP files of a directory or, where there are none, its SQLite files, sorted by name."""
+    return sorted(directory.glob("*.mcap")) or sorted(directory.glob("*.db3"))
+
+
+def _names(files: list[Path]) -> str:
+    return ", ".join(file.name for file in files)
+
+
+def _is_unfinished(file: Path) -> bool:
+    if file.suffix == ".db3":
+        return any(file.with_name(file.name + ending).is_file() for ending in JOURNALS)
+    with file.open("rb") as stream:
+        head = stream.read(4096)
+        size = stream.seek(0, 2)
+        if head.startswith(ROS1_MAGIC):
+            at = head.find(b"index_pos=")
+            position = struct.unpack_from("<Q", head, at + 10)[0] if 0 <= at <= len(head) - 18 else 0
+            return not 0 < position <= size
+        stream.seek(max(size - len(MAGIC), 0))
+        return head.startswith(MAGIC) and stream.read() != MAGIC
+
+
+def _repaired(file: Path, folder: Path) -> Path:
+    copy = folder / file.name
+    if file.suffix == ".db3":
+        for ending in ("", *JOURNALS):
+            if (part := file.with_name(file.name + ending)).is_file():
+                shutil.copyfile(part, copy.with_name(copy.name + ending))
+        base = sqlite3.connect(copy)
+        base.execute("PRAGMA journal_mode = DELETE")  # plays the journal back
+        base.execute("SELECT COUNT(*) FROM messages").fetchone()
+        base.close()
+    elif file.suffix == ".bag":
+        _index_rosbag1(file, copy)
+    else:
+        _finish_mcap(file, copy)
+    return copy
+
+
+def _finish_mcap(file: Path, copy: Path) -> None:
+    """Copy the records that are whole, and end them as a file without a summary ends."""
+    with file.open("rb") as source, copy.open("wb") as out:
+        size, at = source.seek(0, 2), len(MAGIC)
+        rest = b""
+        while at + RECORD.size <= size:
+            source.seek(at)
+            kind, length = RECORD.unpack(source.read(RECORD.size))
+            if kind in (DATA_END, FOOTER):
+                break
+            if at + RECORD.size + length > size:
+                rest = _whole_part(source.read(), kind)
+                break
+            at += RECORD.size + length
+        if at == len(MAGIC):
+            raise LogError(f"{file}: damaged MCAP file: ends at byte {size} within its first record")
+        source.seek(0)
+        _copy(source, out, at)
+        out.write(rest)
+        out.write(RECORD.pack(DATA_END, 4) + bytes(4))
+        out.write(RECORD.pack(FOOTER, FOOTER_CONTENT.size) + bytes(FOOTER_CONTENT.size) + MAGIC)
+
+
+def _whole_part(content: bytes, kind: int) -> bytes:
+    """The whole records in the begin of a chunk; nothing where it is packed or no chunk."""
+    if kind != CHUNK or len(content) < _CHUNK_HEAD + 12 or _LENGTH.unpack_from(content, _CHUNK_HEAD)[0]:
+        return b""
+    begin = at = _CHUNK_HEAD + 12
+    while at + RECORD.size <= len(content):
+        end = at + RECORD.size + RECORD.unpack_from(content, at)[1]
+        if end > len(content):
+            break
+        at = end
+    return content[begin:at]
+
+
+def _copy(source: BinaryIO, out: BinaryIO, size: int) -> None:
+    while size and (part := source.read(min(size, 1 << 20))):
+        out.write(part)
+        size -= len(part)
+
+
+def _index_rosbag1(file: Path, copy: Path) -> None:
+    """Write the messages of the whole chunks of a bag as a bag with an index."""
+    from rosbags.rosbag1 import Writer
+
+    connections: dict[int, Any] = {}
+    with Writer(copy) as writer, file.open("rb") as source:
+        source.seek(len(ROS1_MAGIC))
+        for fields, data in _records(source):
+            chunk = fields.get(b"compression")
+            for inner, content in [(fields, data)] if chunk is None else _parsed(_unpacked(chunk, data)):
+                _take_rosbag1(writer, connections, inner, content)
+
+
+def _take_rosbag1(writer: Any, connections: dict[int, Any], fields: dict[bytes, bytes], data: bytes) -> None:
+    from rosbags.typesys.msg import normalize_msgtype
+
+    operation = fields.get(b"op")
+    if operation == b"\x07":
+        (number,) = _LENGTH.unpack(fields[b"conn"])
+        about = _fields(data)
+        if number not in connections:
+            connections[number] = writer.add_connection(
+                fields[b"topic"].decode(),
+                normalize_msgtype(about[b"type"].decode()),
+                msgdef=about[b"message_definition"].decode(),
+                md5sum=about[b"md5sum"].decode(),
+            )
+    elif operation == b"\x02":
+        seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
+        (number,) = _LENGTH.unpack(fields[b"conn"])
+        writer.write(connections[number], seconds * 1_000_000_000 + nanoseconds, data)
+
+
+def _records(source: BinaryIO) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
+    """The records of a ROS 1 bag that are whole: fields of the head, and content."""
+    while True:
+        parts = []
+        for _ in range(2):
+            size = source.read(4)
+            content = source.read(_LENGTH.unpack(size)[0]) if len(size) == 4 else b""
+            if len(size) < 4 or len(content) < _LENGTH.unpack(size)[0]:
+                return
+            parts.append(content)
+        yield _fields(parts[0]), parts[1]
+
+
+def _parsed(content: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
+    from io import BytesIO
+
+    return _records(BytesIO(content))
+
+
+def _fields(content: bytes) -> dict[bytes, bytes]:
+    """`name=value` pairs, each behind its length."""
+    fields, at = {}, 0
+    while at + 4 <= len(content):
+        (size,) = _LENGTH.unpack_from(content, at)
+        name, _, value = content[at + 4 : at + 4 + size].partition(b"=")
+        fields[name] = value
+        at += 4 + size
+    return fields
+
+
+def _unpacked(compression: bytes, data: bytes) -> bytes:
+    if compression == b"bz2":
+        return bz2.decompress(data)
+    if compression == b"lz4":
+        from lz4.frame import decompress  # rosbags brings it along
+
+        return bytes(decompress(data))
+    return data

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: MIT
+"""Bags as people bring them: each fault is mended with a note and the right values, or refused with the numbers."""
+
+import shutil
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from slam import se2
+from testbed.datasets.simulated import write_dataset
+from testbed.formats import Log, LogError, open_log
+from testbed.formats.frame_table import FrameTable
+from testbed.formats.write import write_log
+from testbed.simulation import SimulationConfig
+from worlds import load
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TIME = STORE.types["builtin_interfaces/msg/Time"]
+TOPICS = ("/scan", "/odom", "/tf", "/tf_static")
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("source") / "drive"
+    config = SimulationConfig(backend="fast", duration=8.0)
+    write_dataset(path, load("office"), config, {"seed": 0}, log_format="rosbag2-lean")
+    return path
+
+
+@pytest.fixture(scope="module")
+def messages(source) -> list:
+    with AnyReader([source], default_typestore=STORE) as reader:
+        found = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages()]
+    return [message for message in found if message[0] in TOPICS]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory, messages) -> FrameTable:
+    return open_log(bag(tmp_path_factory.mktemp("sound") / "bag", messages)).table
+
+
+def bag(path: Path, messages: list) -> Path:
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connections = {}
+        for topic, time, message in messages:
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            writer.write(connections[topic], time, STORE.serialize_cdr(message, kind))
+    return path
+
+
+def changed(messages: list, topic: str, change) -> list:
+    """The messages with those of a topic changed; `change` gets the message and its number."""
+    found, number = [], 0
+    for name, time, message in messages:
+        if name == topic:
+            found.append((name, time, change(message, number)))
+            number += 1
+        else:
+            found.append((name, time, message))
+    return found
+
+
+def at_zero(message, _=0):
+    return replace(message, header=replace(message.header, stamp=TIME(0, 0)))
+
+
+def assert_like(read: FrameTable, sound: FrameTable, atol: float = 1e-9) -> None:
+    """The same scans at the same stamps and poses."""
+    np.testing.assert_allclose(read.stamps[read.scan_rows], sound.stamps[sound.scan_rows], atol=1e-9)
+    np.testing.assert_array_equal(read.ranges, sound.ranges)
+    gap = se2.between(read.odometry[read.scan_rows], sound.odometry[sound.scan_rows])
+    np.testing.assert_allclose(gap, 0.0, atol=atol)
+    np.testing.assert_allclose(read.mounts, sound.mounts, atol=1e-9)
+
+
+def test_odometry_in_tf_only(tmp_path, messages, sound):
+    log = open_log(bag(tmp_path / "bag", [m for m in messages if m[0] != "/odom"]))
+    assert_like(log.table, sound)
+    assert "odometry from /tf (odom to base_link)" in log.notes[0]
+    rows = log.table.scan_rows
+    speed = np.abs(log.table.twist[rows] - sound.twist[sound.scan_rows])
+    assert np.median(speed, axis=0).max() < 0.05  # over the next 50 ms instead of the scan's time
+
+
+def test_a_mount_in_tf(tmp_path, messages, sound):
+    (static,) = [message for topic, _, message in messages if topic == "/tf_static"]
+
+    def moving(message, _):
+        stamp = message.transforms[0].header.stamp
+        again = [replace(t, header=replace(t.header, stamp=stamp)) for t in static.transforms]
+        return replace(message, transforms=[*message.transforms, *again])
+
+    kept = [m for m in messages if m[0] != "/tf_static"]
+    log = open_log(bag(tmp_path / "bag", changed(kept, "/tf", moving)))
+    assert_like(log.table, sound)
+    assert "the mount of laser is taken from /tf" in log.notes
+
+
+def test_a_mount_in_the_robots_description(tmp_path, messages, sound):
+    x, y, theta = sound.mounts[0].tolist()
+    urdf = (
+        '<robot name="r"><link name="base_link"/><link name="laser"/><joint name="j" type="fixed">'
+        f'<parent link="base_link"/><child link="laser"/><origin xyz="{x} {y} 0.2" rpy="0 0 {theta}"/></joint></robot>'
+    )
+    description = STORE.types["std_msgs/msg/String"](data=urdf)
+    kept = [m for m in messages if m[0] != "/tf_static"]
+    log = open_log(bag(tmp_path / "bag", [("/robot_description", 0, description), *kept]))
+    assert_like(log.table, sound)
+    assert "the mount of laser is taken from /robot_description" in log.notes
+
+
+def test_a_mount_nowhere_is_noted_and_can_be_given(tmp_path, messages, sound):
+    path = bag(tmp_path / "bag", [m for m in messages if m[0] != "/tf_static"])
+    log = open_log(path)
+    assert any("no transform says where laser is mounted" in note and "--laser-offset" in note for note in log.notes)
+    np.testing.assert_array_equal(log.table.mounts, 0.0)
+    assert_like(open_log(path, laser_offset=float(sound.mounts[0, 0])).table, sound)
+
+
+def test_odometry_that_starts_again_is_joined(tmp_path, messages, sound):
+    point, quaternion = (STORE.types[f"geometry_msgs/msg/{name}"] for name in ("Point", "Quaternion"))
+    count = sum(topic == "/odom" for topic, _, _ in messages)
+    poses = iter(sound.odometry)
+    poses = np.array([next(poses) for _ in range(count)])
+
+    def restarted(message, number):
+        if number < count // 2:
+            return message
+        x, y, theta = se2.between(poses[count // 2], poses[number]).tolist()
+        pose = replace(
+            message.pose.pose,
+            position=point(x, y, 0.0),
+            orientation=quaternion(0.0, 0.0, float(np.sin(theta / 2)), float(np.cos(theta / 2))),
+        )
+        return replace(message, pose=replace(message.pose, pose=pose))
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", restarted)))
+    assert_like(log.table, sound, atol=0.01)  # the step of 50 ms in between follows the twist
+    assert any("the odometry jumps by" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("increment", [0.0, 0.0175, 0.45, -0.02])
+def test_angles_that_contradict_are_refused_with_the_numbers(tmp_path, messages, increment):
+    wrong = changed(messages, "/scan", lambda m, _: replace(m, angle_increment=increment))
+    with pytest.raises(LogError, match=r"800 readings make an increment of 0\.00785398, angle_increment is"):
+        open_log(bag(tmp_path / "bag", wrong))
+
+
+@pytest.mark.parametrize("beams", [1.0, -1.0])
+def test_angles_that_are_off_by_one_are_noted(tmp_path, messages, sound, beams):
+    def off(message, _):
+        return replace(message, angle_max=message.angle_max + beams * message.angle_increment)
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", off)))
+    assert_like(log.table, sound)
+    np.testing.assert_array_equal(log.table.patterns[0].angles, sound.patterns[0].angles)
+    assert any("angle_max is 1.0 beams off" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("topics", [("/scan",), ("/odom",), ("/scan", "/odom")])
+def test_equal_stamps_give_way_to_the_bags_time(tmp_path, messages, sound, topics):
+    for topic in topics:
+        messages = changed(messages, topic, at_zero)
+    log = open_log(bag(tmp_path / "bag", messages))
+    assert_like(log.table, sound, atol=1e-6)
+    assert sum("the bag's own times are used" in note for note in log.notes) == len(topics)
+
+
+def test_a_recording_played_twice_counts_once(tmp_path, messages, sound):
+    again = [(topic, time + 50 * 10**9, message) for topic, time, message in messages]
+    log = open_log(bag(tmp_path / "bag", [*messages, *again]))
+    assert_like(log.table, sound)
+    assert any("played more than once; the first pass is used" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("kept", ["metadata", "nothing else"])
+def test_a_directory_without_metadata_is_read(tmp_path, messages, sound, kept):
+    path = bag(tmp_path / "bag", messages)
+    (path / "metadata.yaml").unlink()
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert "no metadata.yaml: read bag.db3" in log.notes
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 0.999])
+def test_an_mcap_file_without_its_end_is_read(tmp_path, source, share):
+    content = (source / "drive.mcap").read_bytes()
+    (tmp_path / "killed").mkdir()
+    (tmp_path / "killed" / "drive.mcap").write_bytes(content[: int(share * len(content))])
+    log, whole = open_log(tmp_path / "killed"), open_log(source).table
+    count = log.scan_count
+    assert 0 < count <= len(whole.scan_rows)
+    assert count >= int((share - 0.3) * len(whole.scan_rows))  # the true map comes first, with a quarter of the bytes
+    np.testing.assert_array_equal(log.table.ranges, whole.ranges[: whole.scan_starts[count]])
+    assert any("the recorder was not stopped properly" in note for note in log.notes)
+
+
+def test_an_sqlite_file_with_a_journal_is_read(tmp_path, messages, sound):
+    path = bag(tmp_path / "bag", messages)
+    base = sqlite3.connect(path / "bag.db3")
+    base.execute("PRAGMA journal_mode = WAL")
+    base.execute("UPDATE messages SET timestamp = timestamp")
+    base.commit()
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    for file in path.glob("bag.db3*"):  # as they are while the recorder runs
+        shutil.copy(file, killed / file.name)
+    base.close()
+    assert (killed / "bag.db3-wal").is_file()
+    log = open_log(killed)
+    assert_like(log.table, sound)
+    assert any("not stopped properly" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_ros1_bag_without_an_index_is_read(tmp_path, source, compressed):
+    short = open_log(source).frames
+    frames = [replace(frame, stamp=frame.stamp + 8.0 * part) for part in range(5) for frame in short]  # several chunks
+    whole = Log.from_frames(frames, path=source, format="made")
+    write_log(tmp_path / "drive.bag", whole, "rosbag1", compressed=compressed)
+    content = bytearray((tmp_path / "drive.bag").read_bytes())
+    at = content.index(b"index_pos=") + 10
+    content[at : at + 8] = bytes(8)  # the recorder fills it in at the end
+    (tmp_path / "killed.bag").write_bytes(content[: int(0.8 * len(content))])
+    log = open_log(tmp_path / "killed.bag")
+    count = log.scan_count
+    assert 0.5 * whole.scan_count < count < whole.scan_count
+    ranges = whole.table.ranges[: whole.table.scan_starts[count]]
+    np.testing.assert_array_equal(log.table.ranges, ranges.astype(np.float32))
+    assert any("not stopped properly" in note for note in log.notes)
