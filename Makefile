@@ -20,6 +20,7 @@ lint: $(VENV)/.lint  ## check style, types and import rules
 
 bench: $(VENV)/.test  ## run the benchmarks, which are never part of the tests
 	$(BIN)/python -m pytest -m benchmark
+	$(BIN)/python -m tools.measure.measure_datasets
 
 clean:  ## remove the environment, all runs and built packages
 	rm -rf $(VENV) runs build dist

@@ -22,6 +22,8 @@ MAX_SPEED, MAX_TURN_RATE = 10.0, 4.0 * math.pi
 """Odometry that moves faster [m/s], [rad/s] has jumped: no indoor robot does."""
 MIN_JUMP, MIN_TURN = 0.3, math.radians(30.0)
 """Smaller steps [m], [rad] are no jump, however short the time between two messages is."""
+MAX_JUMP_SHARE = 0.01
+"""Odometry that jumps more often, as a share of its messages, does not start again: it is left as it is."""
 NOTED_BEAMS, ACCEPTED_BEAMS, ACCEPTED_SHARE = 0.5, 1.5, 0.05
 """Differences between angle_max and angle_min + increment * (n - 1): beams that are worth a note, and beams or share of
 the view up to which the increment is believed."""
@@ -94,6 +96,8 @@ def bridged(track: Track) -> tuple[Track, list[str]]:
     length, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
     far = (length > np.maximum(MAX_SPEED * spans, MIN_JUMP)) | (turn > np.maximum(MAX_TURN_RATE * spans, MIN_TURN))
     jumps = np.flatnonzero(far).tolist()
+    if len(jumps) > MAX_JUMP_SHARE * len(track.stamps):
+        return track, [f"the odometry jumps {len(jumps)} times, too often for a restart: it is used as it is"]
     poses, notes = track.poses.copy(), []
     for row in jumps:
         twist = track.twists[row]
