@@ -125,8 +125,9 @@ def describe(directory: Path, command: str) -> None:
     write_contact_sheet(directory, rows)
     totals = Collection(directory, rows).totals()
     splits = ", ".join(f"{count} {split}" for split, count in totals["splits"].items())
+    worlds = f"{totals['worlds']} world{'' if totals['worlds'] == 1 else 's'}"
     results.print(
-        f"{directory}: {totals['datasets']} datasets of {totals['worlds']} world{'' if totals['worlds'] == 1 else 's'} ({splits}), "
+        f"{directory}: {totals['datasets']} datasets of {worlds} ({splits}), "
         f"{totals['seconds'] / 3600:.2f} h, {totals['metres'] / 1000:.2f} km, {totals['bytes'] / 1e6:.0f} MB; see "
         + ("README.md and contact_sheet.png" if card else "contact_sheet.png; README.md is yours and was kept")
     )
