@@ -67,4 +67,4 @@ def test_a_given_start_may_be_negative_and_complaints_are_one_line(folder):
         assert not (folder / "bad").exists()
     done = testbed(folder, "slam", data, "--start", "1,2,3", "--out", "bad")
     assert done.returncode == 2
-    assert "--start 1,2,3: a place on a map, expected --map FILE.yaml beside it" in done.stderr
+    assert "--start 1,2,3: needs a map, expected --map FILE.yaml as well" in done.stderr

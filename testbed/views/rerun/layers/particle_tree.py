@@ -44,6 +44,8 @@ class ParticleTree:
         Returns, where they were resampled, the branches (dead, updates, 2) of the particles that died, as far back as
         the resampling before; None where they were not.
         """
+        if len(proposed) != self._expected(len(proposed)):  # the filter started again, for example after it was lost
+            self.__init__()  # type: ignore[misc]
         epoch = self._epochs[-1]
         epoch.poses.append(proposed[:, :2].copy())
         if len(proposed) == len(poses) and np.array_equal(proposed, poses):
@@ -58,6 +60,13 @@ class ParticleTree:
         self._epochs.append(_Epoch(parents=parents))
         self._merge()
         return branches
+
+    def _expected(self, unknown: int) -> int:
+        """Number of particles that the next update continues; `unknown` before the first update."""
+        last = self._epochs[-1]
+        if last.poses:
+            return len(last.poses[-1])
+        return unknown if last.parents is None else len(last.parents)
 
     def _merge(self) -> None:
         """Move epochs that only one particle survived to the trunk."""

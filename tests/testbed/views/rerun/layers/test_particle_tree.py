@@ -66,3 +66,16 @@ def test_a_filter_that_begins_anew_elsewhere_has_a_new_tree() -> None:
         tree.add(poses, poses)
     tree.add(rng.normal(size=(3, 3)), rng.normal(size=(3, 3)))
     assert tree.strips() == []
+
+
+def test_a_filter_that_starts_again_with_another_number_of_particles_gets_a_new_tree():
+    """Localisation changes the number of particles without a proposal while it searches."""
+    tree, rng = ParticleTree(), np.random.default_rng(0)
+    for count in (5, 5, 9, 9, 3):
+        poses = rng.normal(size=(count, 3))
+        assert tree.add(poses, poses) is None
+        strips = tree.strips()
+    assert strips == []  # one update of the three particles: no line yet
+    moved = rng.normal(size=(3, 3))
+    tree.add(moved, moved)
+    assert len(tree.strips()) == 3
