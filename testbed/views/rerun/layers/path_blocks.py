@@ -27,7 +27,8 @@ class PathBlocks:
         common = min(len(path), len(self._sent))
         different = np.flatnonzero((path[:common] != self._sent[:common]).any(axis=1))
         first = int(different[0]) if len(different) else common
-        longest = max(len(path), len(self._sent))
+        shrinks = len(path) < len(self._sent)
+        longest = len(self._sent) + 1 if shrinks else len(path)  # the last pose sent may be alone in its block
         self._sent = path.copy()
         return [(number, path[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, longest)]
 

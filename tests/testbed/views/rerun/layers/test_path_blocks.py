@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from testbed.views.rerun.layers.path_blocks import BLOCK, GrowingPath, PathBlocks
@@ -21,6 +21,7 @@ def joined(blocks: dict[int, np.ndarray]) -> np.ndarray:
     return np.concatenate([shown[0], *(block[1:] for block in shown[1:])])
 
 
+@example([(0, 202), (0, 201), (0, 2)], 0)
 @given(st.lists(st.tuples(st.integers(0, 900), st.integers(0, 400)), min_size=1, max_size=6), st.integers(0, 2**32 - 1))
 def test_blocks_show_the_path_whatever_changes(changes: list[tuple[int, int]], seed: int) -> None:
     rng, path, blocks, sent = np.random.default_rng(seed), np.zeros((0, 3)), PathBlocks(), {}
