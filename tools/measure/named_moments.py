@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Counts how often the moment and the cause of a failure are named: `python tools/measure/named_moments.py [TIMES]`.
+"""Count how often the moment and the cause of a failure are named.
+
+    python -m tools.measure.named_moments [--times 20 30 45]
+
+Prints: one line for each run, then a table of the kinds of fault
 
 Each kind of fault is put into a simulated drive of each world at known times. Runs that end lost, or with a broken
 loop, are counted: the moment is named if it lies within 2 s of the fault, or within 1 m of it along the true path.
@@ -8,7 +12,7 @@ loop, are counted: the moment is named if it lies within 2 s of the fault, or wi
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -74,7 +78,9 @@ def judge(frames: list[Frame], fault: str, at: float) -> tuple[bool, bool, bool,
 
 def main() -> None:
     """Print one line for each run, then the counts of each kind of fault."""
-    times = [float(text) for text in sys.argv[1:]] or [20.0, 30.0, 45.0]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--times", type=float, nargs="+", default=[20.0, 30.0, 45.0], help="when faults happen [s]")
+    times = parser.parse_args().times
     counts: dict[str, list[tuple[bool, bool]]] = defaultdict(list)
     for world in WORLDS:
         frames = drive(world)
