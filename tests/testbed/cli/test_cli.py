@@ -82,7 +82,7 @@ def here(tmp_path, monkeypatch):
         (["slam", "nowhere.log"], "nowhere.log: no such file"),
         (["worlds", "show", "ofice"], "office"),
         (["report", "."], "."),
-        (["view", "."], "recording.rrd"),
+        (["view", "."], "not a log that can be read"),
         (["convert", "nowhere.log", "out.log", "--to", "carmen"], "nowhere.log: no such file"),
     ],
 )
