@@ -81,7 +81,7 @@ def test_explorers_touch_nothing_in_a_furnished_apartment(backend, seed):
     """Turns beside furniture: a robot that looks straight ahead only touches some of it."""
     if backend == "pybullet":
         pytest.importorskip("pybullet")
-    simulation, mapper = explore(load("apartment"), "information", duration=250.0, seed=seed, backend=backend)
+    simulation, mapper = explore(load("apartment"), "information", duration=500.0, seed=seed, backend=backend)
     assert not simulation.collided
     assert simulation.finished
     assert share_mapped(load("apartment"), mapper) > 0.95
