@@ -24,9 +24,9 @@ class Answer:
     line: str
     kind: Kind
     short: str
-    """For a table: `5`, `more than 15`, `undecided`."""
+    """Text for a table: `5`, `more than 15`, `undecided`."""
     headline: str
-    """For a person who looks for ten seconds: `5 particles are enough`."""
+    """Sentence for a person who looks for ten seconds: `5 particles are enough`."""
     detail: str
     """The figures behind it."""
 
@@ -37,7 +37,7 @@ class Answer:
 
     @property
     def short_with_noun(self) -> str:
-        """For the title of a panel: `5 are enough`."""
+        """Text for the title of a panel: `5 are enough`."""
         is_enough = f"{self.short} {'is' if self.short == '1' else 'are'} enough"
         return is_enough if self.kind == "enough" else "no count works" if self.kind == "fails" else self.short
 

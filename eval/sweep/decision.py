@@ -47,7 +47,7 @@ class Decision:
     count: int | None
     """The count that `kind` is about; None if undecided."""
     states: tuple[State, ...]
-    """Of each count below the largest, in their order."""
+    """Verdict on each count below the largest, in their order."""
     units: int
     """Independent runs of the largest count with a result: seeds, or worlds for a kind of building."""
     needed: int | None
@@ -104,7 +104,7 @@ def decide_by_differences(
     tolerance: Tolerance,
     level: float,
 ) -> Decision:
-    """As `decide`, from differences (counts - 1, units) to the errors `largest` (units,) of the largest count."""
+    """`decide` from differences (counts - 1, units) to the errors `largest` (units,) of the largest count."""
     known = largest[np.isfinite(largest)]
     limit = tolerance.of(float(np.median(known))) if len(known) else math.nan
     intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in differences]

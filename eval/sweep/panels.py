@@ -23,7 +23,7 @@ class Panel:
     rows: tuple[int, ...]
     """The places of the table that belong to it."""
     decisions: tuple[Decision, ...]
-    """Of each line."""
+    """Decision for each line."""
     error: NDArray[np.float64]
     """Measure of each unit, (lines, counts, units)."""
     refined: NDArray[np.float64]

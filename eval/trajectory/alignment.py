@@ -13,7 +13,7 @@ from slam.se2 import Pose, compose, inverse, wrap_angle
 
 Method = Literal["none", "first_pose", "se2"]
 MIN_POSES = 3
-"""With fewer poses any two trajectories fit after alignment, and the error means nothing."""
+"""Smallest number of poses: with fewer, any two trajectories fit after alignment, and the error means nothing."""
 
 
 @dataclass(frozen=True, eq=False)

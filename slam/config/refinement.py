@@ -34,7 +34,7 @@ class RefineConfig:
     spacing: float = 0.25
     """Smallest distance between surfels along a wall [m]."""
     max_points: int = 3_000_000
-    """With more hits than this, only every k-th hit is used for the poses; the map uses all."""
+    """Largest number of hits: with more, only every k-th hit is used for the poses; the map uses all."""
     motion: FrameMotionConfig = field(default_factory=FrameMotionConfig)
     """Motion model between neighbouring frames."""
 

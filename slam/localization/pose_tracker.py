@@ -28,9 +28,9 @@ class PoseUncertainty(NamedTuple):
     """Standard deviations of a pose that is known approximately."""
 
     position: float
-    """In x and in y [m]."""
+    """Standard deviation in x and in y [m]."""
     heading: float
-    """In heading [rad]."""
+    """Standard deviation of the heading [rad]."""
 
     @property
     def prior(self) -> MotionPrior:

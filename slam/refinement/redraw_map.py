@@ -32,7 +32,7 @@ DEPTH = 0.1
 """How far end points are put into their wall, in cells: they lie on its face, and where that is the border of two
 cells, the one behind is solid."""
 NOISE_RANGE_LIMIT = 10.0
-"""Up to this range [m] an end point finds its wall wherever noise may have put it; beyond, only a near wall."""
+"""Range limit [m]: up to here an end point finds its wall wherever noise may have put it; beyond, only a near wall."""
 BATCH = 512
 """Scans whose end points are moved at once: enough to keep the threads busy, and little memory."""
 

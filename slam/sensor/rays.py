@@ -29,9 +29,9 @@ class BeamCounts(NamedTuple):
     """How many readings of a scan are of each kind; `Scan` defines the kinds."""
 
     hits: int
-    """Within the lidar's range."""
+    """Readings within the lidar's range."""
     no_returns: int
-    """At or beyond its range, infinity included."""
+    """Readings at or beyond its range, infinity included."""
     invalid: int
     """NaN, zero, negative, below its range, or without a direction or time: they carry no information."""
 

@@ -18,7 +18,7 @@ from testbed.sweep.rerun_worst import is_recorded, rerun
 from testbed.sweep.store import SweepDirectory
 
 MAX_NAMED = 20
-"""At most this many jobs without a result are listed by name."""
+"""Largest number of jobs without a result that are listed by name."""
 
 
 def gather(sweep: Path, /, *, worst: bool = True) -> int:

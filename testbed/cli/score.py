@@ -97,7 +97,7 @@ def score(
 
 
 def _write_scored(out: Path, dataset: Path, estimate: Trajectory, map_: Path | None, relations: Path | None) -> None:
-    """Write what the report shows beside the metrics: trajectories, maps, and where it went wrong."""
+    """Write what the report shows in addition to the metrics: trajectories, maps, and where it went wrong."""
     known = {name: read_tum(dataset / f"{name}.tum") for name in ("truth", "odometry") if _has(dataset, name)}
     for name, path in (("map", map_), ("truth_map", dataset / "truth_map.yaml")):
         if map_ is not None and path is not None and path.is_file():

@@ -190,7 +190,7 @@ def _is_flaser(pattern: BeamPattern) -> bool:
 
 
 def _readings(block: FrameTable) -> list[str]:
-    """For each scan the number of its readings and the readings: hits as they are, the others as 0 or `range_max`."""
+    """Number of readings of each scan, and the readings: hits as they are, the others as 0 or `range_max`."""
     ranges, limits = np.asarray(block.ranges, dtype=np.float64), np.repeat(block.range_limits, block.readings, axis=0)
     hit = (ranges >= limits[:, 0]) & (ranges > 0.0) & (ranges < limits[:, 1])
     kept = np.where(hit, ranges, np.where(ranges >= limits[:, 1], limits[:, 1], 0.0))

@@ -31,7 +31,7 @@ class Track(NamedTuple):
     stamps: Floats
     """[s], (n,)."""
     poses: Floats
-    """In the plane [m, m, rad], (n, 3)."""
+    """Poses in the plane [m, m, rad], (n, 3)."""
     twists: Floats
     """[m/s, m/s, rad/s], (n, 3)."""
     frame: str = ""

@@ -21,7 +21,7 @@ from testbed.formats.log import LogError
 from testbed.formats.ros.mcap import CHUNK, DATA_END, FOOTER, FOOTER_CONTENT, MAGIC, RECORD, verify_mcap
 
 JOURNALS = ("-journal", "-wal")
-"""Endings of what SQLite leaves beside a data base that was not closed."""
+"""Endings of the files that SQLite leaves next to a data base that was not closed."""
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _LENGTH = struct.Struct("<I")
 _CHUNK_HEAD = 28

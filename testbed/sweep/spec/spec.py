@@ -28,7 +28,7 @@ BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
 """Baseline of the preset `gate` (`eval.sweep.regression_check`)."""
 
 SEEDS_PER_LOOK = 8
-"""With `until` so many seeds are added at a time."""
+"""Number of seeds that `until` adds at a time."""
 ESTIMATES = {"online": "_online", "filter": "_filter", "refined": ""}
 """The three estimates of a run by their words for `measure`, and the suffix of their keys in `metrics.json`."""
 FINAL = ("trajectory", "map", "relations", "outcome")

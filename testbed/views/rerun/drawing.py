@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From poses, weights, scans and grids to the shapes that are drawn: numpy only, no viewer."""
+"""Poses, weights, scans and grids as the shapes that are drawn: numpy only, no viewer."""
 
 from __future__ import annotations
 
