@@ -20,7 +20,7 @@ KINDS = {"improved": IMPROVED, "scan-match": SCAN_MATCH, "motion": MOTION}
 """Numbers of the kinds of proposal in the kernels."""
 SAMPLE_SCALE = 1.2
 """Standard deviation of the K poses in units of the Laplace approximation's at the optimum. Importance weights stay
-bounded only where the sampling density is at least as wide as the product (Owen 2013, section 9.3), and the bounded
+bounded only where the sampling density is at least as wide as the product (Owen 2013, chapter 9), and the bounded
 loss makes the product wider than its curvature at the optimum says."""
 
 
@@ -125,8 +125,11 @@ def propose_poses(
 
 
 def make_match_settings(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> MatchSettings:
-    """Settings of the search for one displacement (3,) and the hits (K, 2) of a scan: the starting points lie along
-    the heading, where odometry fails when wheels slip or a change of direction goes unnoticed."""
+    """Settings of the search for one displacement (3,) [m, m, rad] and the hits (K, 2) [m] of a scan.
+
+    The starting points lie along the heading: there odometry fails when wheels slip or a change of direction goes
+    unnoticed.
+    """
     match = config.match
     reach = min(max(0.5 * match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1]))), match.search_reach)
     steps = math.ceil(reach / match.search_step)

@@ -35,7 +35,7 @@ class ParticleSet:
         """Number of the most likely particle: that of the largest weight over its whole history; the first at a tie.
 
         Right after resampling all weights are equal and say nothing; the product of all weights that a history has had
-        still ranks the maps by their likelihood (Grisetti et al. 2007, section III, factorisation of equation 1).
+        still ranks the maps by their likelihood (T-RO 2007, equation 1).
         """
         return int(np.argmax(self.log_histories))
 

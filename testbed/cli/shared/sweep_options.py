@@ -148,7 +148,7 @@ class RegressionOptions:
     """Exit with 1 if accuracy is worse than the baseline by more than the noise of the seeds."""
     update_baseline: Annotated[bool, FLAG] = False
     """Write a new baseline."""
-    baseline: Path = BASELINE
+    baseline: Annotated[Path, Parameter(show_default=False)] = BASELINE
     """File of the baseline. Default: that of the preset `gate`."""
 
     @property

@@ -32,7 +32,11 @@ class ParticleTree:
     """All that is alive of the particles' histories."""
 
     def __init__(self) -> None:
-        """No update has come yet."""
+        """Start without an update."""
+        self._start()
+
+    def _start(self) -> None:
+        """Forget all histories: the first update, or a filter that starts again, for example after it was lost."""
         self._trunk: list[NDArray[np.float64]] = []  # positions (n, 2) of the past that all particles share
         self._epochs = [_Epoch()]
 
@@ -44,15 +48,15 @@ class ParticleTree:
         Returns, where they were resampled, the branches (dead, updates, 2) of the particles that died, as far back as
         the resampling before; None where they were not.
         """
-        if len(proposed) != self._expected(len(proposed)):  # the filter started again, for example after it was lost
-            self.__init__()  # type: ignore[misc]
+        if len(proposed) != self._expected(len(proposed)):
+            self._start()
         epoch = self._epochs[-1]
         epoch.poses.append(proposed[:, :2].copy())
         if len(proposed) == len(poses) and np.array_equal(proposed, poses):
             return None
         parents = _parents(proposed, poses)
-        if parents is None:  # the filter started again somewhere else, for example after it was lost
-            self.__init__()  # type: ignore[misc]
+        if parents is None:  # the particles are elsewhere now
+            self._start()
             self._epochs[-1].poses.append(poses[:, :2].copy())
             return None
         dead = np.setdiff1d(np.arange(len(proposed)), parents)
