@@ -59,8 +59,8 @@ def occupancy_probability(
 ) -> NDArray[np.float32]:
     """P(occupied) of cells from how many beams reached them and how many of these ended in them, any shape; NaN = none.
 
-    A log-odds grid (Thrun, Burgard, Fox 2005, section 9.2) in which a hit adds `HIT_LOG_ODDS` and a pass subtracts as much
-    as makes a cell even at `occupied_share` of hits, clamped as in OctoMap (Hornung et al. 2013).
+    A log-odds grid (Thrun, Burgard, Fox 2005, section 9.2) in which a hit adds `HIT_LOG_ODDS` and a pass subtracts as
+    much as makes a cell even at `occupied_share` of hits, clamped as in OctoMap (Hornung et al. 2013).
     """
     hit, visit = hits.astype(np.float32), visits.astype(np.float32)
     log_odds = HIT_LOG_ODDS * (hit - (visit - hit) * occupied_share / (1.0 - occupied_share))
