@@ -95,7 +95,7 @@ def _relations_sentence(run: RunFiles) -> str:
 
 
 def _map_sentence(run: RunFiles) -> str:
-    distance, coverage = run.metric("map.wall_distance_m"), run.metric("map.coverage")
+    distance, coverage = run.metric(_wall_distance(run)), run.metric("map.coverage")
     if distance is None or coverage is None:
         return ""
     text = (
@@ -104,6 +104,12 @@ def _map_sentence(run: RunFiles) -> str:
     )
     double = run.metric("map.double_wall_rate")
     return f"{text}; {share(double)} of the walls are double." if double is not None else f"{text}."
+
+
+def _wall_distance(run: RunFiles) -> str:
+    """Key of the wall distance [m]: against the exact walls of the world where they are known, as in the summary."""
+    exact = "map.wall_distance_subcell_m"
+    return "map.wall_distance_m" if run.metric(exact) is None else exact
 
 
 def _headlines(run: RunFiles) -> list[Headline]:
@@ -125,7 +131,7 @@ def _headlines(run: RunFiles) -> list[Headline]:
     std = run.metric("relations.trans_std_m")
     add("relations.trans_mean_m", "length", "relation error", f"± {length(std)}" if std is not None else "")
     add("relations.rot_mean_deg", "{:.2f}°", "relation error, rotation", "mean")
-    add("map.wall_distance_m", "length", "walls from truth", "mean, both ways")
+    add(_wall_distance(run), "length", "walls from truth", "mean, both ways")
     add("map.f1_1_cells", "{:.3f}", "map agreement", "F1 of walls within a cell")
     count = run.metric("mean_particles")
     add("filter.mean_ess", "{:.1f}", "effective particles", f"of {count:.0f}" if count is not None else "")

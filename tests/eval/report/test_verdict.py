@@ -3,6 +3,10 @@
 
 from __future__ import annotations
 
+import json
+
+import pytest
+
 from eval.files.run_reader import read_run
 from eval.report.verdict import verdict
 from tests.eval.synthetic_run import write_run
@@ -14,3 +18,15 @@ def test_the_verdict_of_a_good_run_names_both_errors(tmp_path):
     assert "wheel odometry alone has" in " ".join(found.sentences)
     assert [headline.label for headline in found.headlines][:2] == ["trajectory error", "heading error"]
     assert found.lead.startswith("OK: trajectory error ")
+
+
+@pytest.mark.parametrize(("exact", "shown"), [(None, "2.7\u00a0cm"), (0.0153, "1.5\u00a0cm")])
+def test_the_wall_distance_is_that_of_the_summary(tmp_path, exact, shown):
+    """It is measured against the exact walls where they are known, else against the cells of the true map."""
+    run = write_run(tmp_path / "run")
+    metrics = json.loads((run / "metrics.json").read_text())
+    metrics["map"] |= {"wall_distance_m": 0.027, "coverage": 0.99, "wall_distance_subcell_m": exact}
+    (run / "metrics.json").write_text(json.dumps(metrics))
+    found = verdict(read_run(run))
+    assert f"true walls is {shown}" in " ".join(found.sentences)
+    assert shown in [headline.value for headline in found.headlines]
