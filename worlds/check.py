@@ -41,8 +41,9 @@ def check_world(world: World, *, footprint_radius: float = 0.0, source: str = ""
             f"{source}: the outline about start ({world.start.x:g}, {world.start.y:g}) m is not closed, "
             "expected walls that leave no way out"
         )
-    _check_tour(world, footprint_radius, source)
-    _check_movers(world, footprint_radius, source)
+    surface = surface_of(world.cross_section())
+    _check_tour(world, surface, footprint_radius, source)
+    _check_movers(world, surface, footprint_radius, source)
 
 
 def unit_notes(world: World) -> tuple[str, ...]:
@@ -66,11 +67,10 @@ def _check_shape(element: Element, source: str) -> None:
         raise WorldError(f"{source}: has no extent, expected a length above 0 m")
 
 
-def _check_tour(world: World, footprint_radius: float, source: str) -> None:
+def _check_tour(world: World, surface: BaseGeometry, footprint_radius: float, source: str) -> None:
     path = world.path()
     if len(path) == 1:
         return
-    surface = surface_of(world.cross_section())
     legs = [LineString(leg) for leg in np.stack([path[:-1], path[1:]], axis=1)]
     clearance = np.asarray(shapely.distance(legs, surface))
     worst = int(np.argmin(clearance))
@@ -82,9 +82,8 @@ def _check_tour(world: World, footprint_radius: float, source: str) -> None:
         )
 
 
-def _check_movers(world: World, footprint_radius: float, source: str) -> None:
+def _check_movers(world: World, surface: BaseGeometry, footprint_radius: float, source: str) -> None:
     """Check that people have room to walk and to make way, and that open doors do not block the tour."""
-    surface = surface_of(world.cross_section())
     drive = LineString(world.path()) if world.tour is not None else Point(world.start.x, world.start.y)
     for index, person in enumerate(world.people):
         room = float(person.path().distance(surface))

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from slam.occupancy import OccupancyGrid
 from testbed.formats import Log, LogError, open_log
 from testbed.formats.checksums import CONFIG
-from testbed.formats.frame_table import FrameTable
 from testbed.frame import Frame
+from testbed.frame_table import FrameTable
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
-from testbed.formats.frame_table import BeamPattern, FrameTable, Integers
 from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError
+from testbed.frame_table import BeamPattern, FrameTable, Integers
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
 MAX_TABLE = 50_000_000

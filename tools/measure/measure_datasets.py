@@ -25,8 +25,8 @@ from pathlib import Path
 from typing import Any
 
 from testbed.formats import Log, open_log
-from testbed.formats.frame_table import FrameTable
 from testbed.formats.write import LogFormat, write_log
+from testbed.frame_table import FrameTable
 from testbed.simulation import SimulationConfig, simulate
 from worlds import load
 

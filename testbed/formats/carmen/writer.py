@@ -19,9 +19,9 @@ from eval.files.atomic_write import atomic_write
 from slam import se2
 from testbed.formats.beams import even_spacing, same_mount
 from testbed.formats.carmen.reader import FLASER_LAYOUTS, LIDARS, MAXIMA, OFFSETS, SEAL, SEALED
-from testbed.formats.frame_table import BeamPattern, Floats, FrameTable, Integers
 from testbed.formats.head import LidarHead, LogHead
 from testbed.formats.log import LogError
+from testbed.frame_table import BeamPattern, Floats, FrameTable, Integers
 
 HOST = "testbed"
 PACKING = 1
