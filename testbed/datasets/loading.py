@@ -198,7 +198,9 @@ class Dataset:
 
     def __repr__(self) -> str:
         if "log" not in self.__dict__:
-            return f"<Dataset {self.name!r}, not read yet>"
+            drive, named = self.config.get("drive", {}), [self.settings.get(key) for key in ("world", "robot", "lidar")]
+            known = [str(value) for value in named if value] + [f"{drive['seconds']} s"] * ("seconds" in drive)
+            return f"<Dataset {self.name!r}: {', '.join([*known, 'not read yet'])}>"
         lidar = f"{len(self)} scans of {self.scans.shape[1]} beams ({self.lidar})" if self.lidars else "no scans"
         span = float(np.ptp(self.table.stamps)) if len(self.table) else 0.0
         return f"<Dataset {self.name!r}: {lidar}, {len(self.table)} frames, {span:.1f} s>"

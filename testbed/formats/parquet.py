@@ -44,7 +44,7 @@ COLUMNS = {
     "twist_vx, _vy, _omega": "velocity by odometry while the scan was taken, robot's frame [m/s, m/s, rad/s]",
     "command_speed, _turn_rate": "command that the robot keeps from then on [m/s, rad/s]",
     "truth_x, _y, _theta": "true pose, T_world_robot [m, m, rad]",
-    "lidar": "name of the lidar that took the scan; null where the frame has no scan",
+    "lidar": "name of the lidar's mount, such as `laser`; null where the frame has no scan",
     "ranges": "readings [m]; infinite = no return, NaN = lost, below range_min = too near",
     "angles": "direction of each beam in the lidar's frame [rad], counter-clockwise",
     "time_offsets": "time of each beam after the stamp [s]",
