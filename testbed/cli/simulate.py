@@ -109,7 +109,7 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
     for trouble in ("collided", "stuck"):
         if names := sorted(job.path.name for job, drive in drives.items() if drive[trouble]):
             results.print(f"{len(names)} {trouble}: {', '.join(names[:10])}{' and others' if names[10:] else ''}")
-    if datasets_in(datasets.out):
+    if len(datasets_in(datasets.out)) > 1:
         describe(datasets.out, "testbed " + shlex.join(sys.argv[1:]))
 
 
@@ -127,8 +127,6 @@ def describe(directory: Path, command: str | None = None, chosen: dict[str, str]
     card = write_card(directory, rows, command)
     write_contact_sheet(directory, rows)
     totals = Collection(directory, rows).totals()
-    if totals["datasets"] == 1 and command is not None:
-        return
     splits = ", ".join(f"{count} {split}" for split, count in totals["splits"].items())
     worlds = f"{totals['worlds']} world{'' if totals['worlds'] == 1 else 's'}"
     results.print(

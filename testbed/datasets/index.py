@@ -59,12 +59,8 @@ def write_index(directory: Path, chosen: Mapping[str, str] | None = None) -> lis
     chosen: split of worlds, by name, see `splits`; None = as the last index of the directory was made
     Raises LogError where a config.toml cannot be read, ValueError where a chosen world has no datasets.
     """
-    rows = [_row(path) for path in datasets_in(directory)]
     chosen = _last_choice(directory) if chosen is None else chosen
-    split = splits((row["world"] for row in rows), chosen)
-    for row in rows:
-        row["split"] = split[row["world"]]
-    rows = [{name: row[name] for name in COLUMNS} for row in rows]
+    rows = index_rows(directory, chosen)
     if rows:
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -75,6 +71,13 @@ def write_index(directory: Path, chosen: Mapping[str, str] | None = None) -> lis
         with atomic_write(directory / INDEX) as temporary:
             pq.write_table(table, temporary, compression="zstd")
     return rows
+
+
+def index_rows(directory: Path, chosen: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
+    """Rows of the index of all datasets in a directory, as `write_index` writes them."""
+    rows = [_row(path) for path in datasets_in(directory)]
+    split = splits((row["world"] for row in rows), chosen)
+    return [{name: (row | {"split": split[row["world"]]})[name] for name in COLUMNS} for row in rows]
 
 
 def _last_choice(directory: Path) -> dict[str, str]:

@@ -194,19 +194,21 @@ def test_a_dataset_of_other_settings_is_not_kept_silently(made, tmp_path, capsys
 
 
 def test_the_card_names_all_commands_that_made_datasets(tmp_path, monkeypatch):
-    for options in (["--seed", "0"], ["--seed", "1"], ["--seed", "0"], ["--seed", "1", "--noise", "3"]):
+    both = ["--count", "2", "--seed", "0"]
+    for options in (both, ["--seed", "2"], both, ["--seed", "2", "--noise", "3"]):
         arguments = ["simulate", "loop", "--out", str(tmp_path), "--duration", "0.5", *options]
         monkeypatch.setattr("sys.argv", ["testbed", *arguments])
         assert call(*arguments) == (2 if "--noise" in options else 0)
     assert call("datasets", "index", tmp_path) == 0
     lines = (tmp_path / "README.md").read_text().partition("## Made by\n```\n")[2].splitlines()
     lines = lines[: lines.index("```")]
-    assert [line.rpartition("--seed ")[2] for line in lines] == ["0", "1"]
+    assert [line.rpartition("--seed ")[2] for line in lines] == ["0", "2"]
 
 
 @pytest.mark.parametrize(("log_format", "part"), [("rosbag2", "`/ground_truth/odom`"), ("parquet", "`frames.parquet`")])
 def test_the_card_says_what_is_in_the_recordings(tmp_path, log_format, part):
     assert call("simulate", "loop", "--out", tmp_path, "--duration", "0.5", "--format", log_format) == 0
+    assert call("datasets", "index", tmp_path) == 0
     assert part in (tmp_path / "README.md").read_text()
     (dataset,) = open_collection(tmp_path)
     if log_format == "rosbag2":
@@ -267,6 +269,12 @@ def test_bad_requests_are_refused_before_anything_is_made(tmp_path, capsys, opti
     out = tmp_path / "data"
     assert_refused(capsys, complaint, "simulate", "office", "--out", out, *options)
     assert not out.exists()
+
+
+def test_one_dataset_is_a_collection_without_an_index(made, tmp_path):
+    shutil.copytree(made / "loop-0000", tmp_path / "loop-0000")
+    (row,) = open_collection(tmp_path).rows
+    assert row == next(row for row in open_collection(made).rows if row["dataset"] == "loop-0000") | {"split": "train"}
 
 
 def test_what_is_no_collection_is_refused(made, tmp_path):
