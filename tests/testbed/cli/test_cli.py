@@ -83,6 +83,8 @@ def here(tmp_path, monkeypatch):
         (["worlds", "show", "ofice"], "office"),
         (["report", "."], "."),
         (["view", "."], "not a log that can be read"),
+        (["view", "a", "b", "--save", "c.rrd"], "--save writes one recording, got 2"),
+        (["view", ".", "--save", "c.mp4"], "c.mp4: expected a name that ends in .rrd"),
         (["convert", "nowhere.log", "out.log", "--to", "carmen"], "nowhere.log: no such file"),
     ],
 )
