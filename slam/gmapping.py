@@ -115,7 +115,7 @@ class GMapping:
         scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
         settings = make_match_settings(motion, hits, cfg)
         guesses = se2.compose(self._particles.poses, motion)
-        return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg.proposal.samples, self._rng)
+        return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg.proposal.samples, self._rng, weights=self.weights)
 
     def _resample(self, report: StepReport) -> bool:
         """Resample where the effective sample size (equation 20) or the number of particles asks for it."""

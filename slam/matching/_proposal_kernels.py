@@ -133,29 +133,96 @@ def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, mean,
 
 
 @kernel
-def propose(start, stop, grids, guesses, evidence, search, draws, out):
-    """New poses of particles [start, stop) and what they add to the log-weights; guesses (particles, 3).
+def match_particles(start, stop, grids, guesses, evidence, search, draws, out):
+    """Optimum of p(z | m, x) p(x | x', u) of particles [start, stop), from the starting points along the heading.
 
-    `SCAN_MATCH`: the predicted pose is replaced by a sample of the motion model, about which the motion prior then
-    lies. The optimum goes where the scan points and stays at the sample where the scan says nothing.
+    guesses (particles, 3) predicted poses;  out: `Matches`.  `SCAN_MATCH`: the predicted pose is replaced by a sample
+    of the motion model, about which the motion prior then lies. The optimum goes where the scan points and stays at
+    the sample where the scan says nothing.
     """
+    distances = np.empty((4, evidence.hits.shape[0]))
+    for i in range(start, stop):
+        out.share[i] = 1.0
+        sample_motion(guesses[i], evidence.prior, draws, i, out.sample[i])
+        if search.kind != MOTION:
+            predicted = out.sample[i] if search.kind == SCAN_MATCH else guesses[i]
+            out.cost[i], out.matched[i] = match(
+                grids, i, predicted, evidence, search, distances, out.optimum[i], out.factor[i]
+            )
+
+
+@kernel
+def match_from(start, stop, grids, guesses, evidence, iterations, starts, wanted, draws, out):
+    """Match the wanted ones of particles [start, stop) from further starting points, and draw one of the optima.
+
+    wanted (particles,);  starts (n, 3) seen from the predicted poses;  out: `Matches`, its optima the first candidates.
+    Each optimum is drawn with the share of its mode in the integral of the product, by Laplace's approximation.
+    """
+    n = starts.shape[0]
+    pose, L = np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
+    cost, matched, log_mass = np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
+    origin = np.empty(3)
+    for i in range(start, stop):
+        if not wanted[i]:
+            continue
+        pose[0], L[0], cost[0], matched[0] = out.optimum[i], out.factor[i], out.cost[i], out.matched[i]
+        modes = 1
+        for k in range(n):
+            from_guess(guesses[i], starts[k, 0], starts[k, 1], starts[k, 2], origin)
+            cost[modes], near = gauss_newton(
+                grids, i, guesses[i], origin, evidence, iterations, pose[modes], L[modes]
+            )
+            matched[modes] = near / max(evidence.hits.shape[0], 1)
+            if np.isfinite(cost[modes]) and is_new_mode(pose, L, modes):
+                modes += 1
+        top, total = -np.inf, 0.0
+        for j in range(modes):
+            log_mass[j] = -cost[j] - np.log(L[j, 0, 0]) - np.log(L[j, 1, 1]) - np.log(L[j, 2, 2])
+            top = max(top, log_mass[j])
+        for j in range(modes):
+            log_mass[j] = np.exp(log_mass[j] - top)
+            total += log_mass[j]
+        u, chosen = draws.mode[i] * total, 0
+        while chosen + 1 < modes and u >= log_mass[chosen]:
+            u -= log_mass[chosen]
+            chosen += 1
+        out.optimum[i], out.factor[i] = pose[chosen], L[chosen]
+        out.cost[i], out.matched[i] = cost[chosen], matched[chosen]
+        out.share[i] = log_mass[chosen] / total
+
+
+@kernel
+def is_new_mode(pose, L, count):
+    """Whether optimum number `count` is more than three standard deviations away from all before it."""
+    for j in range(count):
+        d0, d1 = pose[count, 0] - pose[j, 0], pose[count, 1] - pose[j, 1]
+        d2 = wrap_angle(pose[count, 2] - pose[j, 2])
+        z0 = L[j, 0, 0] * d0 + L[j, 1, 0] * d1 + L[j, 2, 0] * d2
+        z1 = L[j, 1, 1] * d1 + L[j, 2, 1] * d2
+        z2 = L[j, 2, 2] * d2
+        if z0 * z0 + z1 * z1 + z2 * z2 < 9.0:
+            return False
+    return True
+
+
+@kernel
+def propose(start, stop, grids, guesses, evidence, search, draws, matches, out):
+    """New poses of particles [start, stop) from their optima, and what they add to the log-weights; guesses
+    (particles, 3); matches: `Matches`; out: `ProposalResult`."""
     hits, model, prior = evidence
-    pose, L, factor, offset = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    sample = np.empty(3)
+    factor, offset = np.empty((3, 3)), np.empty(3)
     distances = np.empty((4, hits.shape[0]))
     for i in range(start, stop):
-        guess = guesses[i]
-        out.failed[i] = False
+        guess, pose, L = guesses[i], matches.optimum[i], matches.factor[i]
         out.matched[i] = 0.0
+        out.failed[i] = False
         out.samples[i] = np.nan
-        sample_motion(guess, prior, draws, i, search.failure_share, sample)
         if search.kind != MOTION:
-            predicted = sample if search.kind == SCAN_MATCH else guess
-            _, out.matched[i] = match(grids, i, predicted, evidence, search, distances, pose, L)
+            out.matched[i] = matches.matched[i]
             out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
         if search.kind == MOTION or out.failed[i]:
-            out.pose[i] = sample
-            x, y, theta = sample
+            out.pose[i] = matches.sample[i]
+            x, y, theta = matches.sample[i]
             out.log_gain[i] = -scan_cost(grids, i, x, y, theta, hits, model, distances)
             out.mean[i] = guess
             for a in range(3):
@@ -178,9 +245,10 @@ def propose(start, stop, grids, guesses, evidence, search, draws, out):
             out.log_gain[i] = -scan_cost(grids, i, pose[0], pose[1], pose[2], hits, model, distances)
         else:
             laplace = Laplace(pose, L, search.sample_scale)
-            out.log_gain[i] = fit_gaussian(
+            log_eta = fit_gaussian(
                 grids, i, guess, evidence, laplace, draws.near, out.samples[i], out.mean[i], out.covariance[i]
             )
+            out.log_gain[i] = log_eta - np.log(matches.share[i])
             if cholesky(out.covariance[i], factor):
                 for a in range(3):
                     out.pose[i, a] = out.mean[i, a]

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.config import FilterConfig
 from slam.grid.particle_maps import ParticleMaps
-from slam.matching._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, propose
+from slam.matching._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, match_from, match_particles, propose
 from slam.matching.likelihood import BeamModel
+from slam.matching.wide_search import wide_starts
 from slam.motion.odometry_model import MotionPrior
 
 KINDS = {"improved": IMPROVED, "scan-match": SCAN_MATCH, "motion": MOTION}
@@ -50,8 +51,6 @@ class MatchSettings(NamedTuple):
     """Every k-th hit, for that comparison, (n, 2)."""
     fail_share: float
     """Share of the hits near a wall below which matching has failed."""
-    failure_share: float
-    """Share of the steps in which the odometry has failed: the second component of the motion prior."""
     sample_scale: float
     """Standard deviation of the K poses in units of the Laplace approximation's."""
 
@@ -66,6 +65,25 @@ class Draws(NamedTuple):
     """Standard normal variates for the new pose, (particles, 3)."""
     component: NDArray[np.float64]
     """Uniform variates in [0, 1) that choose the component of the motion model, (particles,)."""
+    mode: NDArray[np.float64]
+    """Uniform variates in [0, 1) that choose among several optima, (particles,)."""
+
+
+class Matches(NamedTuple):
+    """Optimum of p(z | m, x) p(x | x', u) for each particle."""
+
+    sample: NDArray[np.float64]
+    """A sample of the motion model, (particles, 3)."""
+    optimum: NDArray[np.float64]
+    """Pose of the optimum, (particles, 3)."""
+    factor: NDArray[np.float64]
+    """Cholesky factor of the cost's Hessian there, (particles, 3, 3)."""
+    cost: NDArray[np.float64]
+    """Cost there [nats], (particles,)."""
+    matched: NDArray[np.float64]
+    """Share of the hits near a wall there, (particles,)."""
+    share: NDArray[np.float64]
+    """Probability with which this optimum was drawn from among several, (particles,)."""
 
 
 class ProposalResult(NamedTuple):
@@ -94,17 +112,20 @@ def propose_poses(
     search: MatchSettings,
     samples: int,
     rng: np.random.Generator,
+    *,
+    weights: NDArray[np.float64],
 ) -> ProposalResult:
     """Match, sample, fit, draw and weight: particle i starts from `guesses[i]` (particles, 3) and uses its own map.
 
     Fewer maps than particles must all be the same map; particle i then uses number i modulo their count.
-    samples: poses drawn about each optimum (K)
+    samples: poses drawn about each optimum (K);  weights (particles,)
     """
     n = len(guesses)
     draws = Draws(
         near=rng.standard_normal((samples, 3)),
         pose=rng.standard_normal((n, 3)),
         component=rng.uniform(size=n),
+        mode=rng.uniform(size=n),
     )
     out = ProposalResult(
         pose=np.empty((n, 3)),
@@ -118,10 +139,69 @@ def propose_poses(
     count = len(maps.grids.table)
     for first in range(0, n, count):
         part = slice(first, first + count)
-        drawn = Draws(draws.near, draws.pose[part], draws.component[part])
+        drawn = Draws(draws.near, draws.pose[part], draws.component[part], draws.mode[part])
         rows = ProposalResult._make(array[part] for array in out)
-        maps.threads.run(propose, len(rows.pose), maps.grids, guesses[part], scan_and_prior, search, drawn, rows)
+        matches = _match(maps, guesses[part], scan_and_prior, search, drawn, weights[part])
+        maps.threads.run(
+            propose, len(rows.pose), maps.grids, guesses[part], scan_and_prior, search, drawn, matches, rows
+        )
     return out
+
+
+def _match(
+    maps: ParticleMaps,
+    guesses: se2.Pose,
+    scan_and_prior: ScanAndPrior,
+    search: MatchSettings,
+    draws: Draws,
+    weights: NDArray[np.float64],
+) -> Matches:
+    """Optima for all particles; the search is wide where a jump could explain the scan better."""
+    n = len(guesses)
+    matches = Matches(
+        sample=np.empty((n, 3)),
+        optimum=np.empty((n, 3)),
+        factor=np.empty((n, 3, 3)),
+        cost=np.full(n, np.inf),
+        matched=np.zeros(n),
+        share=np.empty(n),
+    )
+    maps.threads.run(match_particles, n, maps.grids, guesses, scan_and_prior, search, draws, matches)
+    if search.kind != IMPROVED:
+        return matches
+    hits, beams, prior = scan_and_prior
+    lowest = -float(prior.log_scale[2])
+    wanted = _may_have_jumped(matches, scan_and_prior, guesses)
+    STATS["n"] = STATS.get("n", 0) + 1
+    if wanted.any():
+        STATS["wide"] = STATS.get("wide", 0) + 1
+        one = int(np.argmax(np.where(wanted, weights, -1.0)))
+        bound = float(matches.cost[one]) - lowest
+        starts = wide_starts(maps, one, guesses[one], hits, beams, prior, bound)
+        if len(starts):
+            STATS["starts"] = STATS.get("starts", 0) + 1
+            maps.threads.run(
+                match_from, n, maps.grids, guesses, scan_and_prior, search.iterations, starts, wanted, draws, matches
+            )
+    return matches
+
+
+STATS: dict[str, int] = {}
+
+
+def _may_have_jumped(matches: Matches, scan_and_prior: ScanAndPrior, guesses: se2.Pose) -> NDArray[np.bool_]:
+    """Whether a pose far from the predicted one could have a lower cost, (particles,): a bound.
+
+    At best all beams that match nothing would match there.
+    """
+    hits, beams, prior = scan_and_prior
+    worst = 0.5 * beams.weight * beams.per_sigma2 * beams.far**2 / (1.0 + beams.far**2 * beams.per_outlier2)
+    gain = worst * len(hits) * (1.0 - matches.matched)
+    away = se2.between(guesses, matches.optimum)
+    logs = prior.log_scale - 0.5 * np.sum(prior.precision * away[:, None, :] ** 2, axis=-1)
+    charge = np.logaddexp.reduce(logs, axis=-1) - prior.log_scale[2]
+    wanted: NDArray[np.bool_] = gain > charge
+    return wanted
 
 
 def make_match_settings(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> MatchSettings:
@@ -149,6 +229,5 @@ def make_match_settings(motion: se2.Pose, hits: NDArray[np.float64], config: Fil
         ),
         coarse_hits=every_kth,
         fail_share=match.min_matched_share,
-        failure_share=config.motion.failure_share,
         sample_scale=SAMPLE_SCALE,
     )
