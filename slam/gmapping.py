@@ -15,8 +15,9 @@ from slam import se2
 from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.grid.particle_maps import ParticleMaps
-from slam.matching.likelihood import make_beam_model
-from slam.matching.proposal import ProposalResult, ScanAndPrior, make_match_settings, propose_poses
+from slam.matching.likelihood import ScanAndPrior, make_beam_model
+from slam.matching.proposal import ProposalResult, propose_poses
+from slam.matching.scan_matching import make_match_settings
 from slam.motion.odometry_model import motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.particles.ancestry import Ancestry
@@ -115,7 +116,7 @@ class GMapping:
         scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
         settings = make_match_settings(motion, hits, cfg)
         guesses = se2.compose(self._particles.poses, motion)
-        return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg.proposal.samples, self._rng, weights=self.weights)
+        return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=self.weights)
 
     def _resample(self, report: StepReport) -> bool:
         """Resample where the effective sample size (equation 20) or the number of particles asks for it."""

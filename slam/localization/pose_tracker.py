@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.config import FilterConfig, LocalizationConfig
 from slam.localization.fixed_map import FixedMap
-from slam.matching.likelihood import distances_to_walls, make_beam_model
-from slam.matching.proposal import ProposalResult, ScanAndPrior, make_match_settings, propose_poses
+from slam.matching.likelihood import ScanAndPrior, distances_to_walls, make_beam_model
+from slam.matching.proposal import ProposalResult, propose_poses
+from slam.matching.scan_matching import make_match_settings
 from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.particles.kld import bins_of, count_by_kld
 from slam.particles.particle_set import ParticleSet
@@ -131,15 +132,8 @@ class PoseTracker:
             self._uncertainty = None
         scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), prior)
         guesses = se2.compose(self.poses, motion)
-        return propose_poses(
-            self._fixed.maps,
-            guesses,
-            scan_and_prior,
-            settings,
-            cfg.proposal.samples,
-            self._rng,
-            weights=self.weights.values,
-        )
+        maps, weights = self._fixed.maps, self.weights.values
+        return propose_poses(maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=weights)
 
     def _judge(self, pose: se2.Pose, hits: NDArray[np.float64]) -> None:
         """Update `explained_share` and `clusters`, for the best pose (3,) and the hits (K, 2) of a scan."""

@@ -14,7 +14,7 @@ CHECKED_BEAMS = 8
 
 
 @kernel
-def score_headings(start, stop, grids, particle, guess, lattice, hits, word_cost, bound, out):
+def score_headings(start, stop, grids, particle, predicted, lattice, hits, word_cost, bound, out):
     """Cost [nats] of a scan and of the prior at the headings [start, stop) of a lattice, in the map of one particle.
 
     lattice: `Lattice`;  hits (K, 2) end points in the robot's frame [m];  word_cost (words,) cost of a beam by the
@@ -26,11 +26,11 @@ def score_headings(start, stop, grids, particle, guess, lattice, hits, word_cost
     width, height = table.shape[1] << SHIFT, table.shape[0] << SHIFT
     beams = hits.shape[0]
     ends = np.empty((beams, 2))
-    cos0, sin0 = np.cos(guess[2]) * grids.per_cell, np.sin(guess[2]) * grids.per_cell
+    cos0, sin0 = np.cos(predicted[2]) * grids.per_cell, np.sin(predicted[2]) * grids.per_cell
     for h in range(start, stop):
-        theta = guess[2] + lattice.turn[h]
+        theta = predicted[2] + lattice.turn[h]
         cos, sin = np.cos(theta) * grids.per_cell, np.sin(theta) * grids.per_cell
-        x0, y0 = guess[0] * grids.per_cell - grids.corner[0], guess[1] * grids.per_cell - grids.corner[1]
+        x0, y0 = predicted[0] * grids.per_cell - grids.corner[0], predicted[1] * grids.per_cell - grids.corner[1]
         for k in range(beams):
             ends[k, 0] = x0 + cos * hits[k, 0] - sin * hits[k, 1]
             ends[k, 1] = y0 + sin * hits[k, 0] + cos * hits[k, 1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The wide search: starting points of the matcher anywhere where the odometry can be wrong, where it seems to be.
+"""The wide search: starting points of the matcher wherever the robot can be, if the odometry says nothing of the step.
 
 The lattice covers the widest component of the motion prior; the steps of its headings follow the range of the beams,
 so that no end point jumps over a wall (correlative scan matching: Olson, "Real-Time Correlative Scan Matching",
@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
+from slam.grid._cell_kernels import NO_WALL
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching._wide_search_kernels import score_headings
-from slam.matching.likelihood import BeamModel
+from slam.matching.likelihood import BeamModel, ScanAndPrior
 from slam.motion.odometry_model import MotionPrior
 
 REACH = 2.5
@@ -58,35 +59,43 @@ def make_lattice(prior: MotionPrior, hits: NDArray[np.float64], step: float) -> 
 
 
 def _axis(half: float, step: float) -> NDArray[np.float64]:
+    """Multiples of `step` from -half to half, which it reaches or exceeds."""
     n = int(np.ceil(half / step))
-    return np.arange(-n, n + 1) * step
+    axis: NDArray[np.float64] = np.arange(-n, n + 1, dtype=np.float64) * step
+    return axis
 
 
 def wide_starts(
-    maps: ParticleMaps,
-    particle: int,
-    guess: se2.Pose,
-    hits: NDArray[np.float64],
-    beams: BeamModel,
-    prior: MotionPrior,
-    bound: float,
+    maps: ParticleMaps, particle: int, predicted: se2.Pose, scan_and_prior: ScanAndPrior, *, max_cost: float
 ) -> NDArray[np.float64]:
-    """Starting points (n, 3) of the matcher seen from the predicted pose `guess` (3,), the likeliest first.
+    """Starting points (n, 3) of the matcher seen from the predicted pose (3,), the likeliest first.
 
-    They are the lowest local minima of the cost on a lattice, in the map of one particle, of at most `bound` [nats]
-    above the lowest cost of the prior's third component.
+    They are the lowest local minima of the cost on a lattice, in the map of one particle, that lie below `max_cost`
+    [nats] and can lead to a lower one.
     """
+    hits, beams, prior = scan_and_prior
     step = STEP_SHARE * maps.config.field_radius
     every_kth = np.ascontiguousarray(hits[:: max(1, len(hits) // BEAMS)])
     lattice = make_lattice(prior, hits, step)
-    grids = maps.grids
-    distance2 = np.sum((grids.offset * maps.config.cell) ** 2, axis=1)
-    distance2[0] = beams.far**2
-    cost = distance2 / (1.0 + distance2 * beams.per_outlier2)
-    cost *= 0.5 * beams.weight * beams.per_sigma2 * len(hits) / len(every_kth)
+    cost = _cost_of_words(maps, beams, slack=0.5 * step) * (len(hits) / len(every_kth))
+    bound = max_cost + float(prior.log_scale[2])  # the lattice counts from the lowest cost of a jump
     out = np.empty(lattice.prior.shape)
-    maps.threads.run(score_headings, len(lattice.turn), grids, particle, guess, lattice, every_kth, cost, bound, out)
+    arguments = (maps.grids, particle, predicted, lattice, every_kth, cost, bound, out)
+    maps.threads.run(score_headings, len(lattice.turn), *arguments)
     return _lowest_minima(lattice, out)
+
+
+def _cost_of_words(maps: ParticleMaps, beams: BeamModel, *, slack: float) -> NDArray[np.float64]:
+    """Cost [nats] of a beam by the field word of the cell that its end point lies in, (words,).
+
+    Walls count as nearer by `slack` [m]: a pose between the points of the lattice may bring an end point that much
+    closer, so that a point's cost is hardly above the lowest near it, and the bound cuts no optimum off.
+    """
+    distance = np.hypot(*maps.grids.offset.T) * maps.config.cell
+    nearest2 = np.maximum(distance - slack, 0.0) ** 2
+    nearest2[NO_WALL] = beams.far**2
+    cost: NDArray[np.float64] = nearest2 / (1.0 + nearest2 * beams.per_outlier2)
+    return 0.5 * beams.weight * beams.per_sigma2 * cost
 
 
 def _lowest_minima(lattice: Lattice, cost: NDArray[np.float64]) -> NDArray[np.float64]:

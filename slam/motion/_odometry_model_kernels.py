@@ -24,7 +24,7 @@ def log_components(precision, log_scale, along, across, turn):
 @inlined
 def cost_of_components(good, failed, jumped):
     """Negative logarithm of a sum of three densities that are given as logarithms [nats]."""
-    top = max(good, max(failed, jumped))
+    top = max(good, failed, jumped)
     return -top - np.log(np.exp(good - top) + np.exp(failed - top) + np.exp(jumped - top))
 
 
