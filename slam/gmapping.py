@@ -78,6 +78,7 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         self.maps.integrate_scan(particles.poses, taken.rays)
+        self._loops.begin()
         clock.end_stage("map")
         particles.ancestry.add(particles.poses)
         pose, used = particles.poses[self.best].copy(), self.maps.bytes_in_use
@@ -89,6 +90,7 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         result = self._propose(taken)
+        last_seen = self.maps.last_seen(se2.transform_points(result.pose[self.best], taken.hits))
         clock.end_stage("match")
 
         self.maps.integrate_scan(result.pose, taken.rays)  # may refuse: before anything else has changed
@@ -106,7 +108,7 @@ class GMapping:
             resampled=resampled,
             unique_ancestors=self.ancestry.unique_ancestors,
             map_bytes=self.maps.bytes_in_use,
-            loop_closed=self._loops.update(pose, taken.distance),
+            loop_length=self._loops.update(last_seen, taken.distance),
             seconds=clock.seconds,
         )
 
