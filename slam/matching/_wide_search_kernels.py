@@ -38,7 +38,7 @@ def score_headings(start, stop, grids, particle, predicted, lattice, hits, word_
             for c in range(lattice.across.shape[0]):
                 dx = cos0 * lattice.along[a] - sin0 * lattice.across[c]
                 dy = sin0 * lattice.along[a] + cos0 * lattice.across[c]
-                total = lattice.prior[h, a, c]
+                total = lattice.turn_cost[h] + lattice.along_cost[a] + lattice.across_cost[c]
                 k = 0
                 while k < beams and total <= bound:
                     for j in range(k, min(k + CHECKED_BEAMS, beams)):

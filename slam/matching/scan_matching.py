@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.config import FilterConfig
 from slam.grid.particle_maps import ParticleMaps
-from slam.matching._scan_matching_kernels import match_from, match_particles
+from slam.matching._scan_matching_kernels import likely_starts, match_from, match_particles
 from slam.matching.likelihood import BeamModel, ScanAndPrior
 from slam.matching.wide_search import wide_starts
+
+MIN_MODE_SHARE = 0.01
+"""An optimum found by the wide search counts where its mode has this share of the mass in the map of the heaviest
+particle: a filter of some dozen particles places none in a rarer one."""
 
 
 class MatchSettings(NamedTuple):
@@ -47,11 +51,14 @@ class Matches(NamedTuple):
     """Share of the hits near a wall there, (particles,)."""
     probability: NDArray[np.float64]
     """Probability with which this optimum was drawn from among several, (particles,)."""
+    jump_gain: NDArray[np.float64]
+    """What a jump could gain at most over the optimum near the predicted pose [nats], (particles,)."""
 
 
 def empty_matches(count: int) -> Matches:
     """Room for the matches of so many particles."""
-    return Matches(np.empty((count, 3)), np.empty((count, 3, 3)), np.empty(count), np.zeros(count), np.ones(count))
+    cost, matched, jump_gain = np.empty((3, count))
+    return Matches(np.empty((count, 3)), np.empty((count, 3, 3)), cost, matched, np.ones(count), jump_gain)
 
 
 def match_scan(
@@ -72,30 +79,18 @@ def match_scan(
     """
     n, iterations = len(predicted), search.iterations
     maps.threads.run(match_particles, n, maps.grids, predicted, scan_and_prior, search, out)
-    wanted = may_have_jumped(out, scan_and_prior, predicted)
-    if wanted.any():
-        one = int(np.argmax(np.where(wanted, weights, -1.0)))
-        starts = wide_starts(maps, one, predicted[one], scan_and_prior, max_cost=out.cost[one])
-        if len(starts) > 0:
-            arguments = (maps.grids, predicted, scan_and_prior, iterations, starts, wanted, u, out)
-            maps.threads.run(match_from, n, *arguments)
-
-
-def may_have_jumped(matches: Matches, scan_and_prior: ScanAndPrior, predicted: se2.Pose) -> NDArray[np.bool_]:
-    """Whether a jump could explain the scan better than the optimum found, (particles,).
-
-    A jump is charged what the third component of the prior charges. At best it makes all beams match that now end far
-    from all walls, and leaves the others as they are. Where that gain is less than the charge there is nothing to
-    search for.
-    """
-    hits, beams, prior = scan_and_prior
-    worst = 0.5 * beams.weight * beams.per_sigma2 * beams.far**2 / (1.0 + beams.far**2 * beams.per_outlier2)
-    gain = worst * len(hits) * (1.0 - matches.matched)
-    away = se2.between(predicted, matches.optimum)
-    logs = prior.log_scale - 0.5 * np.sum(prior.precision * away[:, None, :] ** 2, axis=-1)
-    charge = np.logaddexp.reduce(logs, axis=-1) - prior.log_scale[2]
-    wanted: NDArray[np.bool_] = gain > charge
-    return wanted
+    wanted = out.jump_gain > 0.0
+    if not wanted.any():
+        return
+    one = int(np.argmax(np.where(wanted, weights, -1.0)))
+    starts = wide_starts(maps, one, predicted[one], scan_and_prior, max_cost=out.cost[one])
+    likely = np.empty_like(starts)
+    count = likely_starts(
+        maps.grids, one, predicted[one], scan_and_prior, iterations, starts, out, MIN_MODE_SHARE, likely
+    )
+    if count > 0:
+        arguments = (maps.grids, predicted, scan_and_prior, iterations, likely[:count], wanted, u, out)
+        maps.threads.run(match_from, n, *arguments)
 
 
 def make_match_settings(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> MatchSettings:

@@ -41,8 +41,12 @@ class Lattice(NamedTuple):
     """Displacements along the heading [m], (along,)."""
     across: NDArray[np.float64]
     """Displacements across the heading [m], (across,)."""
-    prior: NDArray[np.float64]
-    """Cost of the prior [nats] above the lowest, (headings, along, across)."""
+    turn_cost: NDArray[np.float64]
+    """Cost of the prior for each heading [nats] above the lowest, (headings,)."""
+    along_cost: NDArray[np.float64]
+    """The same along the heading, (along,)."""
+    across_cost: NDArray[np.float64]
+    """The same across the heading, (across,)."""
 
 
 def make_lattice(prior: MotionPrior, hits: NDArray[np.float64], step: float) -> Lattice:
@@ -51,11 +55,12 @@ def make_lattice(prior: MotionPrior, hits: NDArray[np.float64], step: float) -> 
     hits (K, 2) end points in the robot's frame [m];  step [m]
     """
     sigma = prior.precision[2] ** -0.5
-    reach = max(float(np.quantile(np.hypot(hits[:, 0], hits[:, 1]), 0.75)), step)
+    third_quartile = 3 * len(hits) // 4
+    reach = max(float(np.partition(np.hypot(hits[:, 0], hits[:, 1]), third_quartile)[third_quartile]), step)
     turn = _axis(min(REACH * sigma[2], np.pi), max(step / reach, 2.0 * np.pi / MAX_HEADINGS))
     along, across = _axis(REACH * sigma[0], step), _axis(REACH * sigma[1], step)
-    z2 = (turn[:, None, None] / sigma[2]) ** 2 + (along[:, None] / sigma[0]) ** 2 + (across / sigma[1]) ** 2
-    return Lattice(turn, along, across, 0.5 * z2)
+    costs = [0.5 * (x / s) ** 2 for x, s in zip((turn, along, across), (sigma[2], sigma[0], sigma[1]), strict=True)]
+    return Lattice(turn, along, across, *costs)
 
 
 def _axis(half: float, step: float) -> NDArray[np.float64]:
@@ -79,7 +84,7 @@ def wide_starts(
     lattice = make_lattice(prior, hits, step)
     cost = _cost_of_words(maps, beams, slack=0.5 * step) * (len(hits) / len(every_kth))
     bound = max_cost + float(prior.log_scale[2])  # the lattice counts from the lowest cost of a jump
-    out = np.empty(lattice.prior.shape)
+    out = np.empty((len(lattice.turn), len(lattice.along), len(lattice.across)))
     arguments = (maps.grids, particle, predicted, lattice, every_kth, cost, bound, out)
     maps.threads.run(score_headings, len(lattice.turn), *arguments)
     return _lowest_minima(lattice, out)

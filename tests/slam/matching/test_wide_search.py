@@ -12,7 +12,7 @@ from slam import FilterConfig, GMapping, se2
 from slam.config import GateConfig, MapConfig, MatchConfig, MotionConfig
 from slam.matching._likelihood_kernels import scan_cost
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
-from slam.matching.scan_matching import empty_matches, make_match_settings, match_scan, may_have_jumped
+from slam.matching.scan_matching import empty_matches, make_match_settings, match_scan
 from slam.matching.wide_search import make_lattice, wide_starts
 from slam.motion._odometry_model_kernels import motion_cost
 from slam.motion.odometry_model import motion_prior
@@ -60,7 +60,7 @@ def test_a_jump_of_which_the_odometry_says_nothing_is_found(jump):
     found = matches_of(ScanAndPrior(hits_at(truth), BEAMS, PRIOR), predicted[None]).optimum[0]
     away = se2.between(truth, found)
     assert math.hypot(away[0], away[1]) < 0.02
-    assert abs(away[2]) < 0.01
+    assert abs(away[2]) < 0.02
 
 
 def test_without_jumps_in_the_model_the_search_stays_narrow():
@@ -75,12 +75,12 @@ def test_without_jumps_in_the_model_the_search_stays_narrow():
 @given(JUMPS, st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None)
 def test_no_pose_far_away_is_likelier_where_the_search_is_narrow(jump, seed):
-    """The bound of `may_have_jumped`, against thousands of poses drawn from the jump's own density."""
+    """The bound `gain_of_jump`, against thousands of poses drawn from the jump's own density."""
     predicted = drive(4)[4]
     truth = se2.compose(predicted, 0.05 * np.array(jump))
     evidence = ScanAndPrior(hits_at(truth), BEAMS, PRIOR)
     matches = matches_of(evidence, predicted[None])
-    if may_have_jumped(matches, evidence, predicted[None])[0]:
+    if matches.jump_gain[0] > 0.0:
         return
     rng = np.random.default_rng(seed)
     poses = se2.compose(predicted, rng.normal(scale=PRIOR.precision[2] ** -0.5, size=(2000, 3)))
@@ -108,7 +108,7 @@ def test_steps_of_the_lattice_follow_the_range(reach):
         assert np.diff(lattice.turn).max() * reach <= 0.2 + 1e-9
     assert lattice.turn[-1] >= 2.5 * 0.5 - 1e-9
     np.testing.assert_allclose(lattice.turn, -lattice.turn[::-1])
-    assert lattice.prior.min() == 0.0
+    assert lattice.turn_cost.min() == lattice.along_cost.min() == lattice.across_cost.min() == 0.0
 
 
 def square_room(side=4.0):
