@@ -147,12 +147,11 @@ class ParticleMaps:
 
         points (n, 2) in the map's frame [m]
         """
-        cells = np.floor(points / self.config.cell).astype(np.int64) - self._corner
-        column, row = cells.T >> SHIFT
+        column, row = ((points / self.config.cell - self._corner) / SIDE).T
         rows, columns = self.touched.shape
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
         seen = np.zeros(len(points), np.int64)
-        seen[inside] = self.touched[row[inside], column[inside]]
+        seen[inside] = self.touched[row[inside].astype(np.int64), column[inside].astype(np.int64)]
         return seen
 
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
