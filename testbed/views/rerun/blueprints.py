@@ -107,11 +107,13 @@ def legend_view(name: str) -> rrb.Spatial2DView:
 
 def compare_particles(extent: Extent | None) -> rrb.Vertical:
     """The maps of four particles side by side, above their weights."""
-    names = ("Best particle", "Lightest particle", "Most different histories (1)", "Most different histories (2)")
+    names = ("Best particle", "Lightest particle", "Most different maps (1)", "Most different maps (2)")
     views = []
     for rank, name in zip(entities.RANKS, names, strict=True):
         base = f"{entities.COMPARE}/{rank}"
         contents = [f"+ {base}/**", f"+ {entities.TRUE_WALLS}"]
+        if rank == "best":
+            contents += [f"+ {entities.MAP}/**", f"+ {entities.PATH}/**"]
         views.append(top_view(name, contents, eye(extent, f"{base}/robot")))
     return rrb.Vertical(
         rrb.Grid(*views, grid_columns=2),

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,23 +18,8 @@ from testbed.simulation.physics.urdf import robot_urdf
 from testbed.views import NullView, ViewOptions, open_run, open_view
 from testbed.views.rerun import entities
 from tests.testbed.views.conftest import Recorded
+from tests.testbed.views.shown_map import rows
 from tests.testbed.views.synthetic import scene, snapshots, true_map
-
-
-def rows(
-    path: Path, entity: str, column: str, static: bool = False, timeline: str = entities.TIMELINE
-) -> list[tuple[float, Any]]:
-    """(time [s] or step, value) of each row of a component, in the order of time; time 0 where static."""
-    found = []
-    for chunk in rr.chunk.RrdReader(path).stream().filter(content=entity, is_static=static):
-        batch = chunk.to_record_batch()
-        if column in batch.schema.names:
-            times = [0.0] * len(batch)
-            if not static:
-                times = [getattr(t, "total_seconds", lambda t=t: t)() for t in batch.column(timeline).to_pylist()]
-            values = batch.column(column).to_pylist()
-            found += [(t, v) for t, v in zip(times, values, strict=True) if v is not None]
-    return sorted(found, key=lambda row: row[0])
 
 
 def test_every_scan_has_its_pose_and_the_last_one_is_the_estimates(recorded: Recorded) -> None:

@@ -14,7 +14,6 @@ from slam import se2
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.views.rerun import entities
-from testbed.views.rerun.layers.prediction import Prediction
 from testbed.views.view import Snapshot
 
 Level = Literal["INFO", "WARN", "ERROR"]
@@ -73,12 +72,10 @@ class EventWatch:
     _usual: float = 0.0
     _poor: int = 0
 
-    def update(
-        self, snapshot: Snapshot, travelled: float, prediction: Prediction | None, died: int
-    ) -> tuple[list[Line], dict[str, str]]:
+    def update(self, snapshot: Snapshot, travelled: float, died: int) -> tuple[list[Line], dict[str, str]]:
         """Lines for the event log, and the lanes whose state has changed.
 
-        travelled: distance driven so far [m];  prediction: of this update;  died: particles that this update killed
+        travelled: distance driven so far [m];  died: particles that this update killed
         """
         lines: list[Line] = [("WARN", note) for note in snapshot.notes]
         states: dict[str, str] = {}
@@ -92,8 +89,6 @@ class EventWatch:
         if step is not None and step.updated:
             lines += _filter_lines(step, died)
             states[entities.MATCHING_STATE] = self._matching_state(step)
-            if prediction is not None and prediction.disagreement is not None:
-                lines.append(("WARN", prediction.disagreement))
         if snapshot.localization is not None:
             states[entities.LOCALIZATION_STATE] = snapshot.localization
             lines += self._localization_lines(snapshot.localization)

@@ -119,6 +119,9 @@ def log_shapes(rec: rr.RecordingStream) -> None:
         rec.log(entity, rr.Points3D.from_fields(colors=[SCAN], radii=rr.Radius.ui_points(1.5)), static=True)
     for entity, size in ((entities.PARTICLE_DOTS, 2.5), (entities.PROPOSAL_SAMPLES, 3.5)):
         rec.log(entity, rr.Points3D.from_fields(radii=rr.Radius.ui_points(size)), static=True)
+    for rank in entities.RANKS:
+        mark = rr.Points3D([[0, 0, Z_TOP]], colors=(255, 255, 255), radii=rr.Radius.ui_points(4.0))
+        rec.log(f"{entities.COMPARE}/{rank}/robot/label", mark, static=True)
     rec.log(entities.PARTICLES, rr.Arrows3D.from_fields(radii=rr.Radius.ui_points(1.0)), static=True)
     for entity, colour in (
         (entities.COVARIANCE, COVARIANCE),
