@@ -24,6 +24,8 @@ FOLLOW_HEIGHT = 25.0
 """Height of the eye above the robot while the size of the place is unknown [m]."""
 HALF_VIEW = 0.95
 """Two views side by side are about this much wider than high."""
+AROUND_HEIGHT = 2.5
+"""Height of the eye above the robot in the close view of the overview [m]."""
 CLOSE_UP_HEIGHT, WIDER_HEIGHT = 0.4, 9.0
 """Heights of the eye above the robot in the views of the proposal [m]."""
 WHOLE_RUN = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
@@ -59,21 +61,24 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
             map_view("Map", scenery.extent),
             legend_view("map"),
             rrb.StateTimelineView(origin=entities.STATE, name="State", time_view=rrb.TimeAxis(view_range=WHOLE_RUN)),
-            row_shares=[12, 1.3, 2.2],
+            row_shares=[12, 1.3, 2.7],
         ),
         rrb.Vertical(
-            *(errors if scenery.truth else []),
-            plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
+            close_view("Around the robot", AROUND_HEIGHT),
+            *([rrb.Tabs(*errors, active_tab=0)] if scenery.truth else []),
             rrb.Tabs(
+                plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
+                plot(entities.SPREAD, "Spread of the particles", "cm"),
                 plot(entities.MATCHED, "Share of beams on known walls", "", 1.0),
                 plot(entities.STAGES, "Time per update", "ms"),
-                active_tab=0,
+                active_tab=1,
             ),
             rrb.Tabs(
                 rrb.TextLogView(origin=entities.EVENTS, name="Events"),
                 rrb.TextDocumentView(origin=entities.SETTINGS, name="Settings"),
                 active_tab=0,
             ),
+            row_shares=[5, *([3] if scenery.truth else []), 3, 3],
         ),
         column_shares=[3, 2],
         name="Overview",
@@ -84,6 +89,12 @@ def map_view(name: str, extent: Extent | None, follow: str = entities.ESTIMATED_
     """The world from above, x to the right, with everything that is known at the time."""
     contents = [f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)]
     return top_view(name, contents, eye(extent, follow), origin=entities.WORLD)
+
+
+def close_view(name: str, height: float) -> rrb.Spatial3DView:
+    """The same close up: the view follows the robot and does not turn; height: of the eye [m]."""
+    contents = [f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)]
+    return top_view(name, contents, eye_above((0.0, 0.0), height), origin=entities.PROPOSAL_EYE)
 
 
 def top_view(

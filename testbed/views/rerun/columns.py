@@ -134,6 +134,7 @@ BUILD: dict[str, Build] = {
     entities.PROPOSAL_SCAN: scans,
     entities.ESS_VALUE: scalars,
     entities.ESS_RESAMPLED: scalars,
+    entities.SPREAD: scalars,
     entities.MATCHED: scalars,
     entities.STAGES: scalars,
 }

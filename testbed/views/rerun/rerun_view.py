@@ -37,13 +37,14 @@ from testbed.views.rerun.blueprints import blueprint
 from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
 from testbed.views.rerun.layers import comparison
 from testbed.views.rerun.layers.events import EventWatch
+from testbed.views.rerun.layers.loop_sizes import LoopSizes, spread_of
 from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
 from testbed.views.rerun.layers.prediction import Predictions, Time
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
-from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN, Z_TOP
+from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN
 from testbed.views.schedule import Schedule
 from testbed.views.view import Scene, Snapshot, ViewOptions
 
@@ -83,7 +84,7 @@ class RerunView:
         self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
         self._errors: list[ErrorColumns] = []  # of the position, of the heading
-        self._events = EventWatch()
+        self._events, self._loops = EventWatch(), LoopSizes()
         self._images = ImagePool(MAX_WAITING)
         self._tiles, self._tree = MapTiles(self._images), ParticleTree()
         self._path = PathBlocks()
@@ -169,7 +170,8 @@ class RerunView:
             self._rec.log(entities.FINAL_TRUTH, row, static=True)
         self._rec.reset_time()
         self._set_time(last)
-        self._log(entities.EVENTS, rr.TextLog("final pass: see the tab of that name", level="INFO"))
+        text = "final pass: map and path before and after it are in the tab Final pass"
+        self._log(entities.EVENTS, rr.TextLog(text, level="INFO"))
         self._fit_view(grid)
 
     def close(self) -> None:
@@ -278,7 +280,12 @@ class RerunView:
             add(entity, snapshot.truth, snapshot.estimate, snapshot.odometry, build=build)
 
     def _log_events(self, snapshot: Snapshot, died: int) -> None:
-        lines, states = self._events.update(snapshot, self._travelled, died)
+        step, loop = snapshot.step, None
+        if step is not None and step.updated:
+            self._loops.add(self._columns.time[0], self._travelled, step, died)
+            if step.loop_closed and snapshot.path is not None:
+                loop = self._loops.sentence(snapshot.path(None))
+        lines, states = self._events.update(snapshot, self._travelled, died, loop)
         for lane, state in states.items():
             self._log(lane, rr.StateChange(state=state))
         for level, text in lines:
@@ -295,7 +302,9 @@ class RerunView:
             if pose is not None:
                 self._visited[entity].append(pose)
         before, self._last_update = self._last_update, snapshot
-        if before is not None and self._predictions is not None and snapshot.localization is None:
+        # once lost, the scans are no better witness than the wheels
+        judged = snapshot.localization is None and not self._events.lost
+        if before is not None and self._predictions is not None and judged:
             self._predictions.add(self._columns.time, before, snapshot)
         self._add_proposal(snapshot)
         return self._add_to_tree(snapshot, step)
@@ -306,6 +315,8 @@ class RerunView:
         add(entities.ESS_VALUE, np.array([step.ess]))
         if step.resampled:
             add(entities.ESS_RESAMPLED, np.array([step.ess]))
+        add(entities.SPREAD, np.array([100.0 * spread_of(step)]))
+        add(entities.PROPOSAL_EYE, np.array([*step.pose[:2], 0.0]))
         add(entities.MATCHED, np.array([step.matched_share]))
         add(entities.STAGES, np.array([1e3 * step.seconds.get(stage, 0.0) for stage in ("match", "map", "resample")]))
         add(entities.COVARIANCE, step.pose, step.covariance)
@@ -326,7 +337,6 @@ class RerunView:
         add(entities.PROPOSAL_SAMPLES, proposal.samples, weights)
         add(entities.PROPOSAL_GAUSSIAN, proposal.mean, proposal.covariance)
         add(entities.PROPOSAL_OPTIMUM, proposal.mean)
-        add(entities.PROPOSAL_EYE, np.array([*proposal.mean[:2], 0.0]))
         if self._hits is not None:
             add(entities.PROPOSAL_SCAN, *self._hits)
 

@@ -13,7 +13,6 @@ from slam._jit import kernel
 from slam.grid._tile_kernels import SIDE
 from testbed.views.map_cells import FREE_FROM, OCCUPIED_TO, UNKNOWN
 
-
 SAMPLE = 2
 """Of so many tiles, in each direction, one is looked at for differences between maps."""
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,8 @@ from testbed.views.view import Snapshot
 
 MAX_SIGMAS = 5.0
 """Odometry disagrees with the scans beyond this many standard deviations of the motion model …"""
+QUIET_S = 2.0
+"""One fault makes several updates disagree: after a sentence there is none for this long [s]."""
 Time = tuple[float, int]
 """Time [s] since the first scan, and number of the scan."""
 MIN_MISS_M, MIN_MISS_DEG = 0.08, 4.0
@@ -41,6 +44,7 @@ class Predictions:
     def __init__(self, motion: MotionConfig) -> None:
         """No update has come yet."""
         self._motion = motion
+        self._said_at = -math.inf  # time of the last sentence [s]
         self._times: list[Time] = []
         self._rows: list[tuple[Pose, Pose, Pose, Pose]] = []  # odometry before and now, best particle before and now
 
@@ -66,6 +70,12 @@ class Predictions:
             _sentence(*motions) if apart else None for apart, *motions in zip(far, by_wheels, by_scans, strict=True)
         ]
         predictions = [Prediction(*row) for row in zip(self._times, poses, covariances, sentences, strict=True)]
+        for k, prediction in enumerate(predictions):
+            if prediction.disagreement is not None:
+                if abs(prediction.time[0] - self._said_at) < QUIET_S:
+                    predictions[k] = prediction._replace(disagreement=None)
+                else:
+                    self._said_at = prediction.time[0]
         self._times, self._rows = [], []
         return predictions
 
@@ -95,7 +105,7 @@ def _disagree(by_wheels: Pose, by_scans: Pose, deviations: NDArray[np.float64]) 
 
 def _sentence(by_wheels: Pose, by_scans: Pose) -> str:
     wheels, scans = _in_words(by_wheels), _in_words(by_scans)
-    return f"odometry disagrees with the scans: the wheels report {wheels}, the scans {scans}"
+    return f"wheels {wheels}, scans {scans}: the odometry disagrees with the scans"
 
 
 def _in_words(motion: Pose) -> str:

@@ -43,6 +43,7 @@ SERIES = {
     entities.POSITION_ERROR: (["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
     entities.HEADING_ERROR: (["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
     entities.ESS_VALUE: (["effective sample size"], [ESTIMATE]),
+    entities.SPREAD: (["spread of the particles"], [COVARIANCE]),
     entities.MATCHED: (["matched share"], [ESTIMATE]),
     entities.STAGES: (["match", "map", "resample"], [ESTIMATE, TRUTH, ODOMETRY]),
 }
@@ -101,7 +102,7 @@ def log_true_walls(rec: rr.RecordingStream, scene: Scene) -> None:
     lines = drawing.wall_lines(scene.true_map)
     if lines:
         walls = rr.LineStrips3D.from_fields(
-            strips=strips(lines, Z_TRUE_WALLS), colors=[TRUTH], radii=rr.Radius.ui_points(0.6)
+            strips=strips(lines, Z_TRUE_WALLS), colors=[TRUTH], radii=rr.Radius.ui_points(0.4)
         )
         rec.log(entities.TRUE_WALLS, walls, static=True)
 
