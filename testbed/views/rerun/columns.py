@@ -131,6 +131,7 @@ BUILD: dict[str, Build] = {
     entities.PROPOSAL_GAUSSIAN: ellipses,
     entities.PROPOSAL_OPTIMUM: poses,
     entities.PROPOSAL_EYE: poses,
+    entities.AROUND: poses,
     entities.PROPOSAL_SCAN: scans,
     entities.ESS_VALUE: scalars,
     entities.ESS_RESAMPLED: scalars,

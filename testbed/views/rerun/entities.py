@@ -36,7 +36,9 @@ PROPOSAL_GAUSSIAN = "/proposal/gaussian"
 PROPOSAL_SCAN = "/proposal/optimum/scan"
 PROPOSAL_OPTIMUM = "/proposal/optimum"
 PROPOSAL_EYE = "/proposal/eye"
-"""The place that close views look at; it follows the robot and does not turn."""
+"""The place that the view of the proposal looks at; it follows the robot and does not turn."""
+AROUND = "/around"
+"""The robot's estimated position in the world's frame, for a view that follows it and does not turn."""
 
 TRUE_MODEL, ESTIMATED_MODEL = "/true_robot", "/estimated_robot"
 ROBOT_MODELS = (TRUE_MODEL, ESTIMATED_MODEL)

@@ -317,6 +317,7 @@ class RerunView:
             add(entities.ESS_RESAMPLED, np.array([step.ess]))
         add(entities.SPREAD, np.array([100.0 * spread_of(step)]))
         add(entities.PROPOSAL_EYE, np.array([*step.pose[:2], 0.0]))
+        add(entities.AROUND, np.array([*se2.compose(self._T_world_map, step.pose)[:2], 0.0]))
         add(entities.MATCHED, np.array([step.matched_share]))
         add(entities.STAGES, np.array([1e3 * step.seconds.get(stage, 0.0) for stage in ("match", "map", "resample")]))
         add(entities.COVARIANCE, step.pose, step.covariance)
