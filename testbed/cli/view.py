@@ -9,30 +9,49 @@ from pathlib import Path
 from eval.files.map_server import read_map
 from testbed.cli.shared.console import console
 from testbed.formats import open_log
-from testbed.views import Scene, open_run, record_frames, recording_of
+from testbed.views import Scene, open_run, record_frames, record_side_by_side, recording_of
 
 
 def view(paths: list[Path], /, *, serve: bool = False) -> None:
-    """Open runs, datasets or recorded logs in the Rerun viewer.
+    """Open runs, datasets, recorded logs, or the worst runs of a sweep in the Rerun viewer.
 
-    A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry.
+    A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
+    paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
+    first scan on.
 
     Parameters
     ----------
     paths
-        Directories of runs, datasets, or recorded logs. Several open in one viewer, one below the other in its list of
-        recordings.
+        Directories of runs or sweeps, datasets, or recorded logs.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     """
     with tempfile.TemporaryDirectory() as folder:
         recordings = [
-            recording_of(path) or _recorded(path, Path(folder) / f"{number}.rrd") for number, path in enumerate(paths)
+            (path.name, recording_of(path) or _recorded(path, Path(folder) / f"{number}.rrd"))
+            for number, path in enumerate(single for path in paths for single in _runs_of(path))
         ]
-        viewer = open_run(*recordings, serve=serve)
+        shown = recordings[0][1]
+        if len(recordings) > 1:
+            shown = Path(folder) / "side_by_side.rrd"
+            record_side_by_side(shown, recordings)
+        viewer = open_run(shown, serve=serve)
         if viewer.address is not None:
             console.print(f"view: {viewer.address}", soft_wrap=True)
         viewer.wait()
+
+
+def _runs_of(path: Path) -> list[Path]:
+    """The recorded worst runs of a sweep, the worst first in the order of their names; else the path itself.
+
+    Raises ValueError for a sweep without any.
+    """
+    if not (path / "sweep.toml").is_file():
+        return [path]
+    runs = sorted(run for run in (path / "worst").glob("*") if recording_of(run) is not None)
+    if not runs:
+        raise ValueError(f"{path}: no run of this sweep was recorded; expected some in {path / 'worst'}")
+    return runs
 
 
 def _recorded(path: Path, recording: Path) -> Path:

@@ -39,8 +39,8 @@ class Cost:
     def __str__(self) -> str:
         per_ten_minutes = self.megabytes * 600.0 / self.seconds
         return (
-            f"{100 * self.share:.1f} % of the CPU time, {self.per_update_ms:.2f} ms an update, {self.megabytes:.1f} MB, "
-            f"{per_ten_minutes:.0f} MB in ten minutes"
+            f"{100 * self.share:.1f} % of the CPU time, {self.per_update_ms:.2f} ms an update, "
+            f"{self.megabytes:.1f} MB, {per_ten_minutes:.0f} MB in ten minutes"
         )
 
 

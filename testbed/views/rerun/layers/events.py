@@ -91,7 +91,8 @@ class EventWatch:
     ) -> tuple[list[Line], dict[str, str]]:
         """Lines for the event log, and the lanes whose state has changed.
 
-        travelled: distance driven so far [m];  loop: a sentence about the loop that was closed, if one was;  died: particles that this update killed
+        travelled: distance driven so far [m];  died: particles that this update killed
+        loop: a sentence about the loop that was closed, if one was
         """
         lines: list[Line] = [("WARN", note) for note in snapshot.notes]
         states: dict[str, str] = {}

@@ -70,6 +70,11 @@ def legend(truth: bool) -> tuple[tuple[Entry, ...], ...]:
     )
 
 
+def legend_of_maps() -> bytes:
+    """A PNG of the legend of a map, with the truth."""
+    return legend_image(legend(truth=True))
+
+
 PROPOSAL_LEGEND: tuple[tuple[Entry, ...], ...] = (
     (
         ("ellipse", (ODOMETRY,), "prior: odometry's prediction, 95 %"),
