@@ -39,7 +39,7 @@ COLOURS = (
 def write_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> None:
     """Write one recording that shows several side by side.
 
-    runs: title and recording of each, at most `MAX_RUNS`; a view that two share a title of tells them apart by number
+    runs: title and recording of each, at most `MAX_RUNS`; they are numbered too, since titles may be equal
 
     Raises ValueError for more runs than that, or for a file that holds no recording.
     """
@@ -132,7 +132,7 @@ def _blueprint(views: list[rrb.Spatial3DView], errors: list[str], lanes: list[st
                 origin="/", contents=contents, name="Position error [m]", axis_x=axis, plot_legend=legend
             )
         )
-    rows = [rrb.Grid(*views, grid_columns=columns), legend_view("map")]
+    rows: list[rrb.Container | rrb.View] = [rrb.Grid(*views, grid_columns=columns), legend_view("map")]
     if below:
         rows.append(rrb.Horizontal(*below))
     return rrb.Blueprint(

@@ -53,7 +53,7 @@ class ImagePool:
         """A copy of an image (SQUARE, SQUARE), valid until `clear`."""
         if self.full:
             return image.copy()
-        copy = self._images[self._used]
+        copy: NDArray[np.uint8] = self._images[self._used]
         copy[:] = image
         self._used += 1
         return copy
