@@ -107,6 +107,7 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
     translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, (first, last))
     severity = np.maximum(translation / BAD_M, rotation / BAD_DEG)
     blips: list[Blip] = []
+    excursions: list[tuple[int, int, int]] = []  # rows at which those that healed began, were bad, and were over
     back = -1
     for pieces in _excursions(first, last, severity > 1.0):
         begin, end = int(first[pieces[0]]), int(last[pieces].max())
@@ -115,15 +116,21 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
         returned = _back_at(matched, begin, end)
         if returned is None:
             moment = _moment(matched, begin, int(last[pieces[0]]))
-            return _failure(matched, begin, moment, bad=True, blips=blips)
+            reason = f"the estimate leaves the truth and does not come back; {_a_metre_later(matched, begin, moment)}"
+            return _failure(matched, begin, moment, reason, bad=True, blips=blips)
         back, stamps = returned, matched.estimate.stamps
         worst = (float(translation[pieces].max()), float(rotation[pieces].max()))
-        blips.append(Blip(float(stamps[_moment(matched, begin, int(last[pieces[0]]))]), float(stamps[back]), *worst))
+        moment = _moment(matched, begin, int(last[pieces[0]]))
+        excursions.append((begin, moment, back))
+        blips.append(Blip(float(stamps[moment]), float(stamps[back]), *worst))
     loop = _open_loop(matched)
     if loop is not None:
-        return _failure(matched, *loop, bad=True, blips=blips)
+        return _failure_of_loop(matched, *loop, excursions, blips)
     worst_piece = int(np.argmax(severity))
-    return _failure(matched, int(first[worst_piece]), int(last[worst_piece]), bad=False, blips=blips)
+    begin, moment = int(first[worst_piece]), int(last[worst_piece])
+    amount = _amount(translation[worst_piece], rotation[worst_piece])
+    reason = f"no lasting error; over the worst metre of path the estimate is wrong by {amount}"
+    return _failure(matched, begin, moment, reason, bad=False, blips=blips)
 
 
 def _excursions(first: Rows, last: Rows, bad: NDArray[np.bool_]) -> list[Rows]:
@@ -186,17 +193,42 @@ def _open_loop(matched: Association) -> tuple[int, int] | None:
     return int(first[at]), int(last[at])
 
 
-def _failure(matched: Association, begin: int, moment: int, *, bad: bool, blips: list[Blip]) -> Failure:
+def _failure_of_loop(
+    matched: Association, first: int, last: int, excursions: list[tuple[int, int, int]], blips: list[Blip]
+) -> Failure:
+    """The failure that an open loop shows: at the return, or where one of its two visits falls into an excursion that
+    healed, at that excursion. What the robot saw in it lies at a wrong place of the map.
+
+    excursions: rows at which each one began, was bad, and was over, in the order of `blips`
+    """
+    rows = np.array([first]), np.array([last])
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
+    amount, stamps = _amount(translation[0], rotation[0]), matched.estimate.stamps
+    for number, (begin, moment, back) in enumerate(excursions):
+        if any(begin < visit <= back for visit in (first, last)):
+            reason = (
+                f"the estimate leaves the truth for {stamps[back] - stamps[moment]:.1f} s; what it saw meanwhile lies "
+                f"at a wrong place, off by {amount} from what another visit saw there"
+            )
+            others = blips[:number] + blips[number + 1 :]
+            return _failure(matched, begin, moment, reason, bad=True, blips=others)
+    ago = stamps[last] - stamps[first]
+    reason = f"the robot is back where it was {ago:.0f} s before, and the estimate is off by {amount}"
+    return _failure(matched, first, last, reason, bad=True, blips=blips)
+
+
+def _a_metre_later(matched: Association, begin: int, moment: int) -> str:
+    """How wrong the motion is from a row to a metre after another."""
+    path = matched.reference.distance
+    until = min(int(np.searchsorted(path, path[moment] + 1.0)), len(path) - 1)
+    rows = np.array([begin]), np.array([until])
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
+    return f"a metre later its motion is wrong by {_amount(translation[0], rotation[0])}"
+
+
+def _failure(matched: Association, begin: int, moment: int, reason: str, *, bad: bool, blips: list[Blip]) -> Failure:
     """The failure at a row, measured from another one on."""
     true, estimated = matched.reference.poses, matched.estimate.poses
-    path = matched.reference.distance
-    until = min(int(np.searchsorted(path, path[moment] + 1.0)), len(path) - 1) if bad else moment
-    translation, rotation = pair_errors(estimated, true, (np.array([begin]), np.array([until])))
-    amount = _amount(translation[0], rotation[0])
-    if bad:
-        reason = f"the estimate leaves the truth and does not come back; a metre later its motion is wrong by {amount}"
-    else:
-        reason = f"the estimate never leaves the truth for good; over the worst metre of path it is wrong by {amount}"
     return Failure(
         scan=int(matched.rows[moment]),
         since=int(matched.rows[begin]),

@@ -78,7 +78,8 @@ def _map_a_room() -> None:
     from slam.refinement import refine
     from slam.scan import Scan
     from testbed.views.map_cells import map_cells
-    from testbed.views.rerun.layers.map_tiles import MapTiles
+    from testbed.views.rerun.layers.comparison import COARSE, most_different
+    from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 
     angles = np.linspace(-np.pi, np.pi, 90, endpoint=False)
     with np.errstate(divide="ignore"):
@@ -90,7 +91,9 @@ def _map_a_room() -> None:
     mapper = GMapping(config)
     for pose in odometry:
         mapper.process(pose, scan)
-    MapTiles().changes(map_cells(mapper.maps, mapper.best))
+    for coarse in (1, COARSE):
+        MapTiles(ImagePool(0), coarse).changes(map_cells(mapper.maps, mapper.best))
+    most_different(map_cells(mapper.maps, mapper.best), mapper.best)
     refine(odometry, [scan] * len(odometry), mapper.path(), config)
     for start in (odometry[0], None):
         Localization(mapper.map(), config, start=start).process(odometry[0], scan)

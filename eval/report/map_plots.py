@@ -88,8 +88,8 @@ def failure_plot(context: ReportContext) -> Plot | None:
     if run.truth is not None and run.truth_grid is not None:
         grid, T = run.truth_grid, np.zeros(3)
         caption = (
-            "Green: the scan drawn from the true pose. Red: the same scan drawn from the estimated pose. The gap is "
-            f"the error. Drawn over the true map; both paths are aligned at scan {failure.since}."
+            "Green rings: the scan drawn from the true pose. Red dots: the same scan drawn from the estimated pose. "
+            f"The gap is the error. Drawn over the true map; both paths are aligned at scan {failure.since}."
         )
     window = _window(failure, points)
     background = None

@@ -147,25 +147,37 @@ class SeenScan:
 def scan_over_map(
     scans: Sequence[SeenScan], curves: Sequence[Series], *, background: Picture | None, window: Extent
 ) -> str:
-    """Draw scans, the robot and paths (n, 2) [m] over a map; `window` = x, x, y, y to show [m]."""
+    """Draw scans, the robot and paths (n, 2) [m] over a map; `window` = x, x, y, y to show [m].
+
+    All scans but the last are drawn as rings about its dots, so that none is hidden where they agree.
+    """
     with rc_context(STYLE):
         figure, ax = _figure(_size_for(window))
         _ground(ax, background)
         for name, path, colour in curves:
             xy = np.asarray(path, dtype=np.float64)
             ax.plot(xy[:, 0], xy[:, 1], color=colour, label=name, lw=1.0)
-        for scan in scans:
+        for number, scan in enumerate(scans):
+            ring = number < len(scans) - 1
+            look = {"ms": 6.0, "mew": 0.9, "mfc": "none"} if ring else {"ms": 2.2, "mew": 0.0}
             ends = transform_points(scan.pose, scan.points)
-            ax.plot(ends[:, 0], ends[:, 1], "o", ms=2.4, mew=0.0, color=scan.colour, label=scan.label, zorder=6)
+            ax.plot(ends[:, 0], ends[:, 1], "o", **look, color=scan.colour, label=scan.label, zorder=6)
             nose = transform_points(scan.pose, [[0.07 * (window[1] - window[0]), 0.0]])[0]
             ax.annotate(
                 "",
                 xy=(nose[0], nose[1]),
                 xytext=(scan.pose[0], scan.pose[1]),
-                arrowprops={"arrowstyle": "-|>", "color": scan.colour, "lw": 1.6, "shrinkA": 0.0, "shrinkB": 0.0},
+                arrowprops={
+                    "arrowstyle": "-|>",
+                    "color": scan.colour,
+                    "lw": 4.0 if ring else 1.6,
+                    "shrinkA": 0.0,
+                    "shrinkB": 0.0,
+                },
                 zorder=7,
             )
-            ax.plot(scan.pose[0], scan.pose[1], "o", ms=7, mfc="white", mec=scan.colour, mew=1.6, zorder=8)
+            size = 12.0 if ring else 7.0
+            ax.plot(scan.pose[0], scan.pose[1], "o", ms=size, mfc="white", mec=scan.colour, mew=1.6, zorder=8)
         ax.set_xlim(window[0], window[1])
         ax.set_ylim(window[2], window[3])
         _legend(ax, columns=2)

@@ -15,6 +15,7 @@ from eval.report.page import Plot, flat, render
 from eval.report.report_context import ReportContext
 from eval.report.time_plots import error_plots, filter_plots
 from eval.report.verdict import verdict
+from eval.wording import length
 
 
 def write_report(run_directory: str | os.PathLike[str]) -> Path:
@@ -42,6 +43,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "failure_time": failure.stamp - context.start if failure else None,
         "failure_plot": failure_plot(context),
         "start": context.start,
+        "length": length,
         "maps": list(map_plots(context)),
         "path_plots": list(path_plots(context)),
         "error_plots": list(error_plots(context)),
@@ -55,9 +57,9 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
     }
 
 
-def _spaced(length: str) -> str:
+def _spaced(piece: str) -> str:
     """Write `10s` as `10 s`."""
-    return f"{length[:-1]}\N{NO-BREAK SPACE}{length[-1]}"
+    return f"{piece[:-1]}\N{NO-BREAK SPACE}{piece[-1]}"
 
 
 def _number(value: Any) -> str:

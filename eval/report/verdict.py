@@ -51,6 +51,9 @@ def verdict(run: RunFiles) -> Verdict:
     lead, severity = OUTCOME_SENTENCES.get(outcome, (f"Outcome: {outcome}.", "none"))
     if outcome == "ok":
         lead = _lead_of_good_run(run)
+    elif outcome in {"lost", "broken loop"} and run.estimate is not None and len(run.estimate):
+        stamps = run.estimate.stamps
+        lead += _moment_and_cause(run, float(stamps[0]), float(stamps[-1] - stamps[0]))
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [_sentence(reason), _path_sentence(run), _relations_sentence(run), _map_sentence(run)]
     return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), tuple(_headlines(run)))
@@ -65,16 +68,39 @@ def _lead_of_good_run(run: RunFiles) -> str:
     for key, name in (("trajectory.ate_rmse_m", "trajectory error"), ("relations.trans_mean_m", "relation error")):
         error = run.metric(key)
         if error is not None:
-            return f"OK: {name} {length(error)}, no failed loops."
+            return f"OK: {name} {length(error)}{_of_which_path(run, key)}, no failed loops."
     return OUTCOME_SENTENCES["ok"][0]
+
+
+def _of_which_path(run: RunFiles, key: str) -> str:
+    """Name the path that a figure is of, with those of the others; empty where there was no final pass."""
+    if not run.metric("refined"):
+        return ""
+    group, _, rest = key.partition(".")
+    others = []
+    for suffix, words in (("filter", "on the filter's own path"), ("online", "while driving")):
+        value = run.metric(f"{group}_{suffix}.{rest}")
+        if value is not None:
+            others.append(f"{length(value)} {words}")
+    return " after the final pass" + (f" ({', '.join(others)})" if others else "")
+
+
+def _moment_and_cause(run: RunFiles, start: float, duration: float) -> str:
+    """Name them in a sentence, e.g. "It is wrong from 219.7 s of 298 s on: the wheels slipped."; empty if unknown."""
+    if run.failure is None or not run.failure.failure.bad:
+        return ""
+    failure = run.failure.failure
+    cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
+    return f" It is wrong from {failure.stamp - start:.1f} s of {duration:.0f} s on{cause}."
 
 
 def _path_sentence(run: RunFiles) -> str:
     error = run.metric("trajectory.ate_rmse_m")
     if error is None:
         return ""
+    which = " after the final pass" if run.metric("refined") else ""
     text = (
-        f"The trajectory error is {length(error)} over {run.metric('trajectory.length_m'):.0f} m of path "
+        f"The trajectory error{which} is {length(error)} over {run.metric('trajectory.length_m'):.0f} m of path "
         f"(root mean square, after alignment)"
     )
     odometry = run.metric("trajectory.odometry.ate_rmse_m")
@@ -134,6 +160,6 @@ def _headlines(run: RunFiles) -> list[Headline]:
     add(_wall_distance(run), "length", "walls from truth", "mean, both ways")
     add("map.f1_1_cells", "{:.3f}", "map agreement", "F1 of walls within a cell")
     count = run.metric("mean_particles")
-    add("filter.mean_ess", "{:.1f}", "effective particles", f"of {count:.0f}" if count is not None else "")
+    add("filter.mean_ess", "{:.1f}", "mean effective sample size", f"of {count:.0f}" if count is not None else "")
     add("realtime_factor", "{:.1f}×", "real time", f"{run.metric('duration_s') or 0.0:.0f} s of data")
     return found

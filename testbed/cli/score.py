@@ -10,7 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import Parameter
+from numpy.typing import NDArray
 
 from eval.failure_cause import find_cause
 from eval.files.atomic_write import atomic_write
@@ -24,11 +26,16 @@ from eval.report.run_report import write_report
 from eval.scoring import read_estimate, score_files
 from eval.trajectory.relations import read_relations
 from eval.trajectory.trajectory import Trajectory
+from slam.config import MapConfig
+from slam.sensor.rays import make_rays
 from testbed.cli.shared.console import console, results
 from testbed.cli.shared.status import GATE_FAILED
 from testbed.cli.shared.summary import headline_table
 from testbed.formats import open_log
-from testbed.run.execute import lidar_views
+from testbed.run.execute import lidar_views, true_twist
+
+NEAR_SCAN_S = 1.0
+"""A scan belongs to a moment if it was taken within this time of it [s]."""
 
 
 def score(
@@ -113,7 +120,7 @@ def _write_scored(out: Path, dataset: Path, estimate: Trajectory, map_: Path | N
     if failure.bad:
         cause = find_cause(failure.stamp, odometry=known.get("odometry"), reference=known.get("truth"))
         failure = replace(failure, cause=cause)
-    write_failure(out / "finding.json", failure, [])
+    write_failure(out / "finding.json", failure, _scan_points(dataset, failure.stamp))
 
 
 def _has(dataset: Path, name: str) -> bool:
@@ -134,5 +141,26 @@ def _time_offset(text: str) -> float | Literal["auto"]:
 
 def _lidars(dataset: Path) -> tuple[LidarView, ...]:
     """Return the lidars of a dataset's recording; none if the directory holds no recording."""
+    recording = _recording(dataset)
+    return () if recording is None else lidar_views(open_log(recording).frames)
+
+
+def _recording(dataset: Path) -> Path | None:
+    """Return the recording of a dataset; None if the directory holds none, or several."""
     recordings = [dataset] if (dataset / "metadata.yaml").is_file() else sorted(dataset.glob("*.log.gz"))
-    return lidar_views(open_log(recordings[0]).frames) if len(recordings) == 1 else ()
+    return recordings[0] if len(recordings) == 1 else None
+
+
+def _scan_points(dataset: Path, stamp: float) -> NDArray[np.float64]:
+    """Return the end points (k, 2) of the scan nearest to a time [s] in the robot's frame [m]; none without one."""
+    recording = _recording(dataset)
+    frames = [] if recording is None else open_log(recording).frames
+    near = [frame for frame in frames if abs(frame.stamp - stamp) < NEAR_SCAN_S]
+    rows = [row for row, frame in enumerate(near) if frame.scan is not None]
+    if not rows:
+        return np.zeros((0, 2))
+    row = min(rows, key=lambda row: abs(near[row].stamp - stamp))
+    frame, twist = near[row], true_twist(near, row)
+    assert frame.scan is not None
+    usable = MapConfig().usable_range
+    return make_rays([frame.scan], usable_range=usable, twist=frame.twist if twist is None else twist).ends

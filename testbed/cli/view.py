@@ -11,50 +11,64 @@ from eval.files.atomic_write import atomic_write
 from eval.files.map_server import read_map
 from testbed.cli.shared.console import console
 from testbed.formats import open_log
-from testbed.views import Scene, open_run, record_frames, recording_of
+from testbed.views import Scene, open_run, record_frames, record_side_by_side, recording_of
 
 
 def view(paths: list[Path], /, *, serve: bool = False, save: Path | None = None) -> None:
-    """Open runs, datasets or recorded logs in the Rerun viewer.
+    """Open runs, datasets, recorded logs, or the worst runs of a sweep in the Rerun viewer.
 
-    A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry.
+    A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
+    paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
+    first scan on.
 
     Parameters
     ----------
     paths
-        Directories of runs, datasets, or recorded logs. Several open in one viewer, one below the other in its list of
-        recordings.
+        Directories of runs or sweeps, datasets, or recorded logs.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     save
-        Write one recording to this file (`.rrd`) instead of showing it, to send it: `rerun FILE` opens it.
+        Write the recording to this file (`.rrd`) instead of showing it, to send it: `rerun FILE` opens it.
     """
-    if save is not None:
-        _save(paths, save)
-        return
+    if save is not None and (save.suffix != ".rrd" or save.exists()):
+        raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd'}")
     with tempfile.TemporaryDirectory() as folder:
-        recordings = [
-            recording_of(path) or _recorded(path, Path(folder) / f"{number}.rrd") for number, path in enumerate(paths)
-        ]
-        viewer = open_run(*recordings, serve=serve)
+        shown = _one_recording(paths, Path(folder))
+        if save is not None:
+            with atomic_write(save) as temporary:
+                shutil.copyfile(shown, temporary)
+            console.print(f"{save}: `rerun {save}` opens it", soft_wrap=True)
+            return
+        viewer = open_run(shown, serve=serve)
         if viewer.address is not None:
             console.print(f"view: {viewer.address}", soft_wrap=True)
         viewer.wait()
 
 
-def _save(paths: list[Path], save: Path) -> None:
-    """Write the recording of one run, dataset or log to a file that must not exist."""
-    if len(paths) != 1:
-        raise ValueError(f"--save writes one recording, got {len(paths)}")
-    if save.suffix != ".rrd" or save.exists():
-        raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd'}")
-    recording = recording_of(paths[0])
-    with atomic_write(save) as temporary:
-        if recording is not None:
-            shutil.copyfile(recording, temporary)
-        else:
-            _recorded(paths[0], temporary)
-    console.print(f"{save}: `rerun {save}` opens it", soft_wrap=True)
+def _one_recording(paths: list[Path], folder: Path) -> Path:
+    """The recording of a run, or one made in the folder from a log or from several paths."""
+    recordings = [
+        (path.name, recording_of(path) or _recorded(path, folder / f"{number}.rrd"))
+        for number, path in enumerate(single for path in paths for single in _runs_of(path))
+    ]
+    if len(recordings) == 1:
+        return recordings[0][1]
+    together = folder / "side_by_side.rrd"
+    record_side_by_side(together, recordings)
+    return together
+
+
+def _runs_of(path: Path) -> list[Path]:
+    """The recorded worst runs of a sweep, the worst first in the order of their names; else the path itself.
+
+    Raises ValueError for a sweep without any.
+    """
+    if not (path / "sweep.toml").is_file():
+        return [path]
+    runs = sorted(run for run in (path / "worst").glob("*") if recording_of(run) is not None)
+    if not runs:
+        raise ValueError(f"{path}: no run of this sweep was recorded; expected some in {path / 'worst'}")
+    return runs
 
 
 def _recorded(path: Path, recording: Path) -> Path:

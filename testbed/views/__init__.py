@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
 
-from testbed.views.opening import OpenedRun, open_run, open_view, record_frames, recording_of
+from testbed.views.opening import OpenedRun, open_run, open_view, record_frames, record_side_by_side, recording_of
 from testbed.views.view import NullView, Proposal, Scene, Snapshot, View, ViewOptions
 
 __all__ = [
@@ -15,5 +15,6 @@ __all__ = [
     "open_run",
     "open_view",
     "record_frames",
+    "record_side_by_side",
     "recording_of",
 ]

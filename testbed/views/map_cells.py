@@ -37,6 +37,10 @@ class MapCells(NamedTuple):
     """Number of the last scan."""
     grey: NDArray[np.uint8]
     """Grey level of each counts word, (65536,)."""
+    tables: NDArray[np.int32]
+    """The tables of all particles, (particles, rows, columns)."""
+    walls: NDArray[np.uint16]
+    """Which cells are walls: bit x of word y of a tile, (tiles, side)."""
 
 
 def map_cells(maps: ParticleMaps, particle: int) -> MapCells:
@@ -51,6 +55,8 @@ def map_cells(maps: ParticleMaps, particle: int) -> MapCells:
         touched=maps.touched,
         scans=maps.scans,
         grey=_grey_of_words(maps.config.occupied_share),
+        tables=grids.table,
+        walls=grids.walls,
     )
 
 

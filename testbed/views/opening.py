@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import os
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,6 +63,13 @@ def record_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> Non
     from testbed.views.rerun.frames_recording import write_frames
 
     write_frames(recording, frames, scene)
+
+
+def record_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> None:
+    """Write several recordings, each with a title, as one, see `testbed.views.rerun.side_by_side`."""
+    from testbed.views.rerun.side_by_side import write_side_by_side
+
+    write_side_by_side(recording, runs)
 
 
 def open_run(run: Path, *more: Path, serve: bool = False) -> OpenedRun:

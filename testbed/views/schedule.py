@@ -16,7 +16,7 @@ MAP_GROWTH = 0.05
 """… nor by more than this part of the run so far: a young map grows fast."""
 COMPARISON_PERIOD = 10.0
 """Time between two comparisons of particles [s] …"""
-COMPARISON_UPDATES = 20
+COMPARISON_UPDATES = 30
 """… in which the filter has taken in at least so many scans: logs may have one every few seconds."""
 SLACK = 0.9
 """Scans do not come at exact times: a period counts as over a little early."""

@@ -76,6 +76,19 @@ def test_a_loop_that_stays_open_fails_where_the_robot_comes_back():
     assert 360 <= failure.scan <= 420  # the beginning of the second lap
 
 
+def test_a_loop_that_is_open_because_of_an_excursion_is_named_there():
+    angle = np.linspace(0.0, 4.0 * np.pi, 800)
+    poses = np.column_stack([5.0 * np.cos(angle), 5.0 * np.sin(angle), angle + 0.5 * np.pi])
+    truth = Trajectory(0.1 * np.arange(800), poses)
+    off = poses.copy()
+    off[100:250, 0] += 3.0
+    failure = first_bad_stretch(Trajectory(truth.stamps, off), truth)
+    assert failure.bad
+    assert failure.stamp == pytest.approx(10.0, abs=0.2)
+    assert "lies at a wrong place" in failure.reason
+    assert failure.blips == ()
+
+
 def test_without_truth_the_first_scan_off_the_map_is_found():
     n = 40
     estimate = Trajectory(np.arange(n), np.column_stack([np.arange(n), np.zeros(n), np.zeros(n)]))

@@ -2,7 +2,7 @@
 # ruff: noqa: T201
 """Count how often the moment and the cause of a failure are named.
 
-    python -m tools.measure.named_moments [--times 20 30 45]
+    python -m tools.measure.named_moments [--times 20 30 45] [--worlds office,generated:rooms:7]
 
 Prints: one line for each run, then a table of the kinds of fault
 
@@ -80,9 +80,11 @@ def main() -> None:
     """Print one line for each run, then the counts of each kind of fault."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--times", type=float, nargs="+", default=[20.0, 30.0, 45.0], help="when faults happen [s]")
-    times = parser.parse_args().times
+    parser.add_argument("--worlds", default=",".join(WORLDS), help="names of worlds, as `testbed sweep` takes them")
+    arguments = parser.parse_args()
+    times = arguments.times
     counts: dict[str, list[tuple[bool, bool]]] = defaultdict(list)
-    for world in WORLDS:
+    for world in worlds.expand_names(arguments.worlds):
         frames = drive(world)
         for fault in FAULTS:
             for at in times:

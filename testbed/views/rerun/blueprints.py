@@ -24,6 +24,8 @@ FOLLOW_HEIGHT = 25.0
 """Height of the eye above the robot while the size of the place is unknown [m]."""
 HALF_VIEW = 0.95
 """Two views side by side are about this much wider than high."""
+AROUND_HEIGHT = 2.5
+"""Height of the eye above the robot in the close view of the overview [m]."""
 CLOSE_UP_HEIGHT, WIDER_HEIGHT = 0.4, 9.0
 """Heights of the eye above the robot in the views of the proposal [m]."""
 WHOLE_RUN = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
@@ -59,21 +61,24 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
             map_view("Map", scenery.extent),
             legend_view("map"),
             rrb.StateTimelineView(origin=entities.STATE, name="State", time_view=rrb.TimeAxis(view_range=WHOLE_RUN)),
-            row_shares=[12, 1.3, 2.2],
+            row_shares=[12, 1.3, 2.7],
         ),
         rrb.Vertical(
-            *(errors if scenery.truth else []),
-            plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
+            close_view("Around the robot", AROUND_HEIGHT),
+            *([rrb.Tabs(*errors, active_tab=0)] if scenery.truth else []),
             rrb.Tabs(
+                plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
+                plot(entities.SPREAD, "Spread of the particles", "cm"),
                 plot(entities.MATCHED, "Share of beams on known walls", "", 1.0),
                 plot(entities.STAGES, "Time per update", "ms"),
-                active_tab=0,
+                active_tab=1,
             ),
             rrb.Tabs(
                 rrb.TextLogView(origin=entities.EVENTS, name="Events"),
                 rrb.TextDocumentView(origin=entities.SETTINGS, name="Settings"),
                 active_tab=0,
             ),
+            row_shares=[5, *([3] if scenery.truth else []), 3, 3],
         ),
         column_shares=[3, 2],
         name="Overview",
@@ -84,6 +89,15 @@ def map_view(name: str, extent: Extent | None, follow: str = entities.ESTIMATED_
     """The world from above, x to the right, with everything that is known at the time."""
     contents = [f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)]
     return top_view(name, contents, eye(extent, follow), origin=entities.WORLD)
+
+
+def close_view(name: str, height: float) -> rrb.Spatial3DView:
+    """The world close up, from a height [m] above the robot.
+
+    The shapes of the robots are left out: they would hide the particles, and a view whose contents have named frames,
+    as the parts of a URDF have, stays at the world's origin (seen with Rerun 0.41).
+    """
+    return top_view(name, [f"+ {entities.WORLD}/**"], eye_above((0.0, 0.0), height), origin=entities.AROUND)
 
 
 def top_view(
@@ -107,11 +121,13 @@ def legend_view(name: str) -> rrb.Spatial2DView:
 
 def compare_particles(extent: Extent | None) -> rrb.Vertical:
     """The maps of four particles side by side, above their weights."""
-    names = ("Best particle", "Lightest particle", "Most different histories (1)", "Most different histories (2)")
+    names = ("Best particle", "Lightest particle", "Most different maps (1)", "Most different maps (2)")
     views = []
     for rank, name in zip(entities.RANKS, names, strict=True):
         base = f"{entities.COMPARE}/{rank}"
         contents = [f"+ {base}/**", f"+ {entities.TRUE_WALLS}"]
+        if rank == "best":
+            contents += [f"+ {entities.MAP}/**", f"+ {entities.PATH}/**"]
         views.append(top_view(name, contents, eye(extent, f"{base}/robot")))
     return rrb.Vertical(
         rrb.Grid(*views, grid_columns=2),

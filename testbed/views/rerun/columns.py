@@ -131,9 +131,11 @@ BUILD: dict[str, Build] = {
     entities.PROPOSAL_GAUSSIAN: ellipses,
     entities.PROPOSAL_OPTIMUM: poses,
     entities.PROPOSAL_EYE: poses,
+    entities.AROUND: poses,
     entities.PROPOSAL_SCAN: scans,
     entities.ESS_VALUE: scalars,
     entities.ESS_RESAMPLED: scalars,
+    entities.SPREAD: scalars,
     entities.MATCHED: scalars,
     entities.STAGES: scalars,
 }

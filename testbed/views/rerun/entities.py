@@ -37,6 +37,8 @@ PROPOSAL_SCAN = "/proposal/optimum/scan"
 PROPOSAL_OPTIMUM = "/proposal/optimum"
 PROPOSAL_EYE = "/proposal/eye"
 """The place that the view of the proposal looks at; it follows the robot and does not turn."""
+AROUND = "/around"
+"""The robot's estimated position in the world's frame, for a view that follows it and does not turn."""
 
 TRUE_MODEL, ESTIMATED_MODEL = "/true_robot", "/estimated_robot"
 ROBOT_MODELS = (TRUE_MODEL, ESTIMATED_MODEL)
@@ -48,13 +50,15 @@ RANKS = ("best", "lightest", "most_different_a", "most_different_b")
 FINAL = "/final"
 """The map's frame once more, for the views of the final pass."""
 FINAL_STEPS = ("before", "after")
-FINAL_TRUTH = "/world/truth/whole_path"
+FINAL_TRUTH = "/final_truth/path"
+"""The whole true path, in the world's frame."""
 
 POSITION_ERROR = "/metrics/position_error"
 HEADING_ERROR = "/metrics/heading_error"
 ESS = "/metrics/ess"
 ESS_VALUE = "/metrics/ess/value"
 ESS_RESAMPLED = "/metrics/ess/resampled"
+SPREAD = "/metrics/spread"
 MATCHED = "/metrics/matched_share"
 STAGES = "/metrics/stages"
 WEIGHTS = "/filter/weights"

@@ -37,24 +37,29 @@ from testbed.views.rerun.blueprints import blueprint
 from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
 from testbed.views.rerun.layers import comparison
 from testbed.views.rerun.layers.events import EventWatch
-from testbed.views.rerun.layers.map_tiles import MapTiles
+from testbed.views.rerun.layers.loop_sizes import LoopSizes, spread_of
+from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
-from testbed.views.rerun.layers.prediction import Prediction, predict
+from testbed.views.rerun.layers.prediction import Predictions, Time
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
-from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN, Z_TOP
+from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN
 from testbed.views.schedule import Schedule
 from testbed.views.view import Scene, Snapshot, ViewOptions
 
 MAX_POINTS = 240
 """Beams of a scan that are drawn."""
-TREE_UPDATES = 3
+TREE_UPDATES = 10
 """The tree of histories is drawn again with the next map after this many updates."""
 ARROW = 2.0
 """Length of a particle's arrow in radii of the robot."""
-SEND_PERIOD = 1.0
-"""Rows are sent this often [s of wall time], by the snapshot that comes next."""
+LIVE_PERIOD = 1.0
+"""Rows are sent this often [s of wall time] while somebody watches, by the snapshot that comes next …"""
+SEND_PERIOD = 10.0
+"""… and this often into a file that nobody watches: calls cost more than rows …"""
+MAX_WAITING = 1024
+"""… or when so many squares of maps wait, of 16 kB each."""
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
 
@@ -74,17 +79,21 @@ class RerunView:
         self._start = 0.0
         self._scans = 0
         self._travelled = 0.0
+        self._timed = False  # whether the recording stream has the time of the last snapshot
         self._pending = False  # whether the filter has changed since map and paths were logged
         self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
         self._errors: list[ErrorColumns] = []  # of the position, of the heading
-        self._events = EventWatch()
-        self._tiles, self._tree = MapTiles(), ParticleTree()
+        self._events, self._loops = EventWatch(), LoopSizes()
+        self._images = ImagePool(MAX_WAITING)
+        self._tiles, self._tree = MapTiles(self._images), ParticleTree()
         self._path = PathBlocks()
+        self._predictions = None if scene.motion is None else Predictions(scene.motion)
         self._visited = {entities.TRUE_PATH: GrowingPath(), entities.ODOMETRY_PATH: GrowingPath()}
         self._updates_in_tree = 0  # since the tree was drawn
-        self._slots = comparison.slots()
+        self._slots = comparison.slots(self._images)
         self._styled: set[str] = set()
+        self._hits: columns.Values | None = None  # of the last scan that was added
         self._whole_map: OccupancyGrid | None = None
         self._refined = False
         run = str(uuid.uuid4())  # of its own: a viewer would merge runs of one id
@@ -115,14 +124,15 @@ class RerunView:
         self._set_time(snapshot)
         if self._schedule.frame_due(snapshot.stamp, step is not None):
             self._add_frame(snapshot)
-        prediction, died = (None, 0) if step is None else self._add_update(snapshot, step)
-        self._log_events(snapshot, prediction, died)
+        died = 0 if step is None else self._add_update(snapshot, step)
+        self._log_events(snapshot, died)
         at_once = step is not None and (step.resampled or step.loop_closed)
         if self._pending and (at_once or self._schedule.map_due(snapshot.stamp, self._travelled, next_step)):
             self._add_map_and_paths(snapshot)
         if step is not None and self._schedule.comparison_due(snapshot.stamp, at_once):
             self._add_comparison(snapshot)
-        if time.monotonic() - self._sent > SEND_PERIOD:
+        period = LIVE_PERIOD if self._viewers else SEND_PERIOD
+        if time.monotonic() - self._sent > period or self._images.full:
             self._send()
 
     def _advance(self, snapshot: Snapshot) -> tuple[float, float]:
@@ -160,7 +170,8 @@ class RerunView:
             self._rec.log(entities.FINAL_TRUTH, row, static=True)
         self._rec.reset_time()
         self._set_time(last)
-        self._rec.log(entities.EVENTS, rr.TextLog("final pass: see the tab of that name", level="INFO"))
+        text = "final pass: map and path before and after it are in the tab Final pass"
+        self._log(entities.EVENTS, rr.TextLog(text, level="INFO"))
         self._fit_view(grid)
 
     def close(self) -> None:
@@ -225,15 +236,31 @@ class RerunView:
         self._rec.log(entities.ODOMETRY, pose_transform(self._T_world_odom), static=True)
 
     def _set_time(self, snapshot: Snapshot) -> None:
-        stamp = snapshot.stamp - self._start
-        self._rec.set_time(entities.TIMELINE, duration=stamp)
-        self._rec.set_time(entities.SCAN_TIMELINE, sequence=self._scans)
-        self._columns.time = (stamp, self._scans)
+        """Let what is added or logged from now on belong to a snapshot."""
+        self._columns.time = (snapshot.stamp - self._start, self._scans)
+        self._timed = False
         self._scans += 1
+
+    def _log(self, entity: str, *what: rr.AsComponents, at: Time | None = None) -> None:
+        """Log something at the time of the snapshot, or at another one."""
+        if at is not None or not self._timed:
+            stamp, scan = self._columns.time if at is None else at
+            self._rec.set_time(entities.TIMELINE, duration=stamp)
+            self._rec.set_time(entities.SCAN_TIMELINE, sequence=scan)
+            self._timed = at is None
+        self._rec.log(entity, *what)
 
     def _send(self) -> None:
         self._sent = time.monotonic()
+        now = self._columns.time
+        for at, pose, covariance, disagreement in self._predictions.take() if self._predictions is not None else ():
+            self._columns.time = at
+            self._columns.add(entities.PROPOSAL_PRIOR, pose, covariance)
+            if disagreement is not None:
+                self._log(entities.EVENTS, rr.TextLog(disagreement, level="WARN"), at=at)
+        self._columns.time = now
         self._columns.send()
+        self._images.clear()
         for viewer in self._viewers:
             viewer.check()
 
@@ -243,25 +270,31 @@ class RerunView:
         """Add poses, scan and errors."""
         add = self._columns.add
         add(entities.ESTIMATED_ROBOT, snapshot.estimate)
-        if snapshot.scan is not None:
-            add(entities.SCAN, *drawing.thinned_hits(snapshot.scan, MAX_POINTS))
+        self._hits = None if snapshot.scan is None else drawing.thinned_hits(snapshot.scan, MAX_POINTS)
+        if self._hits is not None:
+            add(entities.SCAN, *self._hits)
         if snapshot.truth is None:
             return
         add(entities.TRUE_ROBOT, snapshot.truth)
         for entity, build in zip((entities.POSITION_ERROR, entities.HEADING_ERROR), self._errors, strict=True):
             add(entity, snapshot.truth, snapshot.estimate, snapshot.odometry, build=build)
 
-    def _log_events(self, snapshot: Snapshot, prediction: Prediction | None, died: int) -> None:
-        lines, states = self._events.update(snapshot, self._travelled, prediction, died)
+    def _log_events(self, snapshot: Snapshot, died: int) -> None:
+        step, loop = snapshot.step, None
+        if step is not None and step.updated:
+            self._loops.add(self._columns.time[0], self._travelled, step, died)
+            if step.loop_closed and snapshot.path is not None:
+                loop = self._loops.sentence(snapshot.path(None))
+        lines, states = self._events.update(snapshot, self._travelled, died, loop)
         for lane, state in states.items():
-            self._rec.log(lane, rr.StateChange(state=state))
+            self._log(lane, rr.StateChange(state=state))
         for level, text in lines:
-            self._rec.log(entities.EVENTS, rr.TextLog(text, level=level))
+            self._log(entities.EVENTS, rr.TextLog(text, level=level))
 
     # --- each update of the filter
 
-    def _add_update(self, snapshot: Snapshot, step: StepReport) -> tuple[Prediction | None, int]:
-        """Add what the filter did; returns what the odometry had predicted, and how many particles died."""
+    def _add_update(self, snapshot: Snapshot, step: StepReport) -> int:
+        """Add what the filter did; returns how many particles died."""
         self._pending = True
         self._add_filter(step)
         self._add_particles(snapshot)
@@ -269,11 +302,12 @@ class RerunView:
             if pose is not None:
                 self._visited[entity].append(pose)
         before, self._last_update = self._last_update, snapshot
-        prediction = None
-        if before is not None and self._scene.motion is not None and snapshot.localization is None:
-            prediction = predict(before, snapshot, self._scene.motion)
-        self._add_proposal(snapshot, prediction)
-        return prediction, self._add_to_tree(snapshot, step)
+        # once lost, the scans are no better witness than the wheels
+        judged = snapshot.localization is None and not self._events.lost
+        if before is not None and self._predictions is not None and judged:
+            self._predictions.add(self._columns.time, before, snapshot)
+        self._add_proposal(snapshot)
+        return self._add_to_tree(snapshot, step)
 
     def _add_filter(self, step: StepReport) -> None:
         """Add what the filter says of itself."""
@@ -281,6 +315,9 @@ class RerunView:
         add(entities.ESS_VALUE, np.array([step.ess]))
         if step.resampled:
             add(entities.ESS_RESAMPLED, np.array([step.ess]))
+        add(entities.SPREAD, np.array([100.0 * spread_of(step)]))
+        add(entities.PROPOSAL_EYE, np.array([*step.pose[:2], 0.0]))
+        add(entities.AROUND, np.array([*se2.compose(self._T_world_map, step.pose)[:2], 0.0]))
         add(entities.MATCHED, np.array([step.matched_share]))
         add(entities.STAGES, np.array([1e3 * step.seconds.get(stage, 0.0) for stage in ("match", "map", "resample")]))
         add(entities.COVARIANCE, step.pose, step.covariance)
@@ -291,11 +328,9 @@ class RerunView:
         self._columns.add(entities.PARTICLES, snapshot.poses, snapshot.weights, build=self._arrows)
         self._columns.add(entities.PARTICLE_DOTS, snapshot.poses, snapshot.weights)
 
-    def _add_proposal(self, snapshot: Snapshot, prediction: Prediction | None) -> None:
-        """Add prior, samples, fitted Gaussian, and the scan from its mean; without a proposal they go away."""
+    def _add_proposal(self, snapshot: Snapshot) -> None:
+        """Add samples, fitted Gaussian, and the scan from its mean; without a proposal the samples go away."""
         add, proposal = self._columns.add, snapshot.proposal
-        if prediction is not None:
-            add(entities.PROPOSAL_PRIOR, prediction.pose, prediction.covariance)
         if proposal is None:
             add(entities.PROPOSAL_SAMPLES, np.empty((0, 3)), np.empty(0))
             return
@@ -303,9 +338,8 @@ class RerunView:
         add(entities.PROPOSAL_SAMPLES, proposal.samples, weights)
         add(entities.PROPOSAL_GAUSSIAN, proposal.mean, proposal.covariance)
         add(entities.PROPOSAL_OPTIMUM, proposal.mean)
-        add(entities.PROPOSAL_EYE, np.array([*proposal.mean[:2], 0.0]))
-        if snapshot.scan is not None:
-            add(entities.PROPOSAL_SCAN, *drawing.thinned_hits(snapshot.scan, MAX_POINTS))
+        if self._hits is not None:
+            add(entities.PROPOSAL_SCAN, *self._hits)
 
     def _add_to_tree(self, snapshot: Snapshot, step: StepReport) -> int:
         """Add the update to the tree of histories; returns how many particles died."""
@@ -348,7 +382,8 @@ class RerunView:
             name = entities.square(entity, square.grid_index)
             if name not in self._styled:
                 self._styled.add(name)
-                self._rec.log(name, square_frame(square.grid_index, cells.cell), static=True)
+                frame = square_frame(square.grid_index, cells.cell * tiles.coarse)
+                self._rec.log(name, frame, static=True)
             self._columns.add(name, square.image, build=columns.images)
 
     def _add_path(self, entity: str, blocks: list[tuple[int, Pose]]) -> None:
@@ -365,7 +400,7 @@ class RerunView:
         """Log a map that comes as a whole, unless it is the one that is there."""
         if grid is not self._whole_map:
             self._whole_map = grid
-            self._rec.log(entities.MAP, grid_map(grid))
+            self._log(entities.MAP, grid_map(grid))
 
     # --- comparison of particles
 
@@ -373,17 +408,16 @@ class RerunView:
         """Add weights, and map, path and pose of four particles."""
         if snapshot.weights is None or snapshot.poses is None or snapshot.path is None:
             return
-        self._rec.log(entities.WEIGHTS, rr.BarChart(snapshot.weights))
+        self._log(entities.WEIGHTS, rr.BarChart(snapshot.weights))
         if snapshot.cells is None:
             return
-        particles = comparison.chosen(snapshot, self._tree.most_different())
-        for slot, particle in zip(self._slots, particles, strict=True):
-            self._add_squares(f"{slot.entity}/map", slot.tiles, snapshot, particle, everything=False)
-            self._add_path(f"{slot.entity}/path", slot.path.changes(snapshot.path(particle)))
-            self._rec.log(f"{slot.entity}/robot", pose_transform(snapshot.poses[particle]))
+        for slot, particle in zip(self._slots, comparison.chosen(snapshot), strict=True):
+            if slot is not self._slots[0]:  # the best particle's map and path are there
+                self._add_squares(f"{slot.entity}/map", slot.tiles, snapshot, particle, everything=False)
+                self._add_path(f"{slot.entity}/path", slot.path.changes(snapshot.path(particle)))
+            self._columns.add(f"{slot.entity}/robot", snapshot.poses[particle], build=columns.poses)
             label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}"
-            mark = rr.Points3D([[0, 0, Z_TOP]], labels=label, colors=(255, 255, 255), radii=rr.Radius.ui_points(4.0))
-            self._rec.log(f"{slot.entity}/robot/label", mark)
+            self._log(f"{slot.entity}/robot/label", rr.Points3D.from_fields(labels=label))
 
     # --- layout
 
@@ -402,6 +436,6 @@ class RerunView:
 
     def _fit_view(self, grid: OccupancyGrid) -> None:
         """Once all is known, let a viewer that opens the file see all of it, on axes that fit."""
-        self._columns.send()
+        self._send()
         scenery = self._scenery(drawing.extent_of(grid, self._T_world_map))
         self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)

@@ -35,7 +35,8 @@ def viewer() -> Iterator[HeadlessViewer]:
 @pytest.fixture
 def sent_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """A view sends twice a second, when a snapshot comes: a test that stops in between must not wait for the rest."""
-    monkeypatch.setattr(rerun_view, "SEND_PERIOD", 0.0)
+    for period in ("SEND_PERIOD", "LIVE_PERIOD"):
+        monkeypatch.setattr(rerun_view, period, 0.0)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,25 +16,10 @@ from slam.occupancy import OccupancyGrid
 from testbed.presets import load_robot
 from testbed.simulation.physics.urdf import robot_urdf
 from testbed.views import NullView, ViewOptions, open_run, open_view
-from testbed.views.rerun import entities
+from testbed.views.rerun import drawing, entities
 from tests.testbed.views.conftest import Recorded
+from tests.testbed.views.shown_map import rows
 from tests.testbed.views.synthetic import scene, snapshots, true_map
-
-
-def rows(
-    path: Path, entity: str, column: str, static: bool = False, timeline: str = entities.TIMELINE
-) -> list[tuple[float, Any]]:
-    """(time [s] or step, value) of each row of a component, in the order of time; time 0 where static."""
-    found = []
-    for chunk in rr.chunk.RrdReader(path).stream().filter(content=entity, is_static=static):
-        batch = chunk.to_record_batch()
-        if column in batch.schema.names:
-            times = [0.0] * len(batch)
-            if not static:
-                times = [getattr(t, "total_seconds", lambda t=t: t)() for t in batch.column(timeline).to_pylist()]
-            values = batch.column(column).to_pylist()
-            found += [(t, v) for t, v in zip(times, values, strict=True) if v is not None]
-    return sorted(found, key=lambda row: row[0])
 
 
 def test_every_scan_has_its_pose_and_the_last_one_is_the_estimates(recorded: Recorded) -> None:
@@ -104,6 +88,33 @@ def test_the_samples_of_the_best_particle_go_where_none_are_drawn(recorded: Reco
         for update, proposal in ((updates[1], updates[1].proposal), (updates[2], None)):
             view.show(replace(update, proposal=proposal))
     assert [len(points) for _, points in rows(path, entities.PROPOSAL_SAMPLES, "Points3D:positions")] == [20, 0]
+
+
+def test_samples_are_coloured_by_their_weights(recorded: Recorded, tmp_path: Path) -> None:
+    update = next(s for s in recorded.snapshots if s.proposal is not None)
+    assert update.proposal is not None
+    weights = np.linspace(0.0, 1.0, len(update.proposal.samples))
+    path = tmp_path / "recording.rrd"
+    with open_view(path, scene()) as view:
+        view.show(replace(update, proposal=replace(update.proposal, weights=weights)))
+    ((_, colours),) = rows(path, entities.PROPOSAL_SAMPLES, "Points3D:colors")
+    shown = np.array(colours, np.uint32)
+    red, blue = (shown >> 24) & 255, (shown >> 8) & 255
+    assert np.all(np.diff(red.astype(int)) > 0)
+    assert np.all(np.diff(blue.astype(int)) < 0)
+    assert (red[-1], blue[-1]) == (drawing.HEAVY[0], drawing.HEAVY[2])
+
+
+def test_odometry_that_disagrees_is_said_once_at_its_moment(tmp_path: Path) -> None:
+    path, turn = tmp_path / "recording.rrd", np.array([0.0, 0.0, 0.8])
+    with open_view(path, replace(scene(), motion=MotionConfig())) as view:
+        for snapshot in snapshots(6.0):
+            late = snapshot.stamp >= 3.0
+            view.show(replace(snapshot, odometry=se2.compose(snapshot.odometry, turn) if late else snapshot.odometry))
+    events = rows(path, entities.EVENTS, "TextLog:text")
+    said = [stamp for stamp, text in events if "the odometry disagrees" in text[0]]
+    assert len(said) == 1
+    assert said[0] == pytest.approx(3.0, abs=0.3)
 
 
 def test_the_prior_lies_where_the_odometry_points(tmp_path: Path) -> None:

@@ -10,53 +10,101 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam._jit import kernel
-from testbed.views.map_cells import FREE_FROM, OCCUPIED_TO
+from slam.grid._tile_kernels import SIDE
+from testbed.views.map_cells import FREE_FROM, OCCUPIED_TO, UNKNOWN
+
+SAMPLE = 2
+"""Of so many tiles, in each direction, one is looked at for differences between maps."""
+
+NOTHING = 256
+"""Lighter than all grey levels."""
 
 
 class Looks(NamedTuple):
-    """What tiles looked like, in a window of (rows, columns) tiles that holds the whole map."""
+    """What squares of a map looked like, in a window that holds the whole map."""
 
     number: NDArray[np.int32]
-    """Number of the tile in the filter's pool, (rows, columns)."""
-    seen: NDArray[np.uint8]
-    """Grey levels when the tile was last looked at, (rows, columns, cells)."""
-    sent: NDArray[np.uint8]
-    """Grey levels that were last sent, (rows, columns, cells)."""
+    """Number of each tile in the filter's pool, (rows, columns) of tiles."""
+    images: NDArray[np.uint8]
+    """Grey levels when the tiles were last looked at, (rows, columns, SQUARE, SQUARE) of squares; row 0 of an image at
+    the highest y."""
     changed: NDArray[np.int64]
-    """Cells that differ between the two, and those of another kind, (rows, columns, 2)."""
+    """Pixels that have changed since the square was last sent, and those that have become of another kind, (rows,
+    columns, 2) of squares; a pixel that changes back counts twice."""
 
 
 @kernel
-def kind_of(grey):
-    """0 = never seen, 1 = rather free, 2 = rather occupied."""
-    if grey >= FREE_FROM:
-        return 1
-    return 2 if grey <= OCCUPIED_TO else 0
+def pixel_of(tile, grey, first, coarse):
+    """Grey level of a square of `coarse` x `coarse` cells of a tile, whose lowest left cell has the number `first`.
+
+    Of several cells the darkest that was seen counts, so that thin walls stay.
+    """
+    darkest = NOTHING
+    for row in range(coarse):
+        for column in range(coarse):
+            level = grey[tile[first + row * SIDE + column]]
+            darkest = min(darkest, NOTHING if level == UNKNOWN else level)
+    return UNKNOWN if darkest == NOTHING else darkest
 
 
 @kernel
-def look(table, tiles, grey, touched, since, offset, looks):
+def look(table, tiles, grey, touched, since, offset, coarse, looks):
     """Look again at the tiles that may have changed: those with another number, and those touched after a scan.
 
     table (rows, columns) tile numbers;  tiles (tiles, cells) counts words;  grey (65536,) level of each word
     touched (rows, columns) number of the scan that has last changed each tile;  since: the number of a scan
-    offset (2,) row and column of the table's corner in `looks`
+    offset (2,) row and column of the table's corner in `looks`;  coarse: cells along the side of a pixel
     """
     rows, columns = table.shape
-    cells = tiles.shape[1]
+    side = SIDE // coarse
+    pixels = looks.images.shape[2]
+    small = pixels // side
     for r in range(rows):
         for c in range(columns):
             at_row, at_column = r + offset[0], c + offset[1]
             if touched[r, c] <= since and table[r, c] == looks.number[at_row, at_column]:
                 continue
             looks.number[at_row, at_column] = table[r, c]
-            tile, seen, sent = tiles[table[r, c]], looks.seen[at_row, at_column], looks.sent[at_row, at_column]
+            tile = tiles[table[r, c]]
+            image = looks.images[at_row // small, at_column // small]
+            bottom, left = pixels - 1 - at_row % small * side, at_column % small * side
             differ, of_other_kind = 0, 0
-            for k in range(cells):
-                now = grey[tile[k]]
-                seen[k] = now
-                if now != sent[k]:
-                    differ += 1
-                    of_other_kind += kind_of(now) != kind_of(sent[k])
-            looks.changed[at_row, at_column, 0] = differ
-            looks.changed[at_row, at_column, 1] = of_other_kind
+            for row in range(side):
+                line = image[bottom - row, left : left + side]
+                for column in range(side):
+                    if coarse == 1:
+                        now = grey[tile[row * SIDE + column]]
+                    else:
+                        now = pixel_of(tile, grey, (row * SIDE + column) * coarse, coarse)
+                    before = line[column]
+                    line[column] = now
+                    differ += now != before
+                    of_other_kind += ((now >= FREE_FROM) != (before >= FREE_FROM)) | (
+                        (now <= OCCUPIED_TO) != (before <= OCCUPIED_TO)
+                    )
+            looks.changed[at_row // small, at_column // small, 0] += differ
+            looks.changed[at_row // small, at_column // small, 1] += of_other_kind
+
+
+@kernel
+def count_differences(table, walls, reference, differences):
+    """Count the cells that are a wall in the map of a particle and not in that of another, or the reverse, in
+    every `SAMPLE`-th tile of every `SAMPLE`-th row: walls are longer than a tile.
+
+    table (particles, rows, columns) tile numbers;  walls (tiles, SIDE) bit x of word y of a tile
+    reference: the other particle;  differences (particles,) is filled
+    """
+    particles, rows, columns = table.shape
+    for p in range(particles):
+        count = 0
+        for r in range(0, rows, SAMPLE):
+            for c in range(0, columns, SAMPLE):
+                a, b = table[reference, r, c], table[p, r, c]
+                if a == b:
+                    continue
+                for y in range(walls.shape[1]):
+                    bits = np.int64(walls[a, y]) ^ np.int64(walls[b, y])
+                    while bits:
+                        bits &= bits - 1
+                        count += 1
+        differences[p] = count

@@ -14,7 +14,7 @@ from slam import se2
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.views.rerun import entities
-from testbed.views.rerun.layers.prediction import Prediction
+from testbed.views.rerun.layers.loop_sizes import count_of
 from testbed.views.view import Snapshot
 
 Level = Literal["INFO", "WARN", "ERROR"]
@@ -26,6 +26,8 @@ DRIVING, COLLIDED = "driving", "collided"
 SEARCHING, AMBIGUOUS, FOUND = "searching", "ambiguous", "found"
 PATH_M = 1.0
 """The estimate is compared with the truth over this much of the path [m]."""
+LASTING_M = 0.2
+"""It is lost once it has been off over this much of the path: another particle may be the best for a moment [m]."""
 MIN_SHARE = 0.5
 """A scan fits poorly if less than this part of the usual share of its beams meet walls of the map …"""
 MIN_USUAL = 20
@@ -39,6 +41,7 @@ class LossWatch:
 
     _recent: deque[tuple[float, Pose, Pose]] = field(default_factory=deque)  # distance driven, truth, estimate
     _T_truth_map: Pose | None = None  # alignment from before the loss, while lost
+    _changed_at: float | None = None  # distance driven where the error began to say otherwise than `lost`
     lost: bool = False
 
     def update(self, travelled: float, truth: Pose, estimate: Pose) -> tuple[float, float] | None:
@@ -56,8 +59,13 @@ class LossWatch:
         metres, degrees = float(np.hypot(miss[0], miss[1])), abs(float(np.degrees(miss[2])))
         bad = metres > LOCAL_M or degrees > LOCAL_DEG
         if bad == self.lost:
+            self._changed_at = None
             return None
-        self.lost, self._T_truth_map = bad, T_truth_map if bad else None
+        if self._changed_at is None:
+            self._changed_at = travelled
+        if bad and travelled - self._changed_at < LASTING_M:
+            return None
+        self.lost, self._T_truth_map, self._changed_at = bad, T_truth_map if bad else None, None
         if not bad:
             recent.clear()
         return metres, degrees
@@ -73,12 +81,18 @@ class EventWatch:
     _usual: float = 0.0
     _poor: int = 0
 
+    @property
+    def lost(self) -> bool:
+        """Whether the estimate has left the truth, as far as that is known."""
+        return self._loss.lost
+
     def update(
-        self, snapshot: Snapshot, travelled: float, prediction: Prediction | None, died: int
+        self, snapshot: Snapshot, travelled: float, died: int, loop: str | None = None
     ) -> tuple[list[Line], dict[str, str]]:
         """Lines for the event log, and the lanes whose state has changed.
 
-        travelled: distance driven so far [m];  prediction: of this update;  died: particles that this update killed
+        travelled: distance driven so far [m];  died: particles that this update killed
+        loop: a sentence about the loop that was closed, if one was
         """
         lines: list[Line] = [("WARN", note) for note in snapshot.notes]
         states: dict[str, str] = {}
@@ -90,10 +104,8 @@ class EventWatch:
                 lines.append(_loss_line(self._loss.lost, *change))
         step = snapshot.step
         if step is not None and step.updated:
-            lines += _filter_lines(step, died)
+            lines += _filter_lines(step, died, loop)
             states[entities.MATCHING_STATE] = self._matching_state(step)
-            if prediction is not None and prediction.disagreement is not None:
-                lines.append(("WARN", prediction.disagreement))
         if snapshot.localization is not None:
             states[entities.LOCALIZATION_STATE] = snapshot.localization
             lines += self._localization_lines(snapshot.localization)
@@ -130,18 +142,18 @@ class EventWatch:
 def _loss_line(lost: bool, metres: float, degrees: float) -> Line:
     amount = f"{metres:.2f} m and {degrees:.0f} degrees"
     if lost:
-        return "ERROR", f"lost: the estimate is off by {amount}, measured over the last metre of path"
+        return "ERROR", f"lost: the pose while driving is off by {amount} over the last metre of path"
     return "INFO", "the estimate has come back to the truth"
 
 
-def _filter_lines(step: StepReport, died: int) -> list[Line]:
+def _filter_lines(step: StepReport, died: int, loop: str | None) -> list[Line]:
     """What the filter did at an update."""
     lines: list[Line] = []
     if step.resampled:
         size = f"effective sample size {step.ess:.1f} of {step.particles}"
-        lines.append(("INFO", f"resampled: {size}; {died} particles died"))
-    if step.loop_closed:
-        lines.append(("INFO", "loop closed: the robot is back at a place that it left long ago"))
+        lines.append(("INFO", f"resampled: {size}; {count_of(died)} died"))
+    if loop is not None:
+        lines.append(("INFO", loop))
     if step.match_failures:
         lines.append(("WARN", f"scan matching failed for {step.match_failures} of {step.particles} particles"))
     return lines

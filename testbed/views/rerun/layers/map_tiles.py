@@ -17,12 +17,10 @@ from slam.grid._tile_kernels import SIDE
 from testbed.views.map_cells import UNKNOWN, MapCells
 from testbed.views.rerun.layers._tile_kernels import Looks, look
 
-SMALL = 8
-"""Tiles of the filter along the side of a square."""
-SQUARE = SMALL * SIDE
-"""Cells along the side of a square."""
-MAX_STALE = 8
-"""Cells of a square (of 16384) that may be of another kind (free, occupied, never seen) than what was sent last; how
+SQUARE = 128
+"""Pixels along the side of a square."""
+MAX_STALE = 32
+"""Pixels of a square (of 16384) that may be of another kind (free, occupied, never seen) than what was sent last; how
 free or how occupied they are is sent along with others, or when `everything` is asked for."""
 
 Index = tuple[int, int]
@@ -37,65 +35,91 @@ class Square(NamedTuple):
     """Grey levels, (SQUARE, SQUARE), row 0 at the highest y, as in a picture."""
 
 
+class ImagePool:
+    """Memory for the images of squares that wait to be sent, used again and again: new memory costs more than what is
+    written into it."""
+
+    def __init__(self, images: int) -> None:
+        """Memory for so many images."""
+        self._images = np.empty((images, SQUARE, SQUARE), np.uint8)
+        self._used = 0
+
+    @property
+    def full(self) -> bool:
+        """Whether further images take new memory."""
+        return self._used >= len(self._images)
+
+    def copy_of(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A copy of an image (SQUARE, SQUARE), valid until `clear`."""
+        if self.full:
+            return image.copy()
+        copy: NDArray[np.uint8] = self._images[self._used]
+        copy[:] = image
+        self._used += 1
+        return copy
+
+    def clear(self) -> None:
+        """Take back the memory of all images."""
+        self._used = 0
+
+
 class MapTiles:
     """What was last sent of one map."""
 
-    def __init__(self) -> None:
-        """Nothing was sent yet."""
-        self._corner = (0, 0)  # column and row of the tile in the corner, counted from the map's origin
+    def __init__(self, pool: ImagePool, coarse: int = 1) -> None:
+        """Nothing was sent yet.
+
+        pool: where the images are;  coarse: cells along the side of a pixel, a power of 2
+        """
+        self.coarse = coarse
+        self._pool = pool
+        self._small = SQUARE * coarse // SIDE  # tiles of the filter along the side of a square
+        self._corner = (0, 0)  # column and row of the square in the corner, counted from the map's origin
         self._scans = 0  # number of the last scan in what was seen
-        self._looks = _nothing_seen(0, 0)
+        self._looks = self._nothing_seen(0, 0)
 
     def changes(self, cells: MapCells, everything: bool = False) -> list[Square]:
         """The squares that look different now, row by row; with `everything` also those that differ only a little."""
         column, row = cells.corner[0] // SIDE, cells.corner[1] // SIDE
         rows, columns = cells.table.shape
         self._make_room((column, row), (column + columns, row + rows))
-        offset = np.array([row - self._corner[1], column - self._corner[0]])
-        look(cells.table, cells.tiles, cells.grey, cells.touched, self._scans, offset, self._looks)
+        offset = np.array([row - self._corner[1] * self._small, column - self._corner[0] * self._small])
+        look(cells.table, cells.tiles, cells.grey, cells.touched, self._scans, offset, self.coarse, self._looks)
         self._scans = cells.scans
-        changed = self._by_square(self._looks.changed).sum(axis=(1, 3))
+        changed = self._looks.changed
         due = changed[..., 0] > 0 if everything else changed[..., 1] > MAX_STALE
-        return [self._take(row, column) for row, column in zip(*np.nonzero(due), strict=True)]
-
-    def _by_square(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values of tiles (rows, columns, ...) as (rows of squares, SMALL, columns of squares, SMALL, ...)."""
-        rows, columns = values.shape[:2]
-        return values.reshape(rows // SMALL, SMALL, columns // SMALL, SMALL, *values.shape[2:])
-
-    def _take(self, row: int, column: int) -> Square:
-        """A square of what was seen, which counts as sent then."""
-        part = np.s_[row * SMALL : (row + 1) * SMALL, column * SMALL : (column + 1) * SMALL]
-        tiles = self._looks.seen[part]
-        self._looks.sent[part] = tiles
-        self._looks.changed[part] = 0
-        image = tiles.reshape(SMALL, SMALL, SIDE, SIDE).swapaxes(1, 2).reshape(SQUARE, SQUARE)
-        index = self._corner[0] // SMALL + int(column), self._corner[1] // SMALL + int(row)
-        return Square(index, np.ascontiguousarray(image[::-1]))
+        squares = np.argwhere(due)
+        changed[due] = 0
+        return [
+            Square(
+                (self._corner[0] + column, self._corner[1] + row), self._pool.copy_of(self._looks.images[row, column])
+            )
+            for row, column in squares.tolist()
+        ]
 
     def _make_room(self, first: tuple[int, int], end: tuple[int, int]) -> None:
         """Extend what is remembered to the squares of the tiles from `first` to before `end`, each (column, row)."""
-        rows, columns = self._looks.number.shape
+        rows, columns = self._looks.changed.shape[:2]
+        low = [number // self._small for number in first]
+        high = [-(-number // self._small) for number in end]
         if rows == 0:
-            self._corner = first[0] // SMALL * SMALL, first[1] // SMALL * SMALL
-        left, below = (-(-max(have - need, 0) // SMALL) * SMALL for have, need in zip(self._corner, first, strict=True))
-        right = -(-max(end[0] - self._corner[0] - columns, 0) // SMALL) * SMALL
-        above = -(-max(end[1] - self._corner[1] - rows, 0) // SMALL) * SMALL
+            self._corner = low[0], low[1]
+        left, below = (max(have - need, 0) for have, need in zip(self._corner, low, strict=True))
+        right = max(high[0] - self._corner[0] - columns, 0)
+        above = max(high[1] - self._corner[1] - rows, 0)
         if not (left or below or right or above):
             return
-        old, self._looks = self._looks, _nothing_seen(rows + below + above, columns + left + right)
-        place = np.s_[below : below + rows, left : left + columns]
+        old, self._looks = self._looks, self._nothing_seen(rows + below + above, columns + left + right)
         for former, values in zip(old, self._looks, strict=True):
+            scale = self._small if former is old.number else 1
+            place = np.s_[below * scale : (below + rows) * scale, left * scale : (left + columns) * scale]
             cast(NDArray[Any], values)[place] = former
         self._corner = self._corner[0] - left, self._corner[1] - below
 
-
-def _nothing_seen(rows: int, columns: int) -> Looks:
-    """Tiles that were never seen."""
-    cells = (rows, columns, SIDE * SIDE)
-    return Looks(
-        number=np.zeros((rows, columns), np.int32),
-        seen=np.full(cells, UNKNOWN, np.uint8),
-        sent=np.full(cells, UNKNOWN, np.uint8),
-        changed=np.zeros((rows, columns, 2), np.int64),
-    )
+    def _nothing_seen(self, rows: int, columns: int) -> Looks:
+        """Squares (rows, columns) that were never seen."""
+        return Looks(
+            number=np.zeros((rows * self._small, columns * self._small), np.int32),
+            images=np.full((rows, columns, SQUARE, SQUARE), UNKNOWN, np.uint8),
+            changed=np.zeros((rows, columns, 2), np.int64),
+        )

@@ -110,21 +110,6 @@ class ParticleTree:
             ends = epoch.poses[-1]
         return [strip for strip in strips if len(strip) > 1]
 
-    def most_different(self, updates: int = 40) -> tuple[int, int]:
-        """The two living particles whose recent paths lie furthest apart on average, and so do their maps."""
-        epoch, parents = self._epochs[-1], self._epochs[-1].parents
-        recent = epoch.poses[-updates:]
-        missing = updates - len(recent)
-        if missing > 0 and parents is not None:
-            recent = [poses[parents] for poses in self._epochs[-2].poses[-missing:]] + recent
-        recent = recent[:: max(1, len(recent) // 10)]
-        if not recent:
-            return 0, 0
-        paths = np.stack(recent)
-        apart = np.hypot(*np.moveaxis(paths[:, :, None] - paths[:, None], -1, 0)).mean(axis=0)
-        first, second = np.unravel_index(int(np.argmax(apart)), apart.shape)
-        return int(first), int(second)
-
 
 def _parents(proposed: Pose, poses: Pose) -> NDArray[np.intp] | None:
     """Which of `proposed` (n, 3) each of `poses` (m, 3) is a copy of, (m,); None where one is a copy of none."""

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,51 +17,95 @@ from testbed.views.view import Snapshot
 
 MAX_SIGMAS = 5.0
 """Odometry disagrees with the scans beyond this many standard deviations of the motion model …"""
+QUIET_S = 2.0
+"""One fault makes several updates disagree: after a sentence there is none for this long [s]."""
+Time = tuple[float, int]
+"""Time [s] since the first scan, and number of the scan."""
 MIN_MISS_M, MIN_MISS_DEG = 0.08, 4.0
 """… and beyond either of these: what nobody would see is not worth a line."""
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """The best particle's pose as the motion model predicts it, in the map's frame."""
+class Prediction(NamedTuple):
+    """The best particle's pose as the motion model predicts it at an update, in the map's frame."""
 
+    time: Time
+    """Time of the update, see `Columns.time`."""
     pose: Pose
     """Mean, (3,)."""
     covariance: NDArray[np.float64]
     """Covariance, (3, 3)."""
-    by_wheels: Pose
-    """Motion since the last update by the odometry, (3,)."""
-    by_scans: Pose
-    """Motion since then as the filter has it, (3,)."""
-
-    @property
-    def disagreement(self) -> str | None:
-        """A sentence with both motions where they do not agree."""
-        miss = se2.between(self.by_wheels, self.by_scans)
-        metres, degrees = float(np.hypot(miss[0], miss[1])), abs(float(np.degrees(miss[2])))
-        sigma_m, sigma_deg = (
-            np.sqrt(self.covariance[0, 0] + self.covariance[1, 1]),
-            np.degrees(np.sqrt(self.covariance[2, 2])),
-        )
-        far = metres > max(MIN_MISS_M, MAX_SIGMAS * sigma_m)
-        if not far and degrees <= max(MIN_MISS_DEG, MAX_SIGMAS * sigma_deg):
-            return None
-        wheels, scans = _in_words(self.by_wheels), _in_words(self.by_scans)
-        return f"odometry disagrees with the scans: the wheels report {wheels}, the scans {scans}"
+    disagreement: str | None
+    """A sentence with the motions by odometry and by scans where they do not agree."""
 
 
-def predict(before: Snapshot, now: Snapshot, motion: MotionConfig) -> Prediction | None:
-    """Predict the pose at an update from the update before it; None where the particle's past is unknown."""
-    step, poses = now.step, before.poses
-    if step is None or poses is None or step.best >= len(poses):
-        return None
-    by_wheels, start = se2.between(before.odometry, now.odometry), poses[step.best]
-    predicted = se2.compose(start, by_wheels)
-    along, across, turn = 1.0 / motion_prior(by_wheels, motion).precision[0]
-    cos, sin = np.cos(start[2] + by_wheels[2]), np.sin(start[2] + by_wheels[2])
-    axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    covariance = axes @ np.diag([along, across, turn]) @ axes.T
-    return Prediction(predicted, covariance, by_wheels, se2.between(start, step.pose))
+class Predictions:
+    """What the odometry predicts at the updates; they are worked out many at a time."""
+
+    def __init__(self, motion: MotionConfig) -> None:
+        """No update has come yet."""
+        self._motion = motion
+        self._said_at = -math.inf  # time of the last sentence [s]
+        self._times: list[Time] = []
+        self._rows: list[tuple[Pose, Pose, Pose, Pose]] = []  # odometry before and now, best particle before and now
+
+    def add(self, time: Time, before: Snapshot, now: Snapshot) -> None:
+        """Note an update and the one before it; nothing where the best particle's past is unknown."""
+        step, poses = now.step, before.poses
+        if step is None or poses is None or step.best >= len(poses):
+            return
+        self._times.append(time)
+        self._rows.append((before.odometry, now.odometry, poses[step.best], step.pose))
+
+    def take(self) -> list[Prediction]:
+        """The predictions of the updates that were noted since the last call."""
+        if not self._rows:
+            return []
+        before, now, start, end = np.array(self._rows).swapaxes(0, 1)
+        by_wheels, by_scans = se2.between(before, now), se2.between(start, end)
+        poses = se2.compose(start, by_wheels)
+        deviations = motion_prior(by_wheels, self._motion).precision[:, 0] ** -0.5  # along, across, in heading
+        covariances = _turned(deviations, poses[:, 2])
+        far = _disagree(by_wheels, by_scans, deviations)
+        sentences = [
+            _sentence(*motions) if apart else None for apart, *motions in zip(far, by_wheels, by_scans, strict=True)
+        ]
+        predictions = [Prediction(*row) for row in zip(self._times, poses, covariances, sentences, strict=True)]
+        for k, prediction in enumerate(predictions):
+            if prediction.disagreement is not None:
+                if abs(prediction.time[0] - self._said_at) < QUIET_S:
+                    predictions[k] = prediction._replace(disagreement=None)
+                else:
+                    self._said_at = prediction.time[0]
+        self._times, self._rows = [], []
+        return predictions
+
+
+def _turned(deviations: NDArray[np.float64], headings: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariances (n, 3, 3) from deviations along, across and in heading (n, 3), of robots with these headings (n,)."""
+    axes = np.zeros((len(headings), 3, 3))
+    axes[:, 0, 0] = axes[:, 1, 1] = np.cos(headings)
+    axes[:, 1, 0] = np.sin(headings)
+    axes[:, 0, 1] = -axes[:, 1, 0]
+    axes[:, 2, 2] = 1.0
+    scaled = axes * deviations[:, None]
+    covariances: NDArray[np.float64] = scaled @ scaled.swapaxes(1, 2)
+    return covariances
+
+
+def _disagree(by_wheels: Pose, by_scans: Pose, deviations: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the motions (n, 3) lie further apart than the odometry's deviations (n, 3) explain, (n,)."""
+    miss = se2.between(by_wheels, by_scans)
+    metres, degrees = np.hypot(miss[:, 0], miss[:, 1]), np.abs(np.degrees(miss[:, 2]))
+    sigma_m, sigma_deg = np.hypot(deviations[:, 0], deviations[:, 1]), np.degrees(deviations[:, 2])
+    far: NDArray[np.bool_] = (metres > np.maximum(MIN_MISS_M, MAX_SIGMAS * sigma_m)) | (
+        degrees > np.maximum(MIN_MISS_DEG, MAX_SIGMAS * sigma_deg)
+    )
+    return far
+
+
+def _sentence(by_wheels: Pose, by_scans: Pose) -> str:
+    wheels, scans = _in_words(by_wheels), _in_words(by_scans)
+    return f"wheels {wheels}, scans {scans}: the odometry disagrees with the scans"
 
 
 def _in_words(motion: Pose) -> str:

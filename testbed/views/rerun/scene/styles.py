@@ -43,6 +43,7 @@ SERIES = {
     entities.POSITION_ERROR: (["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
     entities.HEADING_ERROR: (["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
     entities.ESS_VALUE: (["effective sample size"], [ESTIMATE]),
+    entities.SPREAD: (["spread of the particles"], [COVARIANCE]),
     entities.MATCHED: (["matched share"], [ESTIMATE]),
     entities.STAGES: (["match", "map", "resample"], [ESTIMATE, TRUTH, ODOMETRY]),
 }
@@ -67,6 +68,11 @@ def legend(truth: bool) -> tuple[tuple[Entry, ...], ...]:
             ("ellipse", (COVARIANCE,), "95 % of the filter's position"),
         ),
     )
+
+
+def legend_of_maps() -> bytes:
+    """A PNG of the legend of a map, with the truth."""
+    return legend_image(legend(truth=True))
 
 
 PROPOSAL_LEGEND: tuple[tuple[Entry, ...], ...] = (
@@ -101,7 +107,7 @@ def log_true_walls(rec: rr.RecordingStream, scene: Scene) -> None:
     lines = drawing.wall_lines(scene.true_map)
     if lines:
         walls = rr.LineStrips3D.from_fields(
-            strips=strips(lines, Z_TRUE_WALLS), colors=[TRUTH], radii=rr.Radius.ui_points(0.6)
+            strips=strips(lines, Z_TRUE_WALLS), colors=[TRUTH], radii=rr.Radius.ui_points(0.4)
         )
         rec.log(entities.TRUE_WALLS, walls, static=True)
 
@@ -119,6 +125,9 @@ def log_shapes(rec: rr.RecordingStream) -> None:
         rec.log(entity, rr.Points3D.from_fields(colors=[SCAN], radii=rr.Radius.ui_points(1.5)), static=True)
     for entity, size in ((entities.PARTICLE_DOTS, 2.5), (entities.PROPOSAL_SAMPLES, 3.5)):
         rec.log(entity, rr.Points3D.from_fields(radii=rr.Radius.ui_points(size)), static=True)
+    for rank in entities.RANKS:
+        mark = rr.Points3D([[0, 0, Z_TOP]], colors=(255, 255, 255), radii=rr.Radius.ui_points(4.0))
+        rec.log(f"{entities.COMPARE}/{rank}/robot/label", mark, static=True)
     rec.log(entities.PARTICLES, rr.Arrows3D.from_fields(radii=rr.Radius.ui_points(1.0)), static=True)
     for entity, colour in (
         (entities.COVARIANCE, COVARIANCE),

@@ -14,8 +14,8 @@ from testbed.frame import Frame
 from testbed.views import record_frames, recording_of
 from testbed.views.rerun import entities
 from testbed.views.rerun.frames_recording import ODOMETRY_ROBOT, ODOMETRY_SCAN, TRUE_SCAN
+from tests.testbed.views.shown_map import rows
 from tests.testbed.views.synthetic import scan_at, scene, truth_at
-from tests.testbed.views.test_recording import rows
 
 
 def frames() -> list[Frame]:

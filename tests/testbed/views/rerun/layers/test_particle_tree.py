@@ -51,14 +51,6 @@ def test_each_limb_of_the_living_tree_is_drawn_once(particles: int, updates: int
     assert set(drawn) == set(limbs(paths))
 
 
-def test_the_most_different_histories_are_those_furthest_apart() -> None:
-    tree, offsets = ParticleTree(), np.array([0.0, 0.2, -1.5, 0.1])
-    for k in range(30):
-        poses = np.column_stack([np.full(4, 0.1 * k), 0.1 * k * offsets, np.zeros(4)])
-        tree.add(poses, poses)
-    assert set(tree.most_different()) == {1, 2}
-
-
 def test_a_filter_that_begins_anew_elsewhere_has_a_new_tree() -> None:
     tree, rng = ParticleTree(), np.random.default_rng(0)
     for _ in range(5):
