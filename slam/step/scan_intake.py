@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
 from slam.config import FilterConfig, GateConfig
+from slam.motion.continuous_odometry import ContinuousOdometry
 from slam.scan import Scan
 from slam.sensor.rays import BeamCounts, Rays, count_beams, make_rays
 
@@ -21,7 +22,7 @@ class TakenScan:
     """One moment's scans as a step of the filter needs them."""
 
     odometry: se2.Pose
-    """`T_odom_robot` at the first beam, (3,)."""
+    """`T_odom_robot` at the first beam, joined where the odometry started again, (3,)."""
     stamp: float
     """Time of the first beam of the first scan [s]."""
     motion: se2.Pose
@@ -56,8 +57,14 @@ class ScanIntake:
         """Numbers of the used scans."""
         self._config = config
         self._first_needs_hits = first_needs_hits
-        self._odometry: se2.Pose | None = None  # at the last scan that was used
+        self._track = ContinuousOdometry()
+        self._odometry: se2.Pose | None = None  # joined, at the last scan that was used
         self._stamp = 0.0
+
+    @property
+    def odometry_jumps(self) -> int:
+        """How often the odometry has jumped so far, as where it starts again."""
+        return self._track.jumps
 
     def take(self, odometry: ArrayLike, scan: Scan | Sequence[Scan], twist: ArrayLike | None) -> TakenScan:
         """Check one moment's odometry (3,) and scans and decide whether the filter uses them.
@@ -65,8 +72,9 @@ class ScanIntake:
         Raises:
             ValueError: the odometry or the twist is not three finite numbers.
         """
-        now = checked_odometry(odometry, twist)
+        given = checked_odometry(odometry, twist)
         scans = [scan] if isinstance(scan, Scan) else list(scan)
+        now = self._track.update(scans[0].stamp, given)
         counts = count_beams(scans)
         self.scans += 1
         first = self._odometry is None
@@ -94,13 +102,14 @@ class ScanIntake:
             "odometry": np.empty(0) if self._odometry is None else self._odometry,
             "update_scans": np.array(self.update_scans, dtype=np.int64),
         }
-        return arrays, {"stamp": self._stamp, "scans": self.scans}
+        return arrays, {"stamp": self._stamp, "scans": self.scans, "track": self._track.state()}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
         self._odometry = arrays["odometry"] if arrays["odometry"].size else None
         self.update_scans = arrays["update_scans"].tolist()
         self._stamp, self.scans = values["stamp"], values["scans"]
+        self._track.restore(values["track"])
 
 
 def checked_odometry(odometry: ArrayLike, twist: ArrayLike | None) -> se2.Pose:

@@ -15,6 +15,7 @@ from slam import se2
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from slam.localization import Localization
+from slam.motion.continuous_odometry import join_odometry
 from slam.occupancy import OccupancyGrid
 from slam.refinement import refine
 from slam.scan import Scan
@@ -103,8 +104,8 @@ class Estimation:
 
     @property
     def odometry(self) -> Pose:
-        """`T_odom_robot` at every frame, (frames, 3)."""
-        return np.array([frame.odometry for frame in self.frames])
+        """`T_odom_robot` at every frame, joined where the odometry started again, (frames, 3)."""
+        return join_odometry(self.stamps, np.array([frame.odometry for frame in self.frames]))
 
     @property
     def stamps(self) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
+from slam.motion.continuous_odometry import has_jumped
 from testbed.formats.ros.decode import RawScan, Track
 
 Floats = NDArray[np.float64]
@@ -18,10 +19,6 @@ Stamped = TypeVar("Stamped", Track, Sequence[RawScan])
 
 MIN_LOOP = 1.0
 """Stamps that step back by more than this [s] mean that a recording begins again."""
-MAX_SPEED, MAX_TURN_RATE = 10.0, 4.0 * math.pi
-"""Odometry that moves faster [m/s], [rad/s] has jumped: no indoor robot does."""
-MIN_JUMP, MIN_TURN = 0.3, math.radians(30.0)
-"""Smaller steps [m], [rad] are no jump, however short the time between two messages is."""
 MAX_JUMP_SHARE = 0.01
 """Odometry that jumps more often, as a share of its messages, does not start again: it is left as it is."""
 NOTED_BEAMS, ACCEPTED_BEAMS, ACCEPTED_SHARE = 0.5, 1.5, 0.05
@@ -94,8 +91,7 @@ def bridged(track: Track) -> tuple[Track, list[str]]:
     """
     steps, spans = se2.between(track.poses[:-1], track.poses[1:]), np.diff(track.stamps)
     length, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
-    far = (length > np.maximum(MAX_SPEED * spans, MIN_JUMP)) | (turn > np.maximum(MAX_TURN_RATE * spans, MIN_TURN))
-    jumps = np.flatnonzero(far).tolist()
+    jumps = np.flatnonzero(has_jumped(steps, spans)).tolist()
     if len(jumps) > MAX_JUMP_SHARE * len(track.stamps):
         return track, [f"the odometry jumps {len(jumps)} times, too often for a restart: it is used as it is"]
     poses, notes = track.poses.copy(), []
