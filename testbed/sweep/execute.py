@@ -40,7 +40,7 @@ def pending(directory: SweepDirectory, cells: Sequence[Cell], costs: Costs, shar
     """Those of the cells that have no result, the longest first. Cells that failed before are tried again."""
     cells = by_work(cells, costs)
     if shard is not None:
-        cells = shard.of(cells)
+        cells = shard.of(cells, costs)
     return [cell for cell in cells if not directory.is_done(cell.key)]
 
 

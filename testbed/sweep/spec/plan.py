@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from testbed.formats import open_log
 from testbed.seeds import RunSeeds
 from testbed.sweep.errors import SweepError
-from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.cell import Cell, recording_key
 from testbed.sweep.spec.settings import RunSettings, Value
 from testbed.sweep.spec.spec import LogSource, SweepSpec
 from worlds import label
@@ -145,6 +145,14 @@ def by_work(cells: Sequence[Cell], costs: Costs) -> list[Cell]:
     return sorted(cells, key=lambda cell: -costs(cell))
 
 
+def by_recording(cells: Sequence[Cell]) -> list[list[Cell]]:
+    """The cells of each recording, in the order of its first cell; within a recording they keep their order."""
+    groups: dict[Hashable, list[Cell]] = {}
+    for cell in cells:
+        groups.setdefault(recording_key(cell), []).append(cell)
+    return list(groups.values())
+
+
 @dataclass(frozen=True)
 class Shard:
     """Part `index` of `count` of a sweep, counted from 0."""
@@ -167,6 +175,15 @@ class Shard:
             raise SweepError(f"shard {text!r}: expected i/n such as 0/8")
         return cls(int(index), int(count))
 
-    def of(self, cells: Sequence[Cell]) -> list[Cell]:
-        """This shard's cells: every `count`-th one, so that cells sorted by work are divided evenly."""
-        return list(cells[self.index :: self.count])
+    def of(self, cells: Sequence[Cell], costs: Costs) -> list[Cell]:
+        """This shard's cells, in their order.
+
+        Cells of one recording are put next to each other, and the row is cut where the predicted work of the shards is
+        equal. So each recording is simulated once, and those at the cuts twice.
+        """
+        row = [cell for group in by_recording(cells) for cell in group]
+        work = np.maximum([costs(cell) for cell in row], 1e-9)
+        middle = np.cumsum(work) - 0.5 * work
+        shard_of = np.floor(self.count * middle / work.sum())
+        own = {cell.key for cell, shard in zip(row, shard_of, strict=True) if shard == self.index}
+        return [cell for cell in cells if cell.key in own]
