@@ -28,6 +28,7 @@ from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import SimulationConfig, simulate
 from testbed.sweep.errors import SweepError
+from testbed.sweep.execution.drive_features import drive_features
 from testbed.sweep.execution.features import Features, features_of
 from testbed.sweep.spec.cell import Cell, recording_key
 from worlds import World, true_map
@@ -72,11 +73,12 @@ def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recordi
     lidars = lidar_views(frames)
     if not lidars:
         raise SweepError(f"{loaded.name}: the drive ends before the first scan, expected a longer duration")
+    path = _true_path(frames)
     return Recording(
         source=source,
-        features=features_of(loaded, config),
+        features=features_of(loaded, config) | drive_features(frames, path.poses),
         lidars=lidars,
-        truth_map=_true_map(loaded, config, _true_path(frames), lidars),
+        truth_map=_true_map(loaded, config, path, lidars),
     )
 
 
