@@ -54,7 +54,10 @@ def _foresight(spec: SweepSpec) -> list[str]:
 
 
 def _duration(seconds: float) -> str:
-    return f"{max(seconds, 10.0):.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
+    for unit, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if seconds >= 1.7 * unit:
+            return f"{seconds / unit:.0f} {name}"
+    return f"{max(seconds, 10.0):.0f} s"
 
 
 def _extent(spec: SweepSpec) -> str:

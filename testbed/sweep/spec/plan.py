@@ -13,6 +13,7 @@ import numpy as np
 
 from testbed.formats import open_log
 from testbed.seeds import RunSeeds
+from testbed.simulation import DriverConfig
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.cell import Cell, recording_key
 from testbed.sweep.spec.settings import RunSettings, Value
@@ -21,6 +22,8 @@ from worlds import label
 
 _YAML = (".yaml", ".yml")
 """Suffixes of ROS maps; the image of a map is a second file in the same directory."""
+_SPEED = DriverConfig().speed
+"""Cruising speed [m/s] unless the settings change it."""
 _WITHOUT_PARTICLES = 9.0
 """Simulating and scoring take as long as this many particles (measured: mean over the preset `particles`)."""
 _FINAL_PASS = 14.0
@@ -126,14 +129,20 @@ class Costs:
 
     def __call__(self, cell: Cell) -> float:
         """Predicted work of one cell."""
-        return self.of_length(self.lengths[cell.place], cell)
+        return self.length(cell) * (_WITHOUT_PARTICLES + self.particles(cell))
+
+    def length(self, cell: Cell) -> float:
+        """Length of the drive [m], no longer than the setting `duration` allows, or of the log [scans]."""
+        whole = self.lengths[cell.place]
+        if "world" not in cell.source or "duration" not in cell.settings:
+            return whole
+        return min(whole, float(cell.settings["duration"]) * float(cell.settings.get("driver.speed", _SPEED)))
 
     @staticmethod
-    def of_length(length: float, cell: Cell) -> float:
-        """Predicted work of a cell if its drive or log had this length."""
+    def particles(cell: Cell) -> float:
+        """How many particles of the usual proposal cost as much as those of the cell and its final pass."""
         factor = _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
-        final_pass = _FINAL_PASS if cell.settings.get("refine", True) else 0.0
-        return length * (_WITHOUT_PARTICLES + factor * cell.particles + final_pass)
+        return factor * cell.particles + (_FINAL_PASS if cell.settings.get("refine", True) else 0.0)
 
 
 def _log_length(log: LogSource) -> float:

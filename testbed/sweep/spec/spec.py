@@ -108,7 +108,11 @@ class SweepSpec(BaseModel):
     def _list_of_seeds(cls, value: Any) -> Any:
         if isinstance(value, str):
             return parse_seeds(value)
-        return seeds_of_count(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        if isinstance(value, int) and not isinstance(value, bool):
+            return seeds_of_count(value)
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"expected a number of seeds such as 10, or a list such as [0, 1, 2], got {value!r}")
+        return value
 
     @field_validator("worlds", mode="before")
     @classmethod
