@@ -38,6 +38,8 @@ _RIDGE = 1.0
 """Penalty on the squares of the standardised slopes [runs]."""
 _MAX_LOG_RATIO = math.log(10.0)
 """Ratios of errors count as at most ten."""
+_MAX_SLOPE = 2.0 * _MAX_LOG_RATIO
+"""Slopes beyond it mean no more than that many particles are needed."""
 DATA = "needed_count.json"
 """The fit that comes with the package; `python -m tools.measure.needed_count` writes it."""
 
@@ -60,7 +62,8 @@ class Predictor:
 
     def text(self, transformed: float) -> str:
         """A value of the model as text, with its unit."""
-        return f"{2.0**transformed:.2g} {self.unit}".strip()
+        value = 2.0**transformed
+        return (f"{value:.0f}" if value >= 10.0 else f"{value:.2g}") + (f" {self.unit}" if self.unit else "")
 
 
 PREDICTORS = (
@@ -120,7 +123,7 @@ class NeededCount:
     def error_ratio(self, particles: NDArray[Any], predictors: NDArray[np.float64], row: int = 0) -> NDArray[np.float64]:
         """Error relative to that of the largest count, at least 1; shapes as in `holds`."""
         constant, *others = self.growth[row]
-        slope = np.maximum(constant + (predictors - self.centre) @ np.array(others), 0.0)
+        slope = np.clip(constant + (predictors - self.centre) @ np.array(others), 0.0, _MAX_SLOPE)
         ratio: NDArray[np.float64] = np.exp(slope * (particles**-0.5 - self.max_count**-0.5))
         return ratio
 

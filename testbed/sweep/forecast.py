@@ -35,6 +35,8 @@ class Pace:
     """Of a job, whatever its particle count."""
     particle: float
     """Of a job, for each particle."""
+    final_pass: float
+    """Of the final pass."""
 
 
 def measure_pace(cells: Sequence[Cell], costs: Costs) -> dict[str, Pace] | None:
@@ -49,7 +51,8 @@ def measure_pace(cells: Sequence[Cell], costs: Costs) -> dict[str, Pace] | None:
     of_lidar = {lidar_of(cell): cell for cell in reversed(simulated) if cell.place == longest}
     probed = list(of_lidar)[:MAX_PROBED]
     _timed(of_lidar[probed[0]], FIRST_DURATION, PROBE_PARTICLES[0])
-    return {lidar: _pace(of_lidar[lidar]) for lidar in probed}
+    refined = any(cell.settings.get("refine", True) for cell in simulated)
+    return {lidar: _pace(of_lidar[lidar], refined=refined) for lidar in probed}
 
 
 def lidar_of(cell: Cell) -> str:
@@ -57,26 +60,33 @@ def lidar_of(cell: Cell) -> str:
     return str(cell.settings.get("lidar", ""))
 
 
-def _pace(cell: Cell) -> Pace:
+def _pace(cell: Cell, *, refined: bool) -> Pace:
     few, many = PROBE_PARTICLES
     first, length = _timed(cell, PROBE_DURATION, few)
     again, _ = _timed(cell, PROBE_DURATION, few)  # its drive is there already
     larger, _ = _timed(cell, PROBE_DURATION, many)
     particle = max(larger - again, 0.0) / (many - few)
+    with_final_pass = _timed(cell, PROBE_DURATION, few, refine=True)[0] if refined else again
     return Pace(
         simulation=max(first - again, 0.0) / length,
         fixed=max(again - few * particle, 0.0) / length,
         particle=particle / length,
+        final_pass=max(with_final_pass - again, 0.0) / length,
     )
 
 
-def _timed(cell: Cell, duration: float, particles: int) -> tuple[float, float]:
+def _timed(cell: Cell, duration: float, particles: int, *, refine: bool = False) -> tuple[float, float]:
     """Time [s] and length of the drive [m] of the first seconds of a run."""
     duration = min(duration, float(cell.settings.get("duration", duration)))
-    probe = replace(cell, settings={**cell.settings, "duration": duration, "refine": False}, particles=particles)
+    probe = replace(cell, settings={**cell.settings, "duration": duration, "refine": refine}, particles=particles)
     started = time.perf_counter()
     metrics = compute(probe).metrics
     return time.perf_counter() - started, max(float(metrics["trajectory"]["length_m"]), 0.1)
+
+
+def _per_metre(pace: Pace, cell: Cell) -> float:
+    final_pass = pace.final_pass if cell.settings.get("refine", True) else 0.0
+    return pace.fixed + pace.particle * Costs.filter_work(cell) + final_pass
 
 
 def expected_seconds(cells: Sequence[Cell], costs: Costs, paces: Mapping[str, Pace], workers: int) -> float:
@@ -87,5 +97,5 @@ def expected_seconds(cells: Sequence[Cell], costs: Costs, paces: Mapping[str, Pa
         pace = paces.get(lidar_of(group[0]), usual)
         length = costs.length(group[0])
         total += length * pace.simulation
-        total += sum(length * (pace.fixed + pace.particle * costs.particles(cell)) for cell in group)
+        total += sum(length * _per_metre(pace, cell) for cell in group)
     return total / workers + REPORT_SECONDS

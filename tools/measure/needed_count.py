@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from eval.files.atomic_write import atomic_write
 from eval.report.comparison import COLOURS
 from eval.sweep import needed_count
+from eval.sweep.answers import particles
 from eval.sweep.experiment import SetAside, brier_score, runs_of, set_aside
 from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
 from eval.sweep.plots import WIDTHS, style
@@ -105,7 +106,7 @@ def with_interval(model: NeededCount, at: np.ndarray) -> str:
 
 def level_table(table: SweepTable) -> str:
     """Share of the runs that hold, for each level of loops, clutter, odometry and lidar, by particle count."""
-    rows = [["", *(f"{count} particles" for count in table.counts), "runs each"]]
+    rows = [["", *map(particles, table.counts), "runs each"]]
     loop = np.nan_to_num(table.cube("features.largest_loop_m"))
     bounds = [0.0, 30.0, 60.0, 120.0, np.inf]
     groups: list[tuple[str, np.ndarray]] = [
@@ -115,12 +116,13 @@ def level_table(table: SweepTable) -> str:
     ]
     density = table.cube("features.clutter_per_10_m2")
     groups += [(name, mask) for name, mask in (("no clutter", density == 0.0), ("clutter", density > 0.0))]
-    for column in ("odometry_grade", "lidar_range_m"):
-        values = table.columns[f"features.{column}"]
-        for level in dict.fromkeys(v for v in values.ravel().tolist() if isinstance(v, str) or np.isfinite(v or np.nan)):
-            groups.append((f"{column.removesuffix('_m').replace('_', ' ')} {level}", values == level))
+    for word, column in (("odometry", "setting.odometry.grade"), ("lidar", "setting.lidar")):
+        values = table.columns.get(column, np.full(table.shape, None))
+        groups += [(f"{word} {level}", values == level) for level in dict.fromkeys(values.ravel().tolist()) if level]
     for name, mask in groups:
         chosen = mask & table.ran
+        if not chosen.any(axis=(0, 1, 3)).all():
+            continue
         shares = [(~table.failed[:, :, c][chosen[:, :, c]]).mean() for c in range(len(table.counts))]
         rows.append([name, *(f"{100.0 * share:.0f} %" for share in shares), str(int(chosen[:, :, -1].sum()))])
     return markdown(rows)

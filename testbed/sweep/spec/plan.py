@@ -129,7 +129,8 @@ class Costs:
 
     def __call__(self, cell: Cell) -> float:
         """Predicted work of one cell."""
-        return self.length(cell) * (_WITHOUT_PARTICLES + self.particles(cell))
+        final_pass = _FINAL_PASS if cell.settings.get("refine", True) else 0.0
+        return self.length(cell) * (_WITHOUT_PARTICLES + self.filter_work(cell) + final_pass)
 
     def length(self, cell: Cell) -> float:
         """Length of the drive [m], no longer than the setting `duration` allows, or of the log [scans]."""
@@ -139,10 +140,9 @@ class Costs:
         return min(whole, float(cell.settings["duration"]) * float(cell.settings.get("driver.speed", _SPEED)))
 
     @staticmethod
-    def particles(cell: Cell) -> float:
-        """How many particles of the usual proposal cost as much as those of the cell and its final pass."""
-        factor = _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
-        return factor * cell.particles + (_FINAL_PASS if cell.settings.get("refine", True) else 0.0)
+    def filter_work(cell: Cell) -> float:
+        """How many particles of the usual proposal cost as much as those of the cell."""
+        return cell.particles * _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
 
 
 def _log_length(log: LogSource) -> float:
