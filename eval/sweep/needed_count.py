@@ -120,7 +120,9 @@ class NeededCount:
         )
         return odds
 
-    def error_ratio(self, particles: NDArray[Any], predictors: NDArray[np.float64], row: int = 0) -> NDArray[np.float64]:
+    def error_ratio(
+        self, particles: NDArray[Any], predictors: NDArray[np.float64], row: int = 0
+    ) -> NDArray[np.float64]:
         """Error relative to that of the largest count, at least 1; shapes as in `holds`."""
         constant, *others = self.growth[row]
         slope = np.clip(constant + (predictors - self.centre) @ np.array(others), 0.0, _MAX_SLOPE)

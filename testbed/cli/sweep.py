@@ -22,7 +22,7 @@ from testbed.cli.shared.sweep_progress import sweep_progress
 from testbed.cli.shared.sweep_suggestion import print_suggestion
 from testbed.run.run_directory import default_directory
 from testbed.sweep.errors import SweepError
-from testbed.sweep.execute import execute, pending, prepare
+from testbed.sweep.execute import execute, pending, prepare, unfinished
 from testbed.sweep.looks import needed_cells
 from testbed.sweep.spec.plan import Costs, Shard
 from testbed.sweep.store import SweepDirectory
@@ -68,7 +68,7 @@ def sweep(
     if part is not None and specification.until:
         raise SweepError("--shard and --until: expected one of them, since a shard does not know the results of others")
     if plan:
-        announce(specification, Costs.of(specification), None, execution)
+        announce(specification, Costs.of(specification), unfinished(out, specification), execution, is_plan=True)
         return 0
     directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
     with directory.locked(part):
@@ -109,7 +109,7 @@ def _interrupted(directory: SweepDirectory, costs: Costs, part: Shard | None) ->
             soft_wrap=True,
         )
         if part is None:
-            gather_and_report(directory, worst=False)
+            gather_and_report(directory, worst=False, lists_missing=False)
     return INTERRUPTED
 
 

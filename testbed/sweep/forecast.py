@@ -47,7 +47,7 @@ def measure_pace(cells: Sequence[Cell], costs: Costs) -> dict[str, Pace] | None:
     simulated = [cell for cell in cells if "world" in cell.source]
     if not simulated or sum(map(costs, cells)) < MIN_COST:
         return None
-    longest = max(simulated, key=lambda cell: costs.length(cell)).place
+    longest = max(simulated, key=costs.length).place
     of_lidar = {lidar_of(cell): cell for cell in reversed(simulated) if cell.place == longest}
     probed = list(of_lidar)[:MAX_PROBED]
     _timed(of_lidar[probed[0]], FIRST_DURATION, PROBE_PARTICLES[0])

@@ -81,7 +81,9 @@ def _reason(model: NeededCount, at: np.ndarray, k: int) -> Reason:
     usual[k] = model.centre[k]
     predictor = PREDICTORS[k]
     return Reason(
-        f"{predictor.words}: {predictor.text(float(at[k]))}", predictor.text(float(model.centre[k])), model.needed(usual)
+        f"{predictor.words}: {predictor.text(float(at[k]))}",
+        predictor.text(float(model.centre[k])),
+        model.needed(usual),
     )
 
 
@@ -110,7 +112,7 @@ def features_of_world(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def features_of_log(path: str) -> dict[str, Any]:
-    """Features of a recorded log: the path is that of the filter with `LOOK_PARTICLES` particles.
+    """Features of a recorded log: the path is that of the filter with `LOOK_PARTICLES` particles and the final pass.
 
     Raises LogError for an unusable log, SweepError for one without scans or where the robot stands still.
     """
@@ -120,7 +122,7 @@ def features_of_log(path: str) -> dict[str, Any]:
         estimation.process(frame)
     if not len(estimation.scan_frames):
         raise SweepError(f"{Path(path).name}: has no scan, expected a log with scans and odometry")
-    poses = estimation.filtered().at_scans.poses
+    poses = estimation.refined(estimation.filtered()).at_scans.poses
     if np.hypot(*np.diff(poses[:, :2], axis=0).T).sum() < 1.0:
         raise SweepError(f"{Path(path).name}: the robot drives less than a metre, expected a drive")
     return dict(drive_features(frames, poses))

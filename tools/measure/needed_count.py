@@ -13,6 +13,7 @@ It also writes `eval/sweep/needed_count.json`, from which `testbed sweep --sugge
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -111,7 +112,7 @@ def level_table(table: SweepTable) -> str:
     bounds = [0.0, 30.0, 60.0, 120.0, np.inf]
     groups: list[tuple[str, np.ndarray]] = [
         (f"largest loop {low:.0f} to {high:.0f} m" if np.isfinite(high) else f"largest loop over {low:.0f} m", mask)
-        for low, high in zip(bounds, bounds[1:], strict=False)
+        for low, high in itertools.pairwise(bounds)
         if (mask := (loop >= low) & (loop < high)).any()
     ]
     density = table.cube("features.clutter_per_10_m2")

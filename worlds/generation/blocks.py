@@ -72,11 +72,11 @@ def _lines(side: float, blocks: int, rng: Generator) -> list[float]:
     lines = np.linspace(0.5 * CORRIDOR_WIDTH, side - 0.5 * CORRIDOR_WIDTH, blocks + 1)
     shift = MAX_SHIFT * (lines[1] - lines[0])
     lines[1:-1] += rng.uniform(-shift, shift, max(blocks - 1, 0))
-    return lines.round(3).tolist()
+    return [float(line) for line in lines.round(3)]
 
 
 def _niches(line: float, crossings: list[float], rng: Generator) -> list[BaseGeometry]:
-    """Recesses in both walls of the corridor along x = line, between neighbouring crossings and not at their corners."""
+    """Recesses in both walls of the corridor along x = line, between its crossings and not at their corners."""
     half = 0.5 * CORRIDOR_WIDTH
     margin = half + _NICHE_WIDTH
     found: list[BaseGeometry] = []

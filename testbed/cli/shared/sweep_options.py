@@ -21,7 +21,7 @@ from testbed.sweep.execution.local_pool import run_locally
 from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.spec.plan import Shard
 from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
-from testbed.sweep.store import SweepDirectory
+from testbed.sweep.store import MANIFEST, SweepDirectory
 from worlds import expand_names
 
 
@@ -84,8 +84,8 @@ class SweepOptions:
             return self._with_flags(read_document(file), str(file), file.parent)
         if self.preset is not None:
             return self._with_flags(read_preset(self.preset), f"preset {self.preset}", Path())
-        if self == SweepOptions() and out is not None:
-            return SweepDirectory.open(out).manifest.spec
+        if self.worlds is None and out is not None and (self == SweepOptions() or (out / MANIFEST).is_file()):
+            return self._with_flags(SweepDirectory.open(out).manifest.spec.document(), str(out / MANIFEST), out)
         return self._with_flags({}, "command line", Path())
 
     def own_settings(self) -> dict[str, Any]:

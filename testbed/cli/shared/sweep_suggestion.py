@@ -61,8 +61,8 @@ def sentences(suggestion: Suggestion) -> list[str]:
     largest = particles(suggestion.largest)
     if suggestion.needed is None:
         lines = [
-            f"{suggestion.name}: not even {largest} hold in most runs ({100.0 * suggestion.largest_holds:.0f} % expected); "
-            "better odometry or a lidar with a larger range help more than particles"
+            f"{suggestion.name}: not even {largest} hold in most runs "
+            f"({100.0 * suggestion.largest_holds:.0f} % expected); better odometry or a lidar with a larger range help more than particles"
         ]
     else:
         lines = [

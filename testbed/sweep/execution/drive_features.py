@@ -36,7 +36,7 @@ def drive_features(frames: Sequence[Frame], path: Pose) -> dict[str, float]:
     at_scans = [frame for frame in frames if frame.scan is not None]
     odometry = np.array([frame.odometry for frame in at_scans])
     rows = _every(path[:, :2], _PIECE)
-    seen = [observability(at_scans[k].scan) for k in rows]  # type: ignore[arg-type]  # these frames have a scan
+    seen = [observability(at_scans[k].scan) for k in rows]
     return {
         "longest_unknown_m": longest_unknown(path[_every(path[:, :2], STEP), :2]),
         "odometry_deg_per_m": round(_heading_error(odometry[rows], path[rows]), 4),

@@ -76,7 +76,7 @@ def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recordi
     path = _true_path(frames)
     return Recording(
         source=source,
-        features=features_of(loaded, config) | drive_features(frames, path.poses),
+        features={**features_of(loaded, config), **drive_features(frames, path.poses)},
         lidars=lidars,
         truth_map=_true_map(loaded, config, path, lidars),
     )

@@ -5,7 +5,6 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from scipy.special import expit
 
 from eval.sweep.experiment import brier_score, set_aside
