@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The runs of a designed experiment from its sweep, what they say by level, and predictions for worlds set aside."""
+"""The runs of a designed experiment from its sweep, what they say by level, and predictions for held-out worlds."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def _of_the_drive(cube: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, eq=False)
-class SetAside:
-    """A world that was set aside: what the model predicts that was fitted to the others, and what was observed."""
+class HeldOut:
+    """A held-out world: what the model predicts that was fitted to the others, and what was observed."""
 
     place: str
     drives: int
@@ -61,8 +61,8 @@ class SetAside:
     needed_observed: int | None
 
 
-def set_aside(runs: Runs, places: Sequence[str]) -> list[SetAside]:
-    """Set each world aside in turn, fit the model to the others, and predict it."""
+def predict_held_out(runs: Runs, places: Sequence[str]) -> list[HeldOut]:
+    """Hold out each world in turn, fit the model to the others, and predict it."""
     found = []
     for world in np.unique(runs.world):
         others, own = runs.of(runs.world != world), runs.of(runs.world == world)
@@ -70,13 +70,13 @@ def set_aside(runs: Runs, places: Sequence[str]) -> list[SetAside]:
     return found
 
 
-def _predicted(model: NeededCount, own: Runs, place: str) -> SetAside:
+def _predicted(model: NeededCount, own: Runs, place: str) -> HeldOut:
     counts = np.unique(own.particles)
     at = [own.particles == count for count in counts]
     predicted = np.array([model.holds(own.particles[m], own.predictors[m]).mean() for m in at])
     observed = np.array([own.holds[m].mean() for m in at])
     ratios = np.array([np.median(model.error_ratio(own.particles[m], own.predictors[m])) for m in at])
-    return SetAside(
+    return HeldOut(
         place=place,
         drives=len(np.unique(own.drive)),
         counts=tuple(counts.tolist()),
@@ -105,7 +105,7 @@ def _smallest(counts: NDArray[np.int64], holds: NDArray[np.float64], ratios: NDA
     return int(counts[len(counts) - max(good, 1)])
 
 
-def brier_score(found: Sequence[SetAside]) -> tuple[float, float]:
+def brier_score(found: Sequence[HeldOut]) -> tuple[float, float]:
     """Mean squared error of the predicted shares, and that of predicting every world by the mean of the others."""
     observed = np.array([world.observed for world in found])
     predicted = np.array([world.predicted for world in found])

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Fit what decides the particle count to the designed experiment, and test the fit on worlds that are set aside.
+"""Fit what decides the particle count to the designed experiment, and test the fit on worlds that are held out.
 
     testbed sweep --preset experiment --no-worst --out experiment
     python -m tools.measure.needed_count experiment
@@ -25,7 +25,7 @@ from eval.files.atomic_write import atomic_write
 from eval.report.comparison import COLOURS
 from eval.sweep import needed_count
 from eval.sweep.answers import particles
-from eval.sweep.experiment import SetAside, brier_score, runs_of, set_aside
+from eval.sweep.experiment import HeldOut, brier_score, predict_held_out, runs_of
 from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
 from eval.sweep.plots import WIDTHS, style
 from eval.sweep.results import SweepTable, read_sweep
@@ -53,7 +53,7 @@ def main() -> None:
         "worlds": len(np.unique(runs.world)),
     }
     model = fit(runs, provenance)
-    text = page(table, model, runs.predictors, set_aside(runs, table.places))
+    text = page(table, model, runs.predictors, predict_held_out(runs, table.places))
     if arguments.print:
         print(text)
         return
@@ -64,11 +64,11 @@ def main() -> None:
     write_table(PAGE, "needed", text)
 
 
-def page(table: SweepTable, model: NeededCount, predictors: np.ndarray, aside: list[SetAside]) -> str:
-    """The part of the page: growth of the needed count, levels of the design, worlds set aside."""
-    own, constant = brier_score(aside)
+def page(table: SweepTable, model: NeededCount, predictors: np.ndarray, held_out: list[HeldOut]) -> str:
+    """The part of the page: growth of the needed count, levels of the design, held-out worlds."""
+    own, constant = brier_score(held_out)
     facts = model.provenance
-    same = sum(world.needed_predicted == world.needed_observed for world in aside)
+    same = sum(world.needed_predicted == world.needed_observed for world in held_out)
     parts = [
         f"{facts['runs']} runs of {facts['drives']} drives in {facts['worlds']} worlds; code version {facts['code']}. "
         f"The counts are compared with {model.max_count} particles.",
@@ -77,10 +77,10 @@ def page(table: SweepTable, model: NeededCount, predictors: np.ndarray, aside: l
         "![How the needed count grows](pictures/needed_count.png)",
         "Share of the runs that hold, by level of the design:",
         level_table(table),
-        "Worlds set aside: the model is fitted to the others and predicts the share of the runs that hold.",
-        aside_table(aside),
+        "Held-out worlds: the model is fitted to the others and predicts the share of the runs that hold.",
+        held_out_table(held_out),
         f"Mean squared error of these shares: {own:.3f}; predicting each world by the mean of the others gives "
-        f"{constant:.3f}. The needed count is predicted exactly for {same} of {len(aside)} worlds.",
+        f"{constant:.3f}. The needed count is predicted exactly for {same} of {len(held_out)} worlds.",
     ]
     return "\n\n".join(parts)
 
@@ -129,11 +129,11 @@ def level_table(table: SweepTable) -> str:
     return markdown(rows)
 
 
-def aside_table(aside: list[SetAside]) -> str:
+def held_out_table(held_out: list[HeldOut]) -> str:
     """Predicted and observed, world by world."""
-    counts = aside[0].counts
+    counts = held_out[0].counts
     rows = [["world", "drives", *(f"{c}: predicted / observed" for c in counts), "needed: predicted / observed"]]
-    for world in aside:
+    for world in held_out:
         shares = [f"{100 * p:.0f} / {100 * o:.0f} %" for p, o in zip(world.predicted, world.observed, strict=True)]
         needed = [f"> {counts[-1]}" if n is None else str(n) for n in (world.needed_predicted, world.needed_observed)]
         rows.append([world.place, str(world.drives), *shares, " / ".join(needed)])

@@ -51,7 +51,7 @@ class SweepOptions:
     """decided: add seeds, 8 at a time, where the answer is open, up to --seeds (default: 40). Each look at the results
     uses higher confidence, so that all looks together keep 95 %."""
     filter: str | None = None
-    """Filter presets, such as paper or gmapping, separated by commas: each is a line beside the default settings."""
+    """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
     axis: tuple[str, ...] = ()
     """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
     set: tuple[str, ...] = ()

@@ -62,7 +62,8 @@ def sentences(suggestion: Suggestion) -> list[str]:
     if suggestion.needed is None:
         lines = [
             f"{suggestion.name}: not even {largest} hold in most runs "
-            f"({100.0 * suggestion.largest_holds:.0f} % expected); better odometry or a lidar with a larger range help more than particles"
+            f"({100.0 * suggestion.largest_holds:.0f} % expected); better odometry or a lidar with a larger range "
+            "help more than particles"
         ]
     else:
         lines = [

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import expit
 
-from eval.sweep.experiment import brier_score, set_aside
+from eval.sweep.experiment import brier_score, predict_held_out
 from eval.sweep.needed_count import PREDICTORS, NeededCount, Runs, fit, predictors_of, shipped_model
 
 COUNTS = np.array([1, 3, 10, 30])
@@ -75,19 +75,19 @@ def test_the_error_decides_where_all_runs_hold():
 
 def test_worlds_are_predicted_by_the_others():
     runs = experiment(30, drives=20)
-    found = set_aside(runs, [f"world {k}" for k in range(30)])
+    found = predict_held_out(runs, [f"world {k}" for k in range(30)])
     assert [world.place for world in found] == [f"world {k}" for k in range(30)]
     own, constant = brier_score(found)
     assert own < 0.02  # 20 drives give a share to 0.1
-    fooled = set_aside(replace(runs, holds=~runs.holds), ["?"] * 30)
+    fooled = predict_held_out(replace(runs, holds=~runs.holds), ["?"] * 30)
     assert np.abs(fooled[0].predicted - found[0].predicted).max() > 0.2
     assert own < 1.05 * constant
 
 
-def test_a_world_that_was_set_aside_has_no_say():
+def test_a_held_out_world_has_no_say():
     runs = experiment(6)
     changed = replace(runs, holds=np.where(runs.world == 2, ~runs.holds, runs.holds))
-    before, after = (set_aside(r, list("abcdef"))[2] for r in (runs, changed))
+    before, after = (predict_held_out(r, list("abcdef"))[2] for r in (runs, changed))
     np.testing.assert_array_equal(before.predicted, after.predicted)
     assert (before.observed != after.observed).any()
 
