@@ -168,7 +168,7 @@ def _would_tell(decision: Decision, unit: str, level: float) -> str:
     if decision.needed is not None:
         cannot = f"; fewer than {fewest} cannot" if decision.units < fewest else ""
         return f"about {_count(decision.needed, unit)} would probably tell{cannot}"
-    if decision.units < 2:
+    if decision.units < fewest:
         return f"fewer than {_count(fewest, unit)} cannot tell"
     return f"the difference is close to the limit: more than {MAX_UNITS} {unit}s would be needed"
 

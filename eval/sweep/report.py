@@ -202,14 +202,21 @@ def _scope(table: SweepTable) -> str:
 
 
 def _extend(summary: SweepSummary, folder: Path) -> str:
-    """The command that adds the seeds which open answers need; empty if none is open or if that cannot be said."""
+    """The command that adds the seeds which open answers need; empty if none is open or if that cannot be said.
+
+    Where jobs of the sweep are still to be computed it is the one that completes it.
+    """
     table = summary.table
     decisions = [summary.decision(place, table.baseline) for place in table.places]
     fewest = min_values(table.level)
     wanted = [d.needed or fewest for d in decisions if d.kind == "undecided" and (d.needed or fewest) > d.units]
     if not wanted or table.family_names() or table.seeds != tuple(range(len(table.seeds))):
         return ""
-    return shlex.join(["testbed", "sweep", "--out", str(folder), "--seeds", str(max(wanted)), "--until", "decided"])
+    words = ["testbed", "sweep", "--out", str(folder)]
+    if max(wanted) > len(table.seeds):
+        return shlex.join([*words, "--seeds", str(max(wanted)), "--until", "decided"])
+    is_complete = np.isin(table.columns["status"].astype(str), ("done", "failed", "not needed")).all()
+    return "" if is_complete else shlex.join(words)
 
 
 def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | None:

@@ -22,6 +22,9 @@ from testbed.sweep.suggest import (
 )
 from worlds import label
 
+MOSTLY_HOLDS = 0.9
+"""Where the largest count of the experiment holds less often, even more particles would probably help."""
+
 
 def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
     """Print a particle count for a world or log, its interval, and what it depends on; return the exit status."""
@@ -62,8 +65,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
     if suggestion.needed is None:
         lines = [
             f"{suggestion.name}: not even {largest} hold in most runs "
-            f"({100.0 * suggestion.largest_holds:.0f} % expected); better odometry or a lidar with a larger range "
-            "help more than particles"
+            f"({100.0 * suggestion.largest_holds:.0f} % expected); more were not tested"
         ]
     else:
         lines = [
@@ -71,6 +73,8 @@ def sentences(suggestion: Suggestion) -> list[str]:
             f"They are expected to hold in {100.0 * suggestion.holds:.0f} % of the runs, {largest} in "
             f"{100.0 * suggestion.largest_holds:.0f} %, with an error at most a tenth larger.",
         ]
+        if suggestion.largest_holds < MOSTLY_HOLDS:
+            lines.append(f"More than {largest} were not tested and would probably help.")
     for reason in suggestion.reasons:
         needed = f"more than {suggestion.largest}" if reason.needed_if_usual is None else str(reason.needed_if_usual)
         lines.append(f"  {reason.words} (with {reason.usual}, the middle of the experiment: {needed})")

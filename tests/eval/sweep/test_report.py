@@ -194,3 +194,12 @@ def test_the_front_holds_exactly_what_nothing_beats(points):
         return any((b <= a).all() and (b < a).any() for b in array)
 
     assert front == {tuple(a) for a in array if not beaten(a)}
+
+
+def test_the_page_prints_the_command_that_adds_seeds(tmp_path):
+    same = {"error": lambda p, k, c, s: 0.02 + 0.001 * ((5 * s + 3 * c) % 7)}
+    few = write_sweep_report(write_sweep(tmp_path / "few", seeds=3, **same)).read_text()
+    (seeds,) = re.findall(rf"testbed sweep --out {tmp_path / 'few'} --seeds (\d+) --until decided", few)
+    assert int(seeds) >= 6
+    decided = write_sweep_report(write_sweep(tmp_path / "decided", error=lambda p, k, c, s: 0.02)).read_text()
+    assert "Add the seeds" not in decided

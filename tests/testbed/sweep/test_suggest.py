@@ -17,7 +17,8 @@ EASY = {"longest_unknown_m": 16.0, "odometry_deg_per_m": 1.0, "scan_observabilit
 def model() -> NeededCount:
     """Doubling the way through unknown floor costs as much as a quarter of the particles gives."""
     one = np.array([4.0, 0.5, -1.0, 0.0, 0.0])
-    holding = np.array([one, [*one, 0.2, 0.0, 0.0, 0.0, 0.0], one - [0.2, 0.0, 0.0, 0.0, 0.0]])
+    shift = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
+    holding = np.array([one, one + shift, one - shift])
     low, centre, high = np.array([3.0, -1.0, -3.0]), np.array([4.0, 0.0, -1.0]), np.array([8.0, 2.0, 0.0])
     return NeededCount(64, centre, low, high, holding, np.zeros((3, 4)), {"runs": 1, "worlds": 1})
 
