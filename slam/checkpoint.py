@@ -20,7 +20,7 @@ from slam.config import FilterConfig
 from slam.config.renamed import with_present_names
 from slam.gmapping import GMapping
 
-VERSION = 4
+VERSION = 5
 
 
 class CheckpointError(ValueError):

@@ -15,8 +15,9 @@ from slam import se2
 from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.grid.particle_maps import ParticleMaps
-from slam.matching.likelihood import make_beam_model
-from slam.matching.proposal import ProposalResult, ScanAndPrior, make_match_settings, propose_poses
+from slam.matching.likelihood import ScanAndPrior, make_beam_model
+from slam.matching.proposal import ProposalResult, propose_poses
+from slam.matching.scan_matching import make_match_settings
 from slam.motion.odometry_model import motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.particles.ancestry import Ancestry
@@ -77,6 +78,7 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         self.maps.integrate_scan(particles.poses, taken.rays)
+        self._loops.begin()
         clock.end_stage("map")
         particles.ancestry.add(particles.poses)
         pose, used = particles.poses[self.best].copy(), self.maps.bytes_in_use
@@ -88,6 +90,7 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         result = self._propose(taken)
+        last_seen = self.maps.last_seen(se2.transform_points(result.pose[self.best], taken.hits))
         clock.end_stage("match")
 
         self.maps.integrate_scan(result.pose, taken.rays)  # may refuse: before anything else has changed
@@ -105,7 +108,7 @@ class GMapping:
             resampled=resampled,
             unique_ancestors=self.ancestry.unique_ancestors,
             map_bytes=self.maps.bytes_in_use,
-            loop_closed=self._loops.update(pose, taken.distance),
+            loop_length=self._loops.update(last_seen, taken.distance),
             seconds=clock.seconds,
         )
 
@@ -115,7 +118,7 @@ class GMapping:
         scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
         settings = make_match_settings(motion, hits, cfg)
         guesses = se2.compose(self._particles.poses, motion)
-        return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg.proposal.samples, self._rng)
+        return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=self.weights)
 
     def _resample(self, report: StepReport) -> bool:
         """Resample where the effective sample size (equation 20) or the number of particles asks for it."""

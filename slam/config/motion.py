@@ -32,14 +32,28 @@ class MotionConfig:
     """Largest standard deviation of that error [m], because wheels slip and directions change on short stretches."""
     failure_rotation: float = 0.3
     """Additional error of heading per radian turned in such a step [rad/rad]."""
+    jump_share: float = 0.001
+    """Share of the steps of which the odometry says nothing (wheels that spin, a push, a restarted encoder)."""
+    jump_along: float = 0.4
+    """Error along the heading in such a step [m]."""
+    jump_across: float = 0.3
+    """Error across the heading in such a step [m]."""
+    jump_rotation: float = 0.5
+    """Error of heading in such a step [rad]."""
 
     def __post_init__(self) -> None:
         require_positive(self, "floor_translation", "floor_rotation")
         require_at_least(self, 0.0, "translation_from_translation", "translation_from_rotation")
         require_at_least(self, 0.0, "rotation_from_translation", "rotation_from_rotation")
         require_at_least(self, 0.0, "failure_along", "failure_limit", "failure_rotation")
+        require_positive(self, "jump_along", "jump_across", "jump_rotation")
         if not 0.0 <= self.failure_share < 1.0:
             raise ValueError(f"MotionConfig.failure_share must be in [0, 1), got {self.failure_share}")
+        if not 0.0 <= self.jump_share < 1.0 - self.failure_share:
+            raise ValueError(
+                f"MotionConfig.jump_share must be in [0, 1 - failure_share = {1.0 - self.failure_share:g}), "
+                f"got {self.jump_share}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

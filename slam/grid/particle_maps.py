@@ -90,7 +90,7 @@ class ParticleMaps:
         """Scans that were counted into the maps."""
         self.touched: NDArray[np.int64] = np.zeros((0, 0), np.int64)
         """Number of the last scan, counted from 1, that has changed each tile in any map, (rows, columns) of the table;
-        0 = none since the maps were made or restored."""
+        0 = none has yet."""
 
     @property
     def _pools(self) -> tuple[TilePool, TilePool, TilePool]:
@@ -142,6 +142,18 @@ class ParticleMaps:
         self._field.copy_on_write(self.threads)
         self.threads.run(update_fields, particles, self.grids, changes, self._offsets)
 
+    def last_seen(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Number of the last scan that changed the tile of each point in any map, (n,); 0 = none has yet.
+
+        points (n, 2) in the map's frame [m]
+        """
+        column, row = ((points / self.config.cell - self._corner) / SIDE).T
+        rows, columns = self.touched.shape
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        seen = np.zeros(len(points), np.int64)
+        seen[inside] = self.touched[row[inside].astype(np.int64), column[inside].astype(np.int64)]
+        return seen
+
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
         """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
         margin, tile = self._offsets.radius * self.config.cell, SIDE * self.config.cell
@@ -185,6 +197,8 @@ class ParticleMaps:
         """All maps, as arrays."""
         return {
             "map_corner": self._corner,
+            "map_scans": np.array(self.scans),
+            "map_touched": self.touched,
             **self._counts.state("counts"),
             **self._surface.state("surface"),
             **self._field.state("field"),
@@ -196,7 +210,7 @@ class ParticleMaps:
         self._counts.restore("counts", state)
         self._surface.restore("surface", state)
         self._field.restore("field", state)
-        self.touched = np.zeros(self._counts.table.shape[1:], np.int64)
+        self.scans, self.touched = int(state["map_scans"]), state["map_touched"]
 
     def occupancy(self, particle: int) -> OccupancyGrid:
         """The map of one particle, cut to what was observed."""

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.config import FilterConfig, LocalizationConfig
 from slam.localization.fixed_map import FixedMap
-from slam.matching.likelihood import distances_to_walls, make_beam_model
-from slam.matching.proposal import ProposalResult, ScanAndPrior, make_match_settings, propose_poses
+from slam.matching.likelihood import ScanAndPrior, distances_to_walls, make_beam_model
+from slam.matching.proposal import ProposalResult, propose_poses
+from slam.matching.scan_matching import make_match_settings
 from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.particles.kld import bins_of, count_by_kld
 from slam.particles.particle_set import ParticleSet
@@ -34,10 +35,10 @@ class PoseUncertainty(NamedTuple):
 
     @property
     def prior(self) -> MotionPrior:
-        """Motion prior of which both components are a Gaussian with these deviations."""
+        """Motion prior of which all components are one Gaussian with these deviations."""
         sigma = np.array([self.position, self.position, self.heading])
-        log_scale = -np.log(2.0) - np.log(sigma).sum() - 1.5 * np.log(2.0 * np.pi)
-        return MotionPrior(precision=np.tile(sigma**-2.0, (2, 1)), log_scale=np.full(2, log_scale))
+        log_scale = -np.log(3.0) - np.log(sigma).sum() - 1.5 * np.log(2.0 * np.pi)
+        return MotionPrior(np.tile(sigma**-2.0, (3, 1)), np.full(3, log_scale), np.full(3, 1.0 / 3.0))
 
     @property
     def starts(self) -> NDArray[np.float64]:
@@ -131,7 +132,8 @@ class PoseTracker:
             self._uncertainty = None
         scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), prior)
         guesses = se2.compose(self.poses, motion)
-        return propose_poses(self._fixed.maps, guesses, scan_and_prior, settings, cfg.proposal.samples, self._rng)
+        maps, weights = self._fixed.maps, self.weights.values
+        return propose_poses(maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=weights)
 
     def _judge(self, pose: se2.Pose, hits: NDArray[np.float64]) -> None:
         """Update `explained_share` and `clusters`, for the best pose (3,) and the hits (K, 2) of a scan."""

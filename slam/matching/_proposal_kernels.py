@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
-"""Compiled proposals: where the next pose of each particle is drawn from, and what the draw adds to its weight."""
+"""Compiled proposals: steps II and III, where the next pose is drawn from, and what the draw adds to the weight."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam._jit import kernel
-from slam._planar_kernels import cholesky, from_guess, solve, wrap_angle
-from slam.matching._gauss_newton_kernels import gauss_newton
+from slam._planar_kernels import cholesky, solve, wrap_angle
 from slam.matching._likelihood_kernels import scan_cost
 from slam.motion._odometry_model_kernels import motion_cost, sample_motion
 
@@ -31,49 +30,6 @@ class Laplace(NamedTuple):
 
 
 @kernel
-def best_start(grids, particle, guess, prior, search, distances, pose):
-    """Start pose (3,) of the lowest cost under the coarse beam model; the predicted pose itself where none is better.
-
-    Returns whether it is another one than the predicted pose.
-    """
-    other = np.empty(3)
-    pose[:] = guess
-    lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], search.coarse_hits, search.coarse, distances)
-    lowest += motion_cost(prior, guess, guess[0], guess[1], guess[2])
-    moved = False
-    for k in range(search.starts.shape[0]):
-        from_guess(guess, search.starts[k, 0], search.starts[k, 1], search.starts[k, 2], other)
-        cost = scan_cost(grids, particle, other[0], other[1], other[2], search.coarse_hits, search.coarse, distances)
-        cost += motion_cost(prior, guess, other[0], other[1], other[2])
-        if cost < lowest:
-            lowest = cost
-            pose[:] = other
-            moved = True
-    return moved
-
-
-@kernel
-def match(grids, particle, guess, evidence, search, distances, pose, L):
-    """Lowest local minimum of the cost: from the predicted pose and, where another start looks better, from there too.
-
-    Returns the cost and the share of the hits near a wall; pose (3,) and L (3, 3) as in `gauss_newton`.
-    """
-    start = np.empty(3)
-    moved = best_start(grids, particle, guess, evidence.prior, search, distances, start)
-    cost, near = gauss_newton(grids, particle, guess, guess, evidence, search.iterations, pose, L)
-    if moved:
-        other, other_L = np.empty(3), np.empty((3, 3))
-        other_cost, other_near = gauss_newton(
-            grids, particle, guess, start, evidence, search.iterations, other, other_L
-        )
-        if other_cost < cost:
-            cost, near = other_cost, other_near
-            pose[:] = other
-            L[:] = other_L
-    return cost, near / max(evidence.hits.shape[0], 1)
-
-
-@kernel
 def draw_offset(L, z, scale, out):
     """out (3,) = scale * L^-T z: a draw from N(0, scale^2 (L L^T)^-1)."""
     for i in range(2, -1, -1):
@@ -86,18 +42,19 @@ def draw_offset(L, z, scale, out):
 
 
 @kernel
-def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, mean, covariance):
+def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, weights, mean, covariance):
     """Gaussian through K weighted poses about the optimum (T-RO 2007, equations 16 to 18).
 
     The paper draws the poses evenly in an interval; here they come from q, the Laplace approximation widened by
     `scale`, and each is weighted by product / q, which estimates the same integral with far less variance.
-    near (K, 3) standard normal variates;  samples (K, 3) out: the poses;  mean (3,), covariance (3, 3) out
+    near (K, 3) standard normal variates;  samples (K, 3) out: the poses;  weights (K,) out: their weights, sum 1
+    mean (3,), covariance (3, 3) out
     Returns log eta, eta the integral of p(z | m, x) p(x | x', u).
     """
     hits, model, prior = evidence
     optimum, L, scale = laplace
     count = near.shape[0]
-    logs, distances = np.empty(count), np.empty((4, hits.shape[0]))
+    distances = np.empty((4, hits.shape[0]))
     log_q = np.log(L[0, 0]) + np.log(L[1, 1]) + np.log(L[2, 2]) - 1.5 * LOG_2PI - 3.0 * np.log(scale)
     top = -np.inf
     for j in range(count):
@@ -107,21 +64,22 @@ def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, mean,
         cost = scan_cost(grids, particle, x, y, theta, hits, model, distances)
         cost += motion_cost(prior, guess, x, y, theta)
         z2 = near[j, 0] ** 2 + near[j, 1] ** 2 + near[j, 2] ** 2
-        logs[j] = -cost - log_q + 0.5 * z2
-        top = max(top, logs[j])
+        weights[j] = -cost - log_q + 0.5 * z2  # logarithms, for now
+        top = max(top, weights[j])
     total = 0.0
     mean[:] = 0.0
     for j in range(count):
-        logs[j] = np.exp(logs[j] - top)
-        total += logs[j]
+        weights[j] = np.exp(weights[j] - top)
+        total += weights[j]
         for a in range(3):
-            mean[a] += logs[j] * samples[j, a]
+            mean[a] += weights[j] * samples[j, a]
     mean /= total
+    weights /= total
     covariance[:] = 0.0
     for j in range(count):
         for a in range(3):
             for b in range(3):
-                covariance[a, b] += logs[j] / total * (samples[j, a] - mean[a]) * (samples[j, b] - mean[b])
+                covariance[a, b] += weights[j] * (samples[j, a] - mean[a]) * (samples[j, b] - mean[b])
     for j in range(count):
         for a in range(3):
             samples[j, a] += optimum[a]
@@ -133,29 +91,33 @@ def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, mean,
 
 
 @kernel
-def propose(start, stop, grids, guesses, evidence, search, draws, out):
-    """New poses of particles [start, stop) and what they add to the log-weights; guesses (particles, 3).
+def sample_motions(start, stop, guesses, prior, draws, out):
+    """Draw poses out (particles, 3) of particles [start, stop) from the motion model; guesses (particles, 3)."""
+    for i in range(start, stop):
+        sample_motion(guesses[i], prior, draws, i, out[i])
 
-    `SCAN_MATCH`: the predicted pose is replaced by a sample of the motion model, about which the motion prior then
-    lies. The optimum goes where the scan points and stays at the sample where the scan says nothing.
+
+@kernel
+def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, draws, out):
+    """New poses of particles [start, stop) from their optima, and what they add to the log-weights.
+
+    guesses (particles, 3) by odometry;  sampled (particles, 3) by the motion model;  matches: `Matches`
     """
     hits, model, prior = evidence
-    pose, L, factor, offset = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    sample = np.empty(3)
+    factor, offset = np.empty((3, 3)), np.empty(3)
     distances = np.empty((4, hits.shape[0]))
     for i in range(start, stop):
-        guess = guesses[i]
-        out.failed[i] = False
+        guess, pose, L = guesses[i], matches.optimum[i], matches.factor[i]
         out.matched[i] = 0.0
+        out.failed[i] = False
         out.samples[i] = np.nan
-        sample_motion(guess, prior, draws, i, search.failure_share, sample)
-        if search.kind != MOTION:
-            predicted = sample if search.kind == SCAN_MATCH else guess
-            _, out.matched[i] = match(grids, i, predicted, evidence, search, distances, pose, L)
-            out.failed[i] = not (out.matched[i] >= search.fail_share and hits.shape[0] > 0)
-        if search.kind == MOTION or out.failed[i]:
-            out.pose[i] = sample
-            x, y, theta = sample
+        out.sample_weights[i] = np.nan
+        if settings.kind != MOTION:
+            out.matched[i] = matches.matched[i]
+            out.failed[i] = not (out.matched[i] >= settings.fail_share and hits.shape[0] > 0)
+        if settings.kind == MOTION or out.failed[i]:
+            out.pose[i] = sampled[i]
+            x, y, theta = sampled[i]
             out.log_gain[i] = -scan_cost(grids, i, x, y, theta, hits, model, distances)
             out.mean[i] = guess
             for a in range(3):
@@ -167,7 +129,7 @@ def propose(start, stop, grids, guesses, evidence, search, draws, out):
             out.covariance[i, 1, 1] = along * sin * sin + across * cos * cos
             out.covariance[i, 0, 1] = out.covariance[i, 1, 0] = (along - across) * cos * sin
             out.covariance[i, 2, 2] = 1.0 / prior.precision[0, 2]
-        elif search.kind == SCAN_MATCH:
+        elif settings.kind == SCAN_MATCH:
             out.pose[i] = pose
             out.mean[i] = pose
             for a in range(3):  # columns of the inverse Hessian, from its Cholesky factor
@@ -177,10 +139,20 @@ def propose(start, stop, grids, guesses, evidence, search, draws, out):
                 out.covariance[i, a] = offset
             out.log_gain[i] = -scan_cost(grids, i, pose[0], pose[1], pose[2], hits, model, distances)
         else:
-            laplace = Laplace(pose, L, search.sample_scale)
-            out.log_gain[i] = fit_gaussian(
-                grids, i, guess, evidence, laplace, draws.near, out.samples[i], out.mean[i], out.covariance[i]
+            laplace = Laplace(pose, L, settings.sample_scale)
+            log_eta = fit_gaussian(
+                grids,
+                i,
+                guess,
+                evidence,
+                laplace,
+                draws.near,
+                out.samples[i],
+                out.sample_weights[i],
+                out.mean[i],
+                out.covariance[i],
             )
+            out.log_gain[i] = log_eta - np.log(matches.probability[i])  # one optimum of several was drawn
             if cholesky(out.covariance[i], factor):
                 for a in range(3):
                     out.pose[i, a] = out.mean[i, a]

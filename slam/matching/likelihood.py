@@ -12,6 +12,7 @@ from slam import se2
 from slam.config import MapConfig, MatchConfig
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching._likelihood_kernels import score_poses, wall_distances
+from slam.motion.odometry_model import MotionPrior
 
 
 class BeamModel(NamedTuple):
@@ -25,6 +26,17 @@ class BeamModel(NamedTuple):
     """w: share of each beam's log-likelihood that counts."""
     far: float
     """Distance charged where no wall is within the field's radius [m]."""
+
+
+class ScanAndPrior(NamedTuple):
+    """The scan and the motion prior, by which a new pose is judged: the same for all particles."""
+
+    hits: NDArray[np.float64]
+    """End points of the scan in the robot's frame [m], (K, 2)."""
+    beams: BeamModel
+    """Likelihood of the scan."""
+    prior: MotionPrior
+    """Density of the pose about the one that the odometry predicts."""
 
 
 def make_beam_model(match: MatchConfig, grid: MapConfig) -> BeamModel:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.config import FilterConfig
 from slam.grid.particle_maps import ParticleMaps
-from slam.matching._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, propose
-from slam.matching.likelihood import BeamModel
-from slam.motion.odometry_model import MotionPrior
+from slam.matching._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, propose, sample_motions
+from slam.matching.likelihood import ScanAndPrior
+from slam.matching.scan_matching import MatchSettings, empty_matches, match_scan
 
 KINDS = {"improved": IMPROVED, "scan-match": SCAN_MATCH, "motion": MOTION}
 """Numbers of the kinds of proposal in the kernels."""
@@ -24,34 +23,13 @@ bounded only where the sampling density is at least as wide as the product (Owen
 loss makes the product wider than its curvature at the optimum says."""
 
 
-class ScanAndPrior(NamedTuple):
-    """The scan and the motion prior, by which a new pose is judged: the same for all particles."""
-
-    hits: NDArray[np.float64]
-    """End points of the scan in the robot's frame [m], (K, 2)."""
-    beams: BeamModel
-    """Likelihood of the scan."""
-    prior: MotionPrior
-    """Density of the pose about the one that the odometry predicts."""
-
-
-class MatchSettings(NamedTuple):
-    """How the optimum of p(z | m, x) p(x | x', u) is searched, the same for all particles."""
+class ProposalSettings(NamedTuple):
+    """How a new pose is drawn, the same for all particles."""
 
     kind: int
     """One of `KINDS`."""
-    iterations: int
-    """Largest number of Gauss-Newton steps."""
-    starts: NDArray[np.float64]
-    """Further starting points seen from the predicted pose, (n, 3)."""
-    coarse: BeamModel
-    """Beam model with a wide basin, by which starting points are compared."""
-    coarse_hits: NDArray[np.float64]
-    """Every k-th hit, for that comparison, (n, 2)."""
     fail_share: float
     """Share of the hits near a wall below which matching has failed."""
-    failure_share: float
-    """Share of the steps in which the odometry has failed: the second component of the motion prior."""
     sample_scale: float
     """Standard deviation of the K poses in units of the Laplace approximation's."""
 
@@ -66,6 +44,8 @@ class Draws(NamedTuple):
     """Standard normal variates for the new pose, (particles, 3)."""
     component: NDArray[np.float64]
     """Uniform variates in [0, 1) that choose the component of the motion model, (particles,)."""
+    mode: NDArray[np.float64]
+    """Uniform variates in [0, 1) that choose among several optima, (particles,)."""
 
 
 class ProposalResult(NamedTuple):
@@ -85,6 +65,8 @@ class ProposalResult(NamedTuple):
     """Whether matching failed, (particles,)."""
     samples: NDArray[np.float64]
     """The K poses drawn about the optimum, (particles, K, 3); NaN where none were drawn."""
+    sample_weights: NDArray[np.float64]
+    """Their weights, of sum 1, (particles, K); NaN where none were drawn."""
 
 
 def propose_poses(
@@ -92,20 +74,19 @@ def propose_poses(
     guesses: se2.Pose,
     scan_and_prior: ScanAndPrior,
     search: MatchSettings,
-    samples: int,
+    config: FilterConfig,
     rng: np.random.Generator,
+    *,
+    weights: NDArray[np.float64],
 ) -> ProposalResult:
     """Match, sample, fit, draw and weight: particle i starts from `guesses[i]` (particles, 3) and uses its own map.
 
     Fewer maps than particles must all be the same map; particle i then uses number i modulo their count.
-    samples: poses drawn about each optimum (K)
+    weights (particles,) before this scan
     """
-    n = len(guesses)
-    draws = Draws(
-        near=rng.standard_normal((samples, 3)),
-        pose=rng.standard_normal((n, 3)),
-        component=rng.uniform(size=n),
-    )
+    n, samples, count = len(guesses), config.proposal.samples, len(maps.grids.table)
+    near = rng.standard_normal((samples, 3))
+    pose, component, mode = rng.standard_normal((n, 3)), rng.uniform(size=n), rng.uniform(size=n)
     out = ProposalResult(
         pose=np.empty((n, 3)),
         log_gain=np.empty(n),
@@ -114,41 +95,33 @@ def propose_poses(
         matched=np.empty(n),
         failed=np.empty(n, np.bool_),
         samples=np.empty((n, samples, 3)),
+        sample_weights=np.empty((n, samples)),
     )
-    count = len(maps.grids.table)
     for first in range(0, n, count):
         part = slice(first, first + count)
-        drawn = Draws(draws.near, draws.pose[part], draws.component[part])
+        draws = Draws(near, pose[part], component[part], mode[part])
         rows = ProposalResult._make(array[part] for array in out)
-        maps.threads.run(propose, len(rows.pose), maps.grids, guesses[part], scan_and_prior, search, drawn, rows)
+        _propose_with_own_map(maps, guesses[part], scan_and_prior, search, config, draws, weights[part], rows)
     return out
 
 
-def make_match_settings(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> MatchSettings:
-    """Settings of the search for one displacement (3,) [m, m, rad] and the hits (K, 2) [m] of a scan.
-
-    The starting points lie along the heading: there odometry fails when wheels slip or a change of direction goes
-    unnoticed.
-    """
-    match = config.match
-    reach = min(max(0.5 * match.search_reach, 2.0 * float(np.hypot(motion[0], motion[1]))), match.search_reach)
-    steps = math.ceil(reach / match.search_step)
-    shifts = np.arange(-steps, steps + 1) * match.search_step
-    every_kth = np.ascontiguousarray(hits[:: max(1, len(hits) // match.coarse_beams)])
-    starts = np.zeros((2 * steps, 3))
-    starts[:, 0] = shifts[shifts != 0.0]
-    return MatchSettings(
-        kind=KINDS[config.proposal.kind],
-        iterations=match.iterations,
-        starts=starts,
-        coarse=BeamModel(
-            per_sigma2=match.hit_sigma**-2.0,
-            per_outlier2=config.map.field_radius**-2.0,
-            weight=match.beam_weight * match.coarse_share * len(hits) / max(len(every_kth), 1),
-            far=config.map.field_radius,
-        ),
-        coarse_hits=every_kth,
-        fail_share=match.min_matched_share,
-        failure_share=config.motion.failure_share,
-        sample_scale=SAMPLE_SCALE,
-    )
+def _propose_with_own_map(
+    maps: ParticleMaps,
+    guesses: se2.Pose,
+    scan_and_prior: ScanAndPrior,
+    search: MatchSettings,
+    config: FilterConfig,
+    draws: Draws,
+    weights: NDArray[np.float64],
+    out: ProposalResult,
+) -> None:
+    """The same for at most as many particles as there are maps; out: their rows of the result."""
+    n, kind = len(guesses), KINDS[config.proposal.kind]
+    settings = ProposalSettings(kind, config.match.min_matched_share, SAMPLE_SCALE)
+    sampled, matches = np.empty((n, 3)), empty_matches(n)
+    sample_motions(0, n, guesses, scan_and_prior.prior, draws, sampled)
+    if kind != MOTION:
+        predicted = sampled if kind == SCAN_MATCH else guesses
+        match_scan(maps, predicted, scan_and_prior, search, weights=weights, u=draws.mode, out=matches)
+    arguments = (maps.grids, guesses, scan_and_prior, settings, sampled, matches, draws, out)
+    maps.threads.run(propose, n, *arguments)

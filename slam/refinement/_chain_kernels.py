@@ -8,16 +8,16 @@ import numpy as np
 
 from slam._jit import kernel
 from slam._planar_kernels import cholesky, deviation, solve
-from slam.motion._odometry_model_kernels import log_components
+from slam.motion._odometry_model_kernels import cost_of_components, log_components
 
 
 @kernel
 def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
     """Add the cost of the odometry between all neighbours to the equations of the chain.
 
-    poses (n, 3);  motions (n - 1, 3) measured displacements;  prior: precision (n - 1, 2, 3), log_scale (n - 1, 2)
+    poses (n, 3);  motions (n - 1, 3) measured displacements;  prior: precision (n - 1, 3, 3), log_scale (n - 1, 3)
     diagonal (n, 3, 3), coupling (n - 1, 3, 3) and gradient (n, 3) are added to. As in `linearise_motion` the shares
-    of the two components of the prior are held fixed.
+    of the components of the prior are held fixed.
     """
     guess, e = np.empty(3), np.empty(3)
     A, B = np.zeros((3, 3)), np.zeros((3, 3))
@@ -27,8 +27,9 @@ def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
         guess[0], guess[1] = poses[t, 0] + dx, poses[t, 1] + dy
         guess[2] = poses[t, 2] + motions[t, 2]
         e[0], e[1], e[2] = deviation(guess, poses[t + 1, 0], poses[t + 1, 1], poses[t + 1, 2])
-        a, b = log_components(prior.precision[t], prior.log_scale[t], e[0], e[1], e[2])
-        second = 1.0 / (1.0 + np.exp(min(a - b, 700.0)))
+        good, failed, jumped = log_components(prior.precision[t], prior.log_scale[t], e[0], e[1], e[2])
+        cost = cost_of_components(good, failed, jumped)
+        first, second, third = np.exp(good + cost), np.exp(failed + cost), np.exp(jumped + cost)
         # Jacobians of the deviation e by the pose before (A) and by the pose after (B)
         cos, sin = np.cos(guess[2]), np.sin(guess[2])
         B[0, 0], B[0, 1], B[1, 0], B[1, 1], B[2, 2] = cos, sin, -sin, cos, 1.0
@@ -36,7 +37,7 @@ def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
         A[0, 2] = cos * dy - sin * dx + e[1]
         A[1, 2] = -sin * dy - cos * dx - e[0]
         for r in range(3):
-            p = (1.0 - second) * prior.precision[t, 0, r] + second * prior.precision[t, 1, r]
+            p = first * prior.precision[t, 0, r] + second * prior.precision[t, 1, r] + third * prior.precision[t, 2, r]
             for i in range(3):
                 gradient[t, i] += A[r, i] * p * e[r]
                 gradient[t + 1, i] += B[r, i] * p * e[r]

@@ -45,13 +45,18 @@ class StepReport:
     """Number of the most likely particle: that of the largest weight over its whole history."""
     map_bytes: int = 0
     """Memory of all maps [bytes]."""
-    loop_closed: bool = False
-    """Whether the best particle has just come back to an area that it left long ago."""
+    loop_length: float = 0.0
+    """Length of the loop that this scan closes: driven since the walls that it sees were last seen [m]; 0 = none."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall time of the stages: match (proposal), map, resample (with weights)."""
     proposed: ProposalResult | None = None
     """Samples, Gaussians and new poses of all particles before resampling; None for the first scan and for those
     that the filter does not use."""
+
+    @property
+    def loop_closed(self) -> bool:
+        """Whether the robot sees an area again that it left long ago."""
+        return self.loop_length > 0.0
 
 
 def report_state(particles: ParticleSet, readings: BeamCounts, *, pose: se2.Pose, map_bytes: int) -> StepReport:

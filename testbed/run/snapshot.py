@@ -44,5 +44,8 @@ def _proposal(report: StepReport) -> Proposal | None:
     if proposed is None or np.isnan(proposed.samples[best]).any():
         return None
     return Proposal(
-        samples=proposed.samples[best], weights=None, mean=proposed.mean[best], covariance=proposed.covariance[best]
+        samples=proposed.samples[best],
+        weights=proposed.sample_weights[best],
+        mean=proposed.mean[best],
+        covariance=proposed.covariance[best],
     )

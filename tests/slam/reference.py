@@ -172,7 +172,7 @@ class Beams:
 
 
 def sigmas(motion, config):
-    """Standard deviations (2, 3) of the two components of the motion model: odometry good, odometry failed."""
+    """Standard deviations (3, 3) of the components of the motion model: odometry good, failed, and robot jumped."""
     distance, angle = math.hypot(motion[0], motion[1]), abs(motion[2])
     position = (
         config.floor_translation
@@ -187,15 +187,21 @@ def sigmas(motion, config):
         [
             (position, position, heading),
             (position + along, 2.0 * position, heading + config.failure_rotation * angle),
+            (config.jump_along, config.jump_across, config.jump_rotation),
         ]
     )
 
 
-def motion_cost(deviation, sigma, failure_share):
+def shares(config):
+    """Share of the steps in which each component of the motion model holds, (3,)."""
+    return np.array([1.0 - config.failure_share - config.jump_share, config.failure_share, config.jump_share])
+
+
+def motion_cost(deviation, sigma, share_of):
     """-log of the motion model's density at a deviation (3,) from the predicted pose, seen from there."""
     logs = []
-    for share, s in zip((1.0 - failure_share, failure_share), sigma, strict=True):
+    for share, s in zip(share_of, sigma, strict=True):
         z = np.asarray(deviation) / s
         log_normal = -0.5 * float(z @ z) - 1.5 * math.log(2.0 * math.pi) - float(np.log(s).sum())
         logs.append(log_normal + math.log(share) if share > 0.0 else -math.inf)
-    return -float(np.logaddexp(*logs))
+    return -float(np.logaddexp.reduce(logs))

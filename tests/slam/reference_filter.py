@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam import se2
-from tests.slam.reference import Beams, Map, motion_cost, sigmas
+from tests.slam.reference import Beams, Map, motion_cost, shares, sigmas
 
 SPREAD = 1.2
 """Poses are drawn from the Laplace approximation, widened by this."""
@@ -58,9 +58,12 @@ class ReferenceFilter:
         near = self.rng.standard_normal((self.config.proposal.samples, 3))
         z = self.rng.standard_normal((n, 3))
         component = self.rng.uniform(size=n)
+        self.rng.uniform(size=n)  # chooses among several optima, of which the reference knows only one
         for i, particle in enumerate(self.particles):
             density = Density(self, particle, motion, rays.ends[rays.hit])
-            sigma = density.sigma[1 if component[i] < self.config.motion.failure_share else 0]
+            motion_model, u = self.config.motion, component[i]
+            jumped = u >= 1.0 - motion_model.jump_share
+            sigma = density.sigma[1 if u < motion_model.failure_share else 2 if jumped else 0]
             sample = se2.compose(density.guess, sigma * z[i])
             particle.pose, log_gains[i] = self.proposed(density, sample, near, z[i])
             particle.log_weight += self.config.match.weight_share * log_gains[i]
@@ -146,7 +149,7 @@ class Density:
         self.beams = owner.beams
         self.guess = se2.compose(particle.pose, motion)
         self.sigma = sigmas(motion, owner.config.motion)
-        self.failure_share = owner.config.motion.failure_share
+        self.shares = shares(owner.config.motion)
         self.coarse_beams = owner.config.match.coarse_beams
 
     def scan(self, pose):
@@ -158,7 +161,7 @@ class Density:
         return beams.cost(self.map, pose, few) * len(self.hits) / len(few)
 
     def prior(self, pose):
-        return motion_cost(se2.between(self.guess, pose), self.sigma, self.failure_share)
+        return motion_cost(se2.between(self.guess, pose), self.sigma, self.shares)
 
     def cost(self, pose):
         return self.scan(pose) + self.prior(pose)
@@ -208,10 +211,10 @@ class Density:
         deviation = se2.between(self.guess, pose)
         logs = [
             -0.5 * np.sum((deviation / s) ** 2) - np.log(s).sum() + math.log(max(share, 1e-300))
-            for s, share in zip(self.sigma, (1.0 - self.failure_share, self.failure_share), strict=True)
+            for s, share in zip(self.sigma, self.shares, strict=True)
         ]
-        shares = np.exp(np.array(logs) - max(logs))
-        precision = (shares / shares.sum()) @ self.sigma**-2.0
+        held = np.exp(np.array(logs) - max(logs))
+        precision = (held / held.sum()) @ self.sigma**-2.0
         cos, sin = math.cos(self.guess[2]), math.sin(self.guess[2])
         R = np.array([(cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)])
         return H + R.T @ np.diag(precision) @ R, g + R.T @ (precision * deviation)

@@ -24,6 +24,7 @@ MOTION = MotionConfig(
     failure_along=1.0,
     failure_limit=0.4,
     failure_rotation=0.3,
+    jump_share=0.0,  # without jumps there is no wide search: see tests/slam/matching/test_wide_search.py
 )
 MATCH = MatchConfig(
     hit_sigma=0.05,

@@ -139,7 +139,7 @@ def test_a_robot_that_is_carried_away_is_noticed_and_found_again():
     run(localization, carried, odometry)
     found = localization.status
     assert len(found.lost_at) >= 1
-    assert 25 < found.lost_at[0] < 45
+    assert 25 < found.lost_at[0] < 55
     assert found.state == "found"
     assert found.found_at[-1] > found.lost_at[-1]
     last = se2.between(carried[-1], localization.path()[-1])

@@ -26,7 +26,7 @@ BEAMS = reference.Beams(sigma=0.05, outlier=0.3, weight=0.2, far=0.4)
 MOTION = MotionConfig(failure_share=0.1, failure_along=0.8, failure_limit=0.3)
 FAR_AWAY = np.array([(2.0, 1.0, 0.4), (100.0, 0.0, 0.0)])
 ASTRAY = np.array([0.2, 0.1, 0.0])
-SURE = MotionConfig(failure_share=0.0)
+SURE = MotionConfig(failure_share=0.0, jump_share=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ MOTIONS = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.1, 0.1), st.floats(-1.0, 
 @settings(deadline=None)
 def test_motion_cost_is_that_of_the_reference(guess, deviation, motion):
     cost = motion_cost(motion_prior(motion, MOTION), guess, *from_guess(guess, deviation))
-    expected = reference.motion_cost(deviation, reference.sigmas(motion, MOTION), MOTION.failure_share)
+    expected = reference.motion_cost(deviation, reference.sigmas(motion, MOTION), reference.shares(MOTION))
     assert cost == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
@@ -193,7 +193,7 @@ def test_hessian_of_the_mixture_weighs_the_gaussians_by_their_shares():
     linearise_motion(prior, np.zeros(3), *deviation, H, np.zeros(3))
     sigma = reference.sigmas(motion, MOTION)
     density = (
-        np.array([0.9, 0.1]) * np.exp(-0.5 * ((np.array(deviation) / sigma) ** 2).sum(axis=1)) / sigma.prod(axis=1)
+        reference.shares(MOTION) * np.exp(-0.5 * ((np.array(deviation) / sigma) ** 2).sum(axis=1)) / sigma.prod(axis=1)
     )
     np.testing.assert_allclose(H, np.diag(density @ sigma**-2.0) / density.sum(), rtol=1e-9)
 

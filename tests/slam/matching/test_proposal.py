@@ -11,9 +11,20 @@ from slam._planar_kernels import from_guess
 from slam.config import MotionConfig
 from slam.matching._gauss_newton_kernels import gauss_newton
 from slam.matching._likelihood_kernels import scan_cost
-from slam.matching._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, Laplace, draw_offset, fit_gaussian, propose
-from slam.matching.likelihood import BeamModel
-from slam.matching.proposal import Draws, MatchSettings, ProposalResult, ScanAndPrior
+from slam.matching._proposal_kernels import (
+    IMPROVED,
+    MOTION,
+    SCAN_MATCH,
+    Laplace,
+    draw_offset,
+    fit_gaussian,
+    propose,
+    sample_motions,
+)
+from slam.matching._scan_matching_kernels import match_particles
+from slam.matching.likelihood import BeamModel, ScanAndPrior
+from slam.matching.proposal import Draws, ProposalResult, ProposalSettings
+from slam.matching.scan_matching import MatchSettings, empty_matches
 from slam.motion._odometry_model_kernels import motion_cost
 from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.sensor.rays import make_rays
@@ -23,6 +34,7 @@ from tests.slam.rooms import drive, empty_maps, rays, scan_at
 MODEL = BeamModel(per_sigma2=0.05**-2, per_outlier2=0.3**-2, weight=0.2, far=0.4)
 WEAK = MODEL._replace(weight=0.02)
 MIXTURE = MotionConfig(failure_share=0.1, failure_along=0.5, failure_limit=0.2)
+JUMPY = MotionConfig(failure_share=0.1, failure_along=0.5, failure_limit=0.2, jump_share=0.05)
 SPREAD = 1.2
 
 
@@ -78,8 +90,8 @@ def case(request, room):
 
 
 def fitted(arguments, near):
-    samples, mean, covariance = np.empty_like(near), np.empty(3), np.empty((3, 3))
-    return fit_gaussian(*arguments, near, samples, mean, covariance), mean, covariance
+    samples, weights, mean, covariance = np.empty_like(near), np.empty(len(near)), np.empty(3), np.empty((3, 3))
+    return fit_gaussian(*arguments, near, samples, weights, mean, covariance), mean, covariance
 
 
 def test_with_many_samples_eta_is_the_integral_and_the_gaussian_has_its_moments(case):
@@ -113,16 +125,20 @@ def test_offsets_have_the_covariance_of_the_laplace_approximation():
     np.testing.assert_allclose(offsets @ L, 1.2 * z, atol=1e-12)
 
 
-def proposed(grids, hits, guesses, kind, *, prior, seed=0, failure_share=0.0, model=MODEL, fail_share=0.1):
+def proposed(grids, hits, guesses, kind, *, prior, seed=0, model=MODEL, fail_share=0.1):
     n = len(guesses)
     rng = np.random.default_rng(seed)
-    draws = Draws(rng.standard_normal((20, 3)), rng.standard_normal((n, 3)), rng.uniform(size=n))
+    draws = Draws(rng.standard_normal((20, 3)), rng.standard_normal((n, 3)), *rng.uniform(size=(2, n)))
     out = ProposalResult(
         np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan),
-        np.full(n, np.nan), np.zeros(n, bool), np.zeros((n, 20, 3)),
+        np.full(n, np.nan), np.zeros(n, bool), np.zeros((n, 20, 3)), np.zeros((n, 20)),
     )  # fmt: skip
-    search = MatchSettings(kind, 20, np.zeros((0, 3)), model, hits, fail_share, failure_share, SPREAD)
-    propose(0, n, grids, guesses, ScanAndPrior(hits, model, prior), search, draws, out)
+    evidence, search = ScanAndPrior(hits, model, prior), MatchSettings(20, np.zeros((0, 3)), model, hits)
+    sampled, matches = np.empty((n, 3)), empty_matches(n)
+    sample_motions(0, n, guesses, prior, draws, sampled)
+    match_particles(0, n, grids, sampled if kind == SCAN_MATCH else guesses, evidence, search, matches)
+    settings = ProposalSettings(kind, fail_share, SPREAD)
+    propose(0, n, grids, guesses, evidence, settings, sampled, matches, draws, out)
     return out, draws
 
 
@@ -137,11 +153,11 @@ def test_motion_proposal_has_the_moments_of_the_motion_model(room):
     n = 20_000
     grids, truth, hits = repeated(room, n)
     motion = (0.4, 0.0, 0.3)
-    prior = motion_prior(motion, MIXTURE)
-    out, _ = proposed(grids, hits[:1], np.tile(truth, (n, 1)), MOTION, prior=prior, failure_share=0.1)
+    prior = motion_prior(motion, JUMPY)
+    out, _ = proposed(grids, hits[:1], np.tile(truth, (n, 1)), MOTION, prior=prior)
     deviations = se2.between(truth, out.pose)
-    sigma = reference.sigmas(motion, MIXTURE)
-    expected = np.array([0.9, 0.1]) @ sigma**2
+    sigma = reference.sigmas(motion, JUMPY)
+    expected = np.array([0.85, 0.1, 0.05]) @ sigma**2
     np.testing.assert_allclose(deviations.mean(axis=0) / np.sqrt(expected), 0.0, atol=4.5 / math.sqrt(n))
     np.testing.assert_allclose(np.cov(deviations.T) / expected, np.eye(3), atol=0.12)
     assert np.mean(deviations[:, 0] ** 4) / expected[0] ** 2 > 3.3  # heavier tails than one Gaussian
@@ -184,6 +200,7 @@ def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
     logs = 0.5 * (draws.near**2).sum(axis=1) - cost
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
+    np.testing.assert_allclose(out.sample_weights[0], weights, atol=1e-12)
     np.testing.assert_allclose(weights @ samples, out.mean[0], atol=1e-9)
     away = samples - out.mean[0]
     np.testing.assert_allclose((weights[:, None] * away).T @ away, out.covariance[0], atol=1e-12)
@@ -234,8 +251,8 @@ def test_scan_match_keeps_the_scatter_of_the_motion_along_a_corridor():
 def test_where_matching_fails_the_motion_model_is_sampled_and_the_likelihood_weighs(room, kind):
     """Lines 7 to 9 of Algorithm 1."""
     grids, truth, hits = repeated(room, 6)
-    sigma = np.array([(0.05, 0.02, 0.03), (0.3, 0.1, 0.05)])  # along, across, heading
-    prior = MotionPrior(sigma**-2, np.zeros(2))
+    sigma = np.array([(0.05, 0.02, 0.03), (0.3, 0.1, 0.05), (0.4, 0.3, 0.5)])  # along, across, heading
+    prior = MotionPrior(sigma**-2, np.zeros(3), np.array([1.0, 0.0, 0.0]))
     guesses = np.tile(truth, (6, 1))
     failed, _ = proposed(grids, hits, guesses, kind, prior=prior, fail_share=1.01)
     plain, _ = proposed(grids, hits, guesses, MOTION, prior=prior)

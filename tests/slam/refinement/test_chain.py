@@ -64,7 +64,7 @@ def trajectory(seed, noise, n=5):
 def chain_cost(prior, poses, motions):
     """The cost that `add_odometry_steps` linearises, by the motion model of the filter."""
     guesses = se2.compose(poses[:-1], motions)
-    steps = [MotionPrior(prior.precision[t], prior.log_scale[t]) for t in range(len(motions))]
+    steps = [MotionPrior(prior.precision[t], prior.log_scale[t], prior.share) for t in range(len(motions))]
     return sum(motion_cost(steps[t], guesses[t], *poses[t + 1]) for t in range(len(motions)))
 
 
