@@ -9,7 +9,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Frame:
     """One time step of a recording or simulation; frames without a scan have odometry only."""
 
@@ -28,3 +28,9 @@ class Frame:
     """Commanded speed and turn rate from `stamp` on [m/s, rad/s]; None = unknown."""
     truth: Pose | None = None
     """`T_world_robot` at `stamp`, if known, (3,). Never shown to the estimator."""
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        x, y, theta = self.odometry
+        scan = f"{self.scan.ranges.size} readings of {self.lidar!r}" if self.scan is not None else "no scan"
+        return f"<Frame {self.stamp:.3f} s: odometry ({x:.3f}, {y:.3f}, {theta:.3f}), {scan}>"

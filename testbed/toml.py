@@ -12,12 +12,13 @@ import tomli_w
 
 def dump_toml(document: Mapping[str, Any]) -> str:
     """Return a document as TOML text; values that are None are left out, because TOML has no null."""
-    return tomli_w.dumps(_without_none(document))
+    return tomli_w.dumps(without_none(document))
 
 
-def _without_none(value: Any) -> Any:
+def without_none(value: Any) -> Any:
+    """Return a value as it is read back from a file: without None, lists for tuples, text for paths."""
     if isinstance(value, Mapping):
-        return {str(key): _without_none(item) for key, item in value.items() if item is not None}
+        return {str(key): without_none(item) for key, item in value.items() if item is not None}
     if isinstance(value, list | tuple):
-        return [_without_none(item) for item in value]
+        return [without_none(item) for item in value]
     return str(value) if isinstance(value, Path) else value

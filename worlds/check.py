@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from worlds.elements import Element
 from worlds.errors import WorldError
 from worlds.movers import PERSON_CLEARANCE, PERSON_RADIUS
-from worlds.world import World, surface_of
+from worlds.world import World, floor_around, surface_of
 
 MAX_USUAL_THICKNESS, MAX_USUAL_OPENING = 1.5, 10.0
 """Thicker walls, or wider openings, by their median, look like centimetres [m]."""
@@ -26,23 +26,28 @@ def check_world(world: World, *, footprint_radius: float = 0.0, source: str = ""
     surfaces. source: prefix of messages, such as the file's name; the world's name if empty.
     """
     source = source or f"world {world.name!r}"
+    shapes = []
     for group in ("walls", "boxes", "discs", "polygons"):
         for index, element in enumerate(getattr(world, group)):
-            _check_shape(element, f"{source}: {group}[{index}] {element.name!r}")
+            shapes.append(element.shape())
+            _check_shape(shapes[-1], f"{source}: {group}[{index}] {element.name!r}")
     start = Point(world.start.x, world.start.y)
-    for element in world.elements:
-        if element.shape().distance(start) <= footprint_radius:
-            raise WorldError(
-                f"{source}: start ({world.start.x:g}, {world.start.y:g}) m lies in or within {footprint_radius:g} m "
-                f"of {_described(element)}, expected a free place"
-            )
-    if world.free_space() is None:
+    distances = shapely.distance(np.array(shapes, dtype=object), start)
+    if shapes and (near := np.flatnonzero(distances <= footprint_radius)).size:
+        raise WorldError(
+            f"{source}: start ({world.start.x:g}, {world.start.y:g}) m lies in or within {footprint_radius:g} m "
+            f"of {_described(world.elements[near[0]])}, expected a free place"
+        )
+    surface = surface_of(
+        shapely.union_all([e for e, of in zip(shapes, world.elements, strict=True) if of.height > 0.0])
+    )
+    if floor_around(start, surface) is None:
         raise WorldError(
             f"{source}: the outline about start ({world.start.x:g}, {world.start.y:g}) m is not closed, "
             "expected walls that leave no way out"
         )
-    _check_tour(world, footprint_radius, source)
-    _check_movers(world, footprint_radius, source)
+    _check_tour(world, surface, footprint_radius, source)
+    _check_movers(world, surface, footprint_radius, source)
 
 
 def unit_notes(world: World) -> tuple[str, ...]:
@@ -58,19 +63,17 @@ def unit_notes(world: World) -> tuple[str, ...]:
     return (f"world {world.name!r} of {size} has {large}: is it in centimetres?",)
 
 
-def _check_shape(element: Element, source: str) -> None:
-    shape = element.shape()
+def _check_shape(shape: BaseGeometry, source: str) -> None:
     if not shape.is_valid:
         raise WorldError(f"{source}: {shapely.is_valid_reason(shape)}, expected an outline that does not cross itself")
     if shape.is_empty or (shape.length == 0.0):
         raise WorldError(f"{source}: has no extent, expected a length above 0 m")
 
 
-def _check_tour(world: World, footprint_radius: float, source: str) -> None:
+def _check_tour(world: World, surface: BaseGeometry, footprint_radius: float, source: str) -> None:
     path = world.path()
     if len(path) == 1:
         return
-    surface = surface_of(world.cross_section())
     legs = [LineString(leg) for leg in np.stack([path[:-1], path[1:]], axis=1)]
     clearance = np.asarray(shapely.distance(legs, surface))
     worst = int(np.argmin(clearance))
@@ -82,9 +85,8 @@ def _check_tour(world: World, footprint_radius: float, source: str) -> None:
         )
 
 
-def _check_movers(world: World, footprint_radius: float, source: str) -> None:
+def _check_movers(world: World, surface: BaseGeometry, footprint_radius: float, source: str) -> None:
     """Check that people have room to walk and to make way, and that open doors do not block the tour."""
-    surface = surface_of(world.cross_section())
     drive = LineString(world.path()) if world.tour is not None else Point(world.start.x, world.start.y)
     for index, person in enumerate(world.people):
         room = float(person.path().distance(surface))

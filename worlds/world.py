@@ -137,12 +137,8 @@ class World(Model):
 
     def free_space(self) -> Polygon | None:
         """Return the enclosed floor that contains the start; None if no outline encloses it, or it lies in a solid."""
-        solid = self.cross_section()
-        start = Point(self.start.x, self.start.y)
-        if solid.intersects(start):
-            return None
-        faces = shapely.get_parts(shapely.polygonize([shapely.node(surface_of(solid))]))
-        return next((face for face in faces if isinstance(face, Polygon) and face.contains(start)), None)
+        solid, start = self.cross_section(), Point(self.start.x, self.start.y)
+        return None if solid.intersects(start) else floor_around(start, surface_of(solid))
 
     def path(self) -> NDArray[np.float64]:
         """Return the corners of the whole drive [m], (n, 2), from the start through all laps of the tour.
@@ -154,6 +150,13 @@ class World(Model):
             lap = [*self.tour.points, self.tour.points[0]] if self.tour.closed else self.tour.points
             corners += lap + lap[1:] * (self.tour.laps - 1)
         return np.array(corners, dtype=np.float64)
+
+
+def floor_around(start: Point, surface: BaseGeometry) -> Polygon | None:
+    """Return the floor that the lines `surface` enclose and that contains the free point `start`; None if there is
+    none."""
+    faces = shapely.get_parts(shapely.polygonize([shapely.node(surface)]))
+    return next((face for face in faces if isinstance(face, Polygon) and face.contains(start)), None)
 
 
 def surface_of(shape: BaseGeometry) -> BaseGeometry:

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import json
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -55,14 +53,23 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
 
 
 @app.command
-def index(directory: Path) -> None:
+def index(directory: Path, *, test: str = "", validation: str = "") -> None:
     """Write index, card and contact sheet of a collection again, for instance after its last shard.
 
     Parameters
     ----------
     directory
         Directory that `testbed simulate` wrote datasets to.
+    test
+        Worlds for testing, separated by commas. With `--test` or `--validation` all other worlds are for training, also
+        those that are added later. Default: as the last index was made, at first by a hash of the worlds' names.
+    validation
+        Worlds for validation, separated by commas.
     """
     from testbed.cli.simulate import describe
 
-    describe(directory, "testbed " + shlex.join(sys.argv[1:]))
+    named = {"test": test, "validation": validation}
+    choices = [(world.strip(), split) for split, text in named.items() for world in text.split(",") if world.strip()]
+    if twice := {world for world, _ in choices if sum(world == other for other, _ in choices) > 1}:
+        raise ValueError(f"{', '.join(sorted(twice))}: named twice, expected each world in one split")
+    describe(directory, chosen=dict(choices) or None)

@@ -22,14 +22,16 @@ from cyclopts import Parameter
 from eval.files.atomic_write import discard_unfinished
 from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, results
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
-from testbed.cli.shared.draws import Draw, drawn, parse_draws
+from testbed.cli.shared.draws import Draw, drawn, parse_draws, with_each_choice
 from testbed.cli.shared.variants import variants
 from testbed.datasets.card import write_card, write_contact_sheet
-from testbed.datasets.index import datasets_in, write_index
+from testbed.datasets.index import datasets_in, settings_of, write_index
 from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
+from testbed.settings.comparison import changed_settings
 from testbed.settings.simulator import FAST_SIMULATOR, FastSimulatorOptions, SimulatorOptions
 from testbed.simulation.simulator import check_fits
+from testbed.toml import without_none
 from worlds import expand_names, label
 from worlds.file_names import RULE, is_name
 
@@ -40,7 +42,7 @@ class DatasetOptions:
     """The datasets to make."""
 
     out: Path
-    """Directory that takes the datasets; those that exist already are kept."""
+    """Directory that takes the datasets; those that exist already are kept, if they have the same settings."""
     seed: int = 0
     """Seed of the first dataset; each further one has the next."""
     count: int = 1
@@ -98,10 +100,7 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
 
         shard = Shard.parse(datasets.shard)
         jobs = jobs[shard.index :: shard.count]
-    missing = [job for job in jobs if not is_complete(job.path)]
-    for job in missing:
-        if job.path.exists():
-            raise ValueError(f"{job.path}: exists and is no dataset; choose another --out")
+    missing = [job for job in jobs if not _is_kept(job)]
     announce_compilation()
     datasets.out.mkdir(parents=True, exist_ok=True)
     with dataset_progress(len(missing)) as progress:
@@ -114,11 +113,15 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
         describe(datasets.out, "testbed " + shlex.join(sys.argv[1:]))
 
 
-def describe(directory: Path, command: str) -> None:
-    """Write index, card and contact sheet of a collection, and print what it holds."""
+def describe(directory: Path, command: str | None = None, chosen: dict[str, str] | None = None) -> None:
+    """Write index, card and contact sheet of a collection, and print what it holds.
+
+    command: the command that has made datasets of it, for the card
+    chosen: split of worlds by name, see `write_index`
+    """
     from testbed.datasets import Collection
 
-    rows = write_index(directory)
+    rows = write_index(directory, chosen)
     if not rows:
         raise ValueError(f"{directory}: no datasets in it, expected directories that testbed simulate wrote")
     card = write_card(directory, rows, command)
@@ -155,15 +158,37 @@ class _Job:
     compress: bool
 
 
+def _settings(job: _Job) -> dict[str, Any]:
+    """The settings that make a dataset, as its config.toml holds them."""
+    packed = {"compress": True} if job.compress else {}
+    settings = {"world": job.world, "format": job.log_format, **packed, "variant": job.variant}
+    return settings | asdict(job.simulator) | {"seed": job.seed}
+
+
+def _is_kept(job: _Job) -> bool:
+    """Tell whether the dataset is there already; ValueError where another thing, or a dataset of other settings, is."""
+    if not is_complete(job.path):
+        if job.path.exists():
+            raise ValueError(f"{job.path}: exists and is no dataset; choose another --out")
+        return False
+    there, wanted = settings_of(job.path), without_none(_settings(job))
+    # The world is in the dataset's name: relative and absolute names of one file are the same.
+    for key, found in changed_settings(there, wanted):
+        if key != "world":
+            raise ValueError(f"{job.path}: {found}; choose another --out")
+    return True
+
+
 def _jobs(worlds: str, options: DatasetOptions, simulator: SimulatorOptions) -> list[_Job]:
     """Return all datasets to make. Raises ValueError for invalid settings, before any worker starts."""
     draws = parse_draws(options.draw, simulator)
     if twice := {draw.key for draw in draws} & {text.partition("=")[0].strip() for text in options.vary}:
         raise ValueError(f"{', '.join(sorted(twice))}: given to --vary and --draw, expected one of them")
+    chosen = variants(simulator, options.vary)
     jobs, out = [], options.out if options.scheduler is None else options.out.resolve()
     for world in expand_names(worlds):
-        for variant in variants(simulator, options.vary):
-            name, variant_name = _checked_name(world, variant.simulator), variant.name or options.variant
+        for variant in chosen:
+            name, variant_name = _checked_name(world, variant.simulator, draws), variant.name or options.variant
             for seed in range(options.seed, options.seed + options.count):
                 path = out / "-".join(part for part in (name, f"{seed:04d}", variant_name) if part)
                 jobs.append(_job(path, world, seed, draws, variant.simulator, variant_name, options))
@@ -185,8 +210,8 @@ def _job(
     return _Job(path, world, settings, seed, variant, values, options.format, options.compress)
 
 
-def _checked_name(world: str, simulator: SimulatorOptions) -> str:
-    """Return the name of a world for its datasets, after a check that the robot fits into it.
+def _checked_name(world: str, simulator: SimulatorOptions, draws: list[Draw]) -> str:
+    """Return the name of a world for its datasets, after a check that all robots fit into it.
 
     Generated worlds are made by the workers: there may be a thousand of them.
     """
@@ -195,7 +220,8 @@ def _checked_name(world: str, simulator: SimulatorOptions) -> str:
     seeds = RunSeeds.from_seed(0)
     loaded = simulator.load_world(world, seeds, SlowProgress("planning a tour"))
     announce_world(loaded)
-    check_fits(loaded, simulator.simulation(seeds).robot)
+    for possible in with_each_choice(simulator, draws, "robot"):
+        check_fits(loaded, possible.simulation(seeds).robot)
     simulator.recorded_commands()
     return loaded.name
 
@@ -203,13 +229,11 @@ def _checked_name(world: str, simulator: SimulatorOptions) -> str:
 def _make(job: _Job) -> dict[str, Any]:
     """Make one dataset, in a worker; return how the drive went, and the bytes written."""
     seeds, simulator = RunSeeds.from_seed(job.seed), job.simulator
-    packed = {"compress": True} if job.compress else {}
-    settings = {"world": job.world, "format": job.log_format, **packed, "variant": job.variant, **asdict(simulator)}
     drive = write_dataset(
         job.path,
         simulator.load_world(job.world, seeds),
         simulator.simulation(seeds),
-        settings | {"seed": job.seed},
+        _settings(job),
         log_format=job.log_format,
         commands=simulator.recorded_commands(),
         draws=job.draws,

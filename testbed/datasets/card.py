@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eval.files.atomic_write import atomic_write
 from eval.files.map_server import read_map
@@ -25,39 +27,72 @@ MARK = "<!-- written by testbed simulate -->"
 MAX_TILES = 48
 """Drives in a contact sheet; of more, evenly chosen ones are shown."""
 COLUMNS_OF_TILES = 6
-TILE, TITLE, GAP = 240, 14, 8
-"""Side of a drawing, height of its title, and the room between tiles and at the edge [pixels]."""
+TILE, TITLE, LINE, GAP = 240, 26, 12, 8
+"""Side of a drawing, height of its title and of a line of text, and the room between tiles and at the edge [pixels]."""
+FIRST, LAST = (68, 1, 84), (245, 170, 20)
+"""Colours of the path at the beginning and at the end of a drive."""
+START, END = (0, 150, 60), (210, 30, 30)
+"""Colours of the start and the end of a drive."""
+MAX_PIECES = 400
+"""Pieces of one colour that a path is drawn in."""
+LEGEND = "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end)"
+MADE_BY = "## Made by\n```\n"
+"""Begin of the part of a card that holds the commands."""
+TOPICS = {
+    "/scan": "`LaserScan`, the scans with the time between beams; with several lidars `/scan_NAME` for each",
+    "/scan_cloud": "`PointCloud2`, hits of the scans, for viewers; in the format `rosbag2` only",
+    "/odom": "`Odometry`, wheel odometry: pose of `base_link` in `odom`, velocity",
+    "/tf": "`TFMessage`, the same pose: `odom` to `base_link`",
+    "/tf_static": "`TFMessage`, mounts: `base_link` to the frame of each lidar, such as `laser`",
+    "/cmd_vel": "`Twist`, commanded speed and turn rate",
+    "/robot_description": "`String`, the robot as URDF",
+    "/ground_truth/odom": "`Odometry`, the true pose: `base_link` in `map`",
+    "/ground_truth/tf": "`TFMessage`, the true `map` to `odom`, not in `/tf`, where a SLAM node publishes its own",
+    "/ground_truth/map": "`OccupancyGrid`, the true map",
+    "/testbed/sha256": "`String`, sum of all other messages: a changed byte is noticed",
+}
+"""Topics of a bag and what they hold."""
 
 
-def write_card(directory: Path, rows: Sequence[dict[str, Any]], command: str) -> bool:
+def write_card(directory: Path, rows: Sequence[dict[str, Any]], command: str | None = None) -> bool:
     """Write the card of a collection; False, and no change, where its README.md was written by somebody else.
 
     rows: of the index
-    command: the command that makes the collection again
+    command: a command that made some of the datasets; the card names it after those that it names already
     """
     path = directory / CARD
-    if path.exists() and MARK not in path.read_text(encoding="utf-8", errors="replace"):
+    old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+    if old and MARK not in old:
         return False
+    commands = [*old.partition(MADE_BY)[2].partition("\n```")[0].splitlines(), *([command] if command else [])]
     with atomic_write(path) as temporary:
-        temporary.write_text(_card(directory.resolve().name, rows, command), encoding="utf-8")
+        temporary.write_text(_card(directory.resolve().name, rows, list(dict.fromkeys(commands))), encoding="utf-8")
     return True
 
 
 def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Draw the drives of a collection: each on the true map of its world, from the start (green) to the end (red)."""
-    from PIL import Image
+    """Draw the drives of a collection: each on the true map of its world, with split, lidar and length."""
+    from PIL import Image, ImageDraw
 
     chosen = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_TILES)).astype(int))]
-    tiles = [_tile(directory / row["dataset"], f"{row['dataset']} · {row['split']}") for row in chosen]
+    tiles = [_tile(directory / row["dataset"], _title(row)) for row in chosen]
     lines = [tiles[k : k + COLUMNS_OF_TILES] for k in range(0, len(tiles), COLUMNS_OF_TILES)]
     heights = [max(tile.size[1] for tile in line) + GAP for line in lines]
     width = GAP + max(map(len, lines)) * (TILE + GAP)
-    sheet = Image.new("RGB", (width, GAP + sum(heights)), "white")
+    legend = [piece.strip() for piece in LEGEND.split(";")] if len(chosen) == 1 else [LEGEND]
+    sheet = Image.new("RGB", (max(width, 2 * (TILE + GAP)), 2 * GAP + sum(heights) + LINE * len(legend)), "white")
+    for number, text in enumerate(legend):
+        ImageDraw.Draw(sheet).text((GAP, GAP + sum(heights) + LINE * number), text, fill=(60, 60, 60))
     for number, line in enumerate(lines):
         for column, tile in enumerate(line):
             sheet.paste(tile, (GAP + column * (TILE + GAP), GAP + sum(heights[:number])))
     with atomic_write(directory / SHEET) as temporary:
         sheet.save(temporary, format="PNG", optimize=True)
+
+
+def _title(row: dict[str, Any]) -> str:
+    length = f", {row['metres']:.0f} m" if row["metres"] is not None else ""
+    return f"{row['dataset']}\n{row['split']}, {row['lidar']}, {row['seconds']:.0f} s{length}"
 
 
 def _tile(dataset: Path, title: str) -> Any:
@@ -73,22 +108,33 @@ def _tile(dataset: Path, title: str) -> Any:
     pixels = (truth.poses[:, :2] - np.array(grid.origin[:2])) / grid.resolution * scale
     pixels[:, 1] = size[1] - pixels[:, 1]
     draw = ImageDraw.Draw(image)
-    path = list(map(tuple, pixels.tolist()))
-    draw.line(path, fill=(0, 90, 200), width=1)
-    for (x, y), colour in ((path[0], (0, 150, 60)), (path[-1], (210, 30, 30))):
-        draw.ellipse((x - 3, y - 3, x + 3, y + 3), fill=colour)
+    for piece, colour in _coloured(pixels):
+        draw.line(piece, fill=colour, width=2)
+    (x, y), (x_end, y_end) = pixels[0].tolist(), pixels[-1].tolist()
+    draw.ellipse((x - 5, y - 5, x + 5, y + 5), outline=START, width=2)
+    draw.ellipse((x_end - 3, y_end - 3, x_end + 3, y_end + 3), fill=END)
     tile = Image.new("RGB", (TILE, size[1] + TITLE), "white")
     tile.paste(image, ((TILE - size[0]) // 2, 0))
     ImageDraw.Draw(tile).text((0, size[1] + 1), title, fill=(60, 60, 60))
     return tile
 
 
-def _card(name: str, rows: Sequence[dict[str, Any]], command: str) -> str:
+def _coloured(pixels: NDArray[np.float64]) -> Iterator[tuple[list[tuple[float, float]], tuple[int, int, int]]]:
+    """The pieces of a path (n, 2), each with the colour of its time."""
+    ends = np.unique(np.linspace(0, len(pixels) - 1, min(len(pixels), MAX_PIECES + 1)).astype(int)).tolist()
+    for begin, end in pairwise(ends):
+        share = begin / (len(pixels) - 1)
+        red, green, blue = (round(first + share * (last - first)) for first, last in zip(FIRST, LAST, strict=True))
+        yield [(x, y) for x, y in pixels[begin : end + 1].tolist()], (red, green, blue)
+
+
+def _card(name: str, rows: Sequence[dict[str, Any]], commands: Sequence[str]) -> str:
     seconds, metres = sum(row["seconds"] for row in rows), sum(row["metres"] or 0.0 for row in rows)
     size, worlds = sum(row["bytes"] for row in rows), sorted({row["world"] for row in rows})
     formats = ", ".join(f"`{kind}`" for kind in sorted({row["format"] for row in rows}))
     drives = (
-        "Each seed drives another route."
+        "Each seed drives another route: from another start along the corridors of the world's tour, in another order "
+        "and direction."
         if all(row["route"] == "random" for row in rows)
         else ("**Drives of one world with a fixed route follow the same path**; they differ in their noise.")
     )
@@ -110,7 +156,7 @@ configs:
 ![The drives on the maps of their worlds]({SHEET})
 
 ## Splits
-No world is in two splits, so that a method is tested in buildings that it has not seen. {_split_note(worlds)}
+No world is in two splits, so that a method is tested in buildings that it has not seen. {_split_note(rows, worlds)}
 
 | split | datasets | time | metres | worlds |
 |---|---|---|---|---|
@@ -128,10 +174,7 @@ other files.
 |---|---|
 {_lines(f"| `{column}` | {meaning} |" for column, meaning in COLUMNS.items())}
 
-| column of `frames.parquet`, or of `Dataset.to_pandas()` | meaning |
-|---|---|
-{_lines(f"| `{column}` | {meaning} |" for column, meaning in FRAME_COLUMNS.items())}
-
+{_content(rows)}
 Angles in radians, counter-clockwise; distances in metres; times in seconds.
 
 ## Load
@@ -147,22 +190,41 @@ CC-BY-4.0: use and publish the data for any purpose, with a reference to its sou
 
 > {name}: simulated 2D lidar drives, made with slam-testbed {version("slam-testbed")}, CC-BY-4.0.
 
-## Made by
-```
-{command}
-```
-The command makes the same bytes again with the same versions, which stand in each `config.toml`.
+{_made_by(commands)}"""
+
+
+def _made_by(commands: Sequence[str]) -> str:
+    """The commands that made the datasets."""
+    again = """
+`testbed simulate --config DATASET/config.toml --out DIRECTORY` makes one dataset again, byte for byte, with the same
+versions, which stand in its `config.toml`.
 """
+    return f"{MADE_BY}{_lines(commands)}\n```\n{again}" if commands else f"## Made by{again}"
+
+
+def _content(rows: Sequence[dict[str, Any]]) -> str:
+    """What the recordings hold: topics of bags, columns of tables."""
+    formats = {row["format"] for row in rows}
+    text = ""
+    if any(kind.startswith("rosbag") for kind in formats):
+        topics = _lines(f"| `{topic}` | {meaning} |" for topic, meaning in TOPICS.items())
+        text = f"| topic of a bag | type and content |\n|---|---|\n{topics}\n\n"
+        text += "Stamps begin at 0 s; there is no `/clock`.\n\n"
+    table = "`frames.parquet` and of `Dataset.to_pandas()`" if "parquet" in formats else "`Dataset.to_pandas()`"
+    columns = _lines(f"| `{column}` | {meaning} |" for column, meaning in FRAME_COLUMNS.items())
+    return f"{text}| column of {table} | meaning |\n|---|---|\n{columns}\n"
 
 
 def _lines(lines: Iterable[str]) -> str:
     return "\n".join(lines)
 
 
-def _split_note(worlds: Sequence[str]) -> str:
+def _split_note(rows: Sequence[dict[str, Any]], worlds: Sequence[str]) -> str:
     if len(worlds) == 1:
         return "There is one world only, so that all datasets are for training: add a second world for testing."
-    return "Two worlds leave none for validation: add a third." if len(worlds) == 2 else ""
+    if len(worlds) == 2 and "validation" not in {row["split"] for row in rows}:
+        return "Two worlds leave none for validation: add a third."
+    return ""
 
 
 def _split_line(rows: Sequence[dict[str, Any]], split: str) -> str:

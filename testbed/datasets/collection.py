@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from testbed.datasets.index import datasets_in, read_index
+from testbed.datasets.index import INDEX, datasets_in, index_rows, read_index
 from testbed.datasets.loading import Dataset, open_dataset
 from testbed.formats import LogError
 
@@ -83,15 +83,15 @@ class Collection(Sequence[Dataset]):
 
 
 def open_collection(path: str | Path) -> Collection:
-    """Open a directory of datasets by its index, `datasets.parquet`.
+    """Open a directory of datasets by its index, `datasets.parquet`; a single dataset needs none.
 
-    Raises LogError where there is no index, or where it names a dataset that is not there.
+    Raises LogError where there is no index of several datasets, or where it names a dataset that is not there.
     """
     path = Path(path)
     if not path.is_dir():
         raise LogError(f"{path}: no such directory")
-    rows = read_index(path)
     there = {found.name for found in datasets_in(path)}
+    rows = index_rows(path) if len(there) == 1 and not (path / INDEX).exists() else read_index(path)
     if missing := [row["dataset"] for row in rows if row["dataset"] not in there]:
         raise LogError(f"{path}: the index names {missing[0]}, which is not there; run testbed datasets index {path}")
     return Collection(path, rows)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,9 @@ INDEX = "datasets.parquet"
 TEST_SHARE, VALIDATION_SHARE = 0.15, 0.15
 """Shares of the worlds that are kept for testing and for validation."""
 
+CHOSEN = b"testbed_splits"
+"""Key of the chosen splits in the table's metadata."""
+
 COLUMNS = {
     "dataset": "name of the directory",
     "split": "train, validation or test; all datasets of one world are in one split",
@@ -27,7 +30,7 @@ COLUMNS = {
     "variant": "name of the sensor variant, empty without --vary",
     "format": "format of the recording",
     "robot": "preset of the robot",
-    "lidar": "preset of the lidar, several are separated by commas",
+    "lidar": "preset of the lidar, such as `lds01`, several are separated by commas; frames name its mount instead",
     "route": "fixed: the world's tour; random: drawn from the seed",
     "seconds": "simulated time [s]",
     "metres": "length of the true path [m]",
@@ -50,23 +53,43 @@ def datasets_in(directory: Path) -> list[Path]:
     return sorted(path for path in directory.iterdir() if path.is_dir() and _is_dataset(path))
 
 
-def write_index(directory: Path) -> list[dict[str, Any]]:
+def write_index(directory: Path, chosen: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
     """Write the index of all datasets in a directory; its rows. Equal datasets give equal bytes.
 
-    Raises LogError where a config.toml cannot be read.
+    chosen: split of worlds, by name, see `splits`; None = as the last index of the directory was made
+    Raises LogError where a config.toml cannot be read, ValueError where a chosen world has no datasets.
     """
-    rows = [_row(path) for path in datasets_in(directory)]
-    split = splits(row["world"] for row in rows)
-    for row in rows:
-        row["split"] = split[row["world"]]
-    rows = [{name: row[name] for name in COLUMNS} for row in rows]
+    chosen = _last_choice(directory) if chosen is None else chosen
+    rows = index_rows(directory, chosen)
     if rows:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
+        table = pa.Table.from_pylist(rows)
+        if chosen:
+            table = table.replace_schema_metadata({CHOSEN: json.dumps(dict(sorted(chosen.items())))})
         with atomic_write(directory / INDEX) as temporary:
-            pq.write_table(pa.Table.from_pylist(rows), temporary, compression="zstd")
+            pq.write_table(table, temporary, compression="zstd")
     return rows
+
+
+def index_rows(directory: Path, chosen: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
+    """Rows of the index of all datasets in a directory, as `write_index` writes them."""
+    rows = [_row(path) for path in datasets_in(directory)]
+    split = splits((row["world"] for row in rows), chosen)
+    return [{name: (row | {"split": split[row["world"]]})[name] for name in COLUMNS} for row in rows]
+
+
+def _last_choice(directory: Path) -> dict[str, str]:
+    """The split of worlds that was chosen for the index of a directory; empty where there is none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        metadata = pq.read_schema(directory / INDEX).metadata or {}
+        return dict(json.loads(metadata.get(CHOSEN, b"{}")))
+    except (pa.ArrowException, OSError, ValueError):  # the index is made anew
+        return {}
 
 
 def read_index(directory: Path) -> list[dict[str, Any]]:
@@ -86,13 +109,20 @@ def read_index(directory: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def splits(worlds: Iterable[str]) -> dict[str, str]:
+def splits(worlds: Iterable[str], chosen: Mapping[str, str] | None = None) -> dict[str, str]:
     """The split of each world: about 70 % train, 15 % validation, 15 % test, and no world in two.
 
     The order is that of a hash of the worlds' names, so that neither names nor kinds of worlds decide. Two worlds are
     one for training and one for testing; a single world is for training.
+
+    chosen: the split of some worlds by name; all others are for training then. Raises ValueError where one of them is
+    not among the worlds.
     """
     names = sorted(set(worlds), key=lambda name: hashlib.sha256(name.encode()).digest())
+    if chosen:
+        if unknown := sorted(set(chosen) - set(names)):
+            raise ValueError(f"no datasets of world {', '.join(unknown)}, expected one of {', '.join(sorted(names))}")
+        return {name: chosen.get(name, "train") for name in names}
     test = max(round(TEST_SHARE * len(names)), 1) if len(names) > 1 else 0
     validation = max(round(VALIDATION_SHARE * len(names)), 1) if len(names) > 2 else 0
     parts = ["test"] * test + ["validation"] * validation
@@ -103,14 +133,31 @@ def _is_dataset(path: Path) -> bool:
     return not path.name.startswith(".") and (path / CONFIG).is_file() and (path / "world.toml").is_file()
 
 
+def settings_of(path: Path) -> dict[str, Any]:
+    """The settings that made a dataset; LogError where its config.toml cannot be read."""
+    settings = _config(path)[0].get("settings")
+    if not isinstance(settings, dict):
+        raise LogError(f"{path / CONFIG}: expected a table [settings]")
+    return settings
+
+
+def _config(path: Path) -> tuple[dict[str, Any], bytes]:
+    """Content of the config.toml of a dataset, and its bytes."""
+    file = path / CONFIG
+    if file.stat().st_size > MAX_CONFIG:
+        raise LogError(f"{file}: larger than {MAX_CONFIG} bytes")
+    content = file.read_bytes()
+    try:
+        return tomllib.loads(content.decode()), content
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise LogError(f"{file}: {error}, expected TOML") from None
+
+
 def _row(path: Path) -> dict[str, Any]:
     """A row of the index, without the split."""
     file = path / CONFIG
+    config, content = _config(path)
     try:
-        if file.stat().st_size > MAX_CONFIG:
-            raise LogError(f"{file}: larger than {MAX_CONFIG} bytes")
-        content = file.read_bytes()
-        config = tomllib.loads(content.decode())
         settings, drive = config["settings"], config["drive"]
         return {
             "dataset": path.name,
@@ -132,9 +179,5 @@ def _row(path: Path) -> dict[str, Any]:
             "settings": json.dumps(settings, sort_keys=True),
             "sha256": hashlib.sha256(content).hexdigest(),
         }
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise LogError(f"{file}: {error}, expected TOML") from None
     except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, LogError):
-            raise
         raise LogError(f"{file}: {error}: expected the settings and the drive of a dataset") from None

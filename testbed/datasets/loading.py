@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from slam.occupancy import OccupancyGrid
 from testbed.formats import Log, LogError, open_log
 from testbed.formats.checksums import CONFIG
-from testbed.formats.frame_table import FrameTable
 from testbed.frame import Frame
+from testbed.frame_table import FrameTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -198,7 +198,9 @@ class Dataset:
 
     def __repr__(self) -> str:
         if "log" not in self.__dict__:
-            return f"<Dataset {self.name!r}, not read yet>"
+            drive, named = self.config.get("drive", {}), [self.settings.get(key) for key in ("world", "robot", "lidar")]
+            known = [str(value) for value in named if value] + [f"{drive['seconds']} s"] * ("seconds" in drive)
+            return f"<Dataset {self.name!r}: {', '.join([*known, 'not read yet'])}>"
         lidar = f"{len(self)} scans of {self.scans.shape[1]} beams ({self.lidar})" if self.lidars else "no scans"
         span = float(np.ptp(self.table.stamps)) if len(self.table) else 0.0
         return f"<Dataset {self.name!r}: {lidar}, {len(self.table)} frames, {span:.1f} s>"

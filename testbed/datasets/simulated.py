@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,11 +16,10 @@ from eval.files.tum import write_tum
 from eval.map.grids import grid_from_true_map
 from eval.trajectory.trajectory import Trajectory
 from testbed.formats.checksums import CONFIG, seal_directory
-from testbed.formats.frame_table import BLOCK_FRAMES, FrameTable
 from testbed.formats.head import LidarHead, LogHead
 from testbed.formats.write import write_blocks
-from testbed.frame import Frame
-from testbed.simulation import SimulationConfig, simulate
+from testbed.frame_table import BLOCK_FRAMES, FrameTable
+from testbed.simulation import Simulation, SimulationConfig, simulate
 from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.drivers.recorded import RecordedDriver
@@ -120,8 +118,8 @@ def _lidars(config: SimulationConfig) -> dict[str, LidarHead]:
 class _Drive:
     """A drive in blocks of frames, of which one is in memory at a time; keeps what is said of the whole."""
 
-    def __init__(self, frames: Iterable[Frame]) -> None:
-        self._frames = iter(frames)
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
         self._stamps: list[NDArray[np.float64]] = []
         self._poses: list[NDArray[np.float64]] = []
         self.metres = 0.0
@@ -129,17 +127,16 @@ class _Drive:
         self.scans = 0
 
     def blocks(self) -> Iterator[FrameTable]:
-        """The frames, as far as they have not been given yet."""
-        first, last = 0, np.empty((0, 2))
-        while frames := list(islice(self._frames, BLOCK_FRAMES)):
-            block = FrameTable.from_frames(frames, first)
+        """The frames of the drive."""
+        last = np.empty((0, 2))
+        for block in self._simulation.blocks(BLOCK_FRAMES):
             yield block
             path = np.concatenate([last, block.truth[:, :2]])
             self.metres += float(np.hypot(*np.diff(path, axis=0).T).sum())
             self.scans += len(block.scan_rows)
             self._stamps.append(block.stamps[block.scan_rows])
             self._poses.append(block.truth[block.scan_rows])
-            first, last = first + len(frames), path[-1:]
+            last = path[-1:]
 
     def truth_at_scans(self, name: str) -> Trajectory:
         """The true poses at the scans; ValueError where there are none."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slam.occupancy import OccupancyGrid
-from testbed.formats.frame_table import FrameTable
 from testbed.formats.log import Log
+from testbed.frame_table import FrameTable
 
 
 @dataclass(frozen=True, kw_only=True)

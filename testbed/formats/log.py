@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 
 from slam.occupancy import OccupancyGrid
-from testbed.formats.frame_table import FrameTable
 from testbed.frame import Frame
+from testbed.frame_table import FrameTable
 
 
 class LogError(ValueError):

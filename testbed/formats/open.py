@@ -48,7 +48,7 @@ def _read(path: Path, laser_offset: float | None, range_max: float | None) -> Lo
         raise LogError(f"{path}: no such file")
     if within := _recordings_below(path):
         if len(within) > 1:
-            raise LogError(f"{path}: holds {len(within)} recordings, expected one of {_listed(within)}")
+            raise LogError(f"{path}: holds {len(within)} recordings; name one, such as {within[0]}")
         log = _read(within[0], laser_offset, range_max)
         return replace(log, notes=(f"read {within[0].name}, the only recording in {path}", *log.notes))
     path = _recording_in(path)
@@ -75,12 +75,6 @@ def _recordings_below(path: Path) -> list[Path]:
         return []
     below = (child for child in sorted(path.iterdir()) if child.is_dir() and not child.name.startswith("."))
     return [child for child in below if (child / CONFIG).is_file() or _is_bag(child)]
-
-
-def _listed(paths: list[Path]) -> str:
-    """The first names, for messages."""
-    more = f" and {len(paths) - 6} others" if paths[6:] else ""
-    return ", ".join(str(path) for path in paths[:6]) + more
 
 
 def _recording_in(path: Path) -> Path:

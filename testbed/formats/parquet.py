@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
-from testbed.formats.frame_table import BeamPattern, FrameTable, Integers
 from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError
+from testbed.frame_table import BeamPattern, FrameTable, Integers
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
 MAX_TABLE = 50_000_000
@@ -44,7 +44,7 @@ COLUMNS = {
     "twist_vx, _vy, _omega": "velocity by odometry while the scan was taken, robot's frame [m/s, m/s, rad/s]",
     "command_speed, _turn_rate": "command that the robot keeps from then on [m/s, rad/s]",
     "truth_x, _y, _theta": "true pose, T_world_robot [m, m, rad]",
-    "lidar": "name of the lidar that took the scan; null where the frame has no scan",
+    "lidar": "name of the lidar's mount, such as `laser`; null where the frame has no scan",
     "ranges": "readings [m]; infinite = no return, NaN = lost, below range_min = too near",
     "angles": "direction of each beam in the lidar's frame [rad], counter-clockwise",
     "time_offsets": "time of each beam after the stamp [s]",

@@ -14,13 +14,13 @@ from eval.files.map_server import write_map
 from testbed.formats.carmen.reader import LIDARS
 from testbed.formats.carmen.writer import write_carmen
 from testbed.formats.checksums import seal_directory
-from testbed.formats.frame_table import FrameTable
 from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import write_parquet
 from testbed.formats.ros.storages import Storage
 from testbed.formats.ros.writer import write_bag
 from testbed.formats.tum import write_trajectories
+from testbed.frame_table import FrameTable
 
 LogFormat = Literal[
     "rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "carmen-flaser", "parquet", "tum", "map_server"

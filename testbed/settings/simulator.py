@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -104,7 +105,7 @@ class SimulatorOptions:
         Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
         progress: called with the share of the tour that is planned, 0 to 1.
         """
-        world, clearance = load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
+        world, clearance = _load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
         # A recorded drive begins where the drive began that its commands are from.
         on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route == "random")
         if world.tour is None and on_tour:
@@ -124,6 +125,16 @@ class SimulatorOptions:
         named = [Path(name) for name in (world, self.robot, *self.lidars, self.commands) if name is not None]
         files = [path for path in named if path.is_file()]
         return files + [map_image(path) for path in files[:1] if path == Path(world) and is_map(path)]
+
+
+def _load(name: str) -> World:
+    """Load a world; those without a file of the user cannot change, so that the last one is kept."""
+    return load(name) if is_map(name) or name.endswith(".toml") else _load_named(name)
+
+
+@lru_cache(maxsize=1)
+def _load_named(name: str) -> World:
+    return load(name)
 
 
 SIMULATOR = SimulatorOptions()

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot
+from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot, robots
 from testbed.seeds import RunSeeds
 from testbed.simulation.drivers.driver import DriverConfig
 from testbed.simulation.physics.backend import STEP_RATE
@@ -47,7 +47,10 @@ class SimulationConfig:
         if not self.duration > 0.0:
             raise ValueError(f"duration must be positive, got {self.duration} s")
         if len(self.further_lidars) > len(self.robot.further_lidar_mounts):
+            wanted = 1 + len(self.further_lidars)
+            able = [name for name in robots() if len(load_robot(name).lidar_mounts) >= wanted]
+            there = len(self.robot.lidar_mounts)
             raise ValueError(
-                f"robot {self.robot.name!r} has room for {len(self.robot.lidar_mounts)} lidars, not for "
-                f"{1 + len(self.further_lidars)}: expected further_lidar_mounts in its preset"
+                f"robot {self.robot.name!r} carries {there} lidar{'' if there == 1 else 's'}, not {wanted}: expected "
+                f"{' or '.join(able) or 'another robot'}, or further_lidar_mounts in its preset"
             )

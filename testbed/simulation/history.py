@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.se2 import Pose
+from testbed.simulation._history_kernels import interpolate, locate, mean_velocities
 
 _ROOM = 1024
 """First size of the buffer [poses]."""
@@ -56,36 +57,38 @@ class History:
         buffer[: len(kept)] = kept
         self._buffer, self._begin, self._end = buffer, 0, len(kept)
 
-    def at(self, time: float) -> tuple[float, float, float]:
-        """Return the pose `(x, y, theta)` at `time` [s], interpolated linearly.
+    def at(self, times: NDArray[np.float64], known: NDArray[np.int64]) -> Pose:
+        """Return the poses at `times` (n,) [s], (n, 3), interpolated linearly.
 
-        Raises `ValueError` if the poses around it are not kept.
+        known (n,): number of poses since time 0 that are used for each; later times have the last of them. Raises
+        `ValueError` if the poses around them are not kept.
         """
-        position = self._position(time, time)
-        index = min(int(position), self._end - self._begin - 1)
-        x, y, theta = self._buffer[self._begin + index].tolist()
-        weight = position - index
-        if weight == 0.0 or self._begin + index + 1 == self._end:
-            return x, y, theta
-        x_next, y_next, theta_next = self._buffer[self._begin + index + 1].tolist()
-        return x + weight * (x_next - x), y + weight * (y_next - y), theta + weight * (theta_next - theta)
+        poses: Pose = interpolate(*self.between(times, known))
+        return poses
 
-    def between(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """All poses kept, (n, 3), and where increasing `times` (m,) [s] lie among them, as fractional indices (m,).
+    def velocities(
+        self, begins: NDArray[np.float64], ends: NDArray[np.float64], known: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Return the mean velocities in the robot's frame from `begins` to `ends` (n,) [s], (n, 3); known (n,): as for
+        `at`."""
+        velocities: NDArray[np.float64] = mean_velocities(self.at(begins, known), self.at(ends, known), ends - begins)
+        return velocities
 
-        The poses are valid until the next `extend`. Raises `ValueError` for times that are not kept.
+    def between(
+        self, times: NDArray[np.float64], known: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """All poses kept, (n, 3), and where `times` (m,) [s] lie among them, as fractional indices (m,).
+
+        known (m,): as for `at`. The poses are valid until the next `extend`. Raises `ValueError` for times that are not
+        kept.
         """
-        self._position(float(times[0]), float(times[-1]))
-        positions = np.maximum(times / self._period - self._first_index, 0.0)
+        kept = self._end - self._begin
+        positions, are_kept = locate(times, known, self._period, self._first_index, kept)
+        if not are_kept:
+            raise ValueError(
+                f"poses from {times.min()} to {times.max()} s are not all kept, the last is that of {self.end} s"
+            )
         return self._buffer[self._begin : self._end], positions
-
-    def _position(self, first: float, last: float) -> float:
-        """Return the fractional index of time `first` [s]; raise ValueError unless `first` and `last` are kept."""
-        position = first / self._period - self._first_index
-        end = last / self._period - self._first_index
-        if position < -1e-6 or end > self._end - self._begin - 1 + 1e-6:
-            raise ValueError(f"poses from {first} to {last} s are not all kept, the last is that of {self.end} s")
-        return max(position, 0.0)
 
     def forget_before(self, time: float) -> None:
         """Drop poses older than `time` [s], but keep one at or before it."""

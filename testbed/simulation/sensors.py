@@ -3,19 +3,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from slam.scan import Scan
 from slam.se2 import Pose, wrap_angle
-from testbed.frame import Frame
+from testbed.frame_table import BeamPattern, FrameTable
 from testbed.seeds import Stream, children
-from testbed.simulation.config import CONTROL_PERIOD, SimulationConfig
+from testbed.simulation.config import CONTROL_PERIOD, CONTROL_STEPS, SimulationConfig
 from testbed.simulation.history import History
 from testbed.simulation.movers.movers import Movers
-from testbed.simulation.physics.backend import STEP_RATE, Backend
+from testbed.simulation.physics.backend import STEP_RATE, Backend, Motion
 from testbed.simulation.robot._lidar_kernels import place_beams
 from testbed.simulation.robot.lidar import Lidar
 from testbed.simulation.robot.odometry import Odometry
@@ -59,8 +58,22 @@ def _devices(config: SimulationConfig) -> list[Device]:
     return [Device(number, config, stream) for number, stream in enumerate(streams)]
 
 
+class _Due(NamedTuple):
+    """A frame whose content is known, since the robot has driven long enough."""
+
+    stamp: float
+    """Its time [s]."""
+    device: Device | None
+    """The lidar of its scan; None = it has none."""
+    periods: int
+    """Control periods after which it was complete: it is made of what was known then."""
+
+
 class Sensors:
-    """Makes frames of the true motion, which is kept until the scans taken during it are complete."""
+    """Makes frames of the true motion, which is kept until the frames of that time are taken.
+
+    Frames may be taken one by one or many at a time: they are equal to the last bit.
+    """
 
     def __init__(self, backend: Backend, movers: Movers, config: SimulationConfig) -> None:
         self._backend, self._movers = backend, movers
@@ -69,80 +82,125 @@ class Sensors:
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
         self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
         self._odometry = History(self._odometer.advance(*start.wheels.tolist()), CONTROL_PERIOD)
-        self.commands: list[tuple[float, float]] = []
-        """Speed [m/s] and turn rate [rad/s] commanded in each control period so far."""
+        self._commands: list[tuple[float, float]] = []  # of each control period from `_first_command` on
+        self._first_command = 0
+        self._due: list[_Due] = []
         self._next_odometry = 0
-        presets = [device.preset for device in self._devices]
-        self._keep = max(p.sweep_time + 2.0 / p.scan_rate for p in presets) + 2.0 * CONTROL_PERIOD
 
-    def read_wheels(self, left: float, right: float) -> None:
-        """Process the wheel angles since the beginning [rad]."""
-        self._odometry.extend(self._odometer.advance(left, right)[None])
+    @property
+    def due(self) -> int:
+        """Number of frames that can be taken."""
+        return len(self._due)
 
-    def frames_until(self, time: float) -> Iterator[Frame]:
-        """Yield the frames that are complete at `time` [s]: scans whose last beam was fired, odometry up to then."""
+    def record(self, command: tuple[float, float], motion: Motion) -> None:
+        """Note the motion of one control period, and its command: speed [m/s] and turn rate [rad/s]."""
+        self._commands.append(command)
+        self.truth.extend(motion.poses)
+        self._odometry.extend(self._odometer.advance(*motion.wheels.tolist())[None])
+
+    def await_frames(self, periods: int) -> None:
+        """Make those frames due that are complete after so many control periods: scans whose last beam was fired, and
+        odometry up to then."""
+        time = periods * CONTROL_PERIOD
         while (device := min(self._devices, key=lambda d: d.stamp)).complete <= time + 1e-9:
             stamp = device.stamp
-            yield from self.odometry_frames(before=stamp)
-            yield self._scan_frame(device)
+            self._await_odometry(stamp, periods)
+            self._due.append(_Due(stamp, device, periods))
             device.advance()
             if self._next_odometry * CONTROL_PERIOD < stamp + 1e-9:  # the scan's frame has stated it
                 self._next_odometry += 1
-            for history in (self.truth, self._odometry, self._movers):
-                history.forget_before(time - self._keep)
 
-    def odometry_frames(self, before: float) -> Iterator[Frame]:
-        """Yield the remaining frames without a scan up to the time `before` [s]."""
+    def await_rest(self, periods: int) -> None:
+        """Make the remaining frames due, which have no scan, of a drive that ended after so many control periods."""
+        self._await_odometry(periods * CONTROL_PERIOD, periods)
+
+    def _await_odometry(self, before: float, periods: int) -> None:
         while (stamp := self._next_odometry * CONTROL_PERIOD) < before - 1e-9:
-            yield self._frame(stamp, CONTROL_PERIOD, None)
+            self._due.append(_Due(stamp, None, periods))
             self._next_odometry += 1
 
-    def _scan_frame(self, device: Device) -> Frame:
-        stamp, lidar = device.stamp, device.lidar
-        sweep = lidar.sweep()
-        times = np.full(len(sweep.angles), stamp) if sweep.time_offsets is None else stamp + sweep.time_offsets
-        origins, directions = place_beams(*self.truth.between(times), lidar.true_mount, sweep.true_angles)
+    def take(self, count: int, first: int) -> FrameTable:
+        """Return the next `count` frames that are due, at least one; `first`: number of the first one in the drive."""
+        due, self._due = self._due[:count], self._due[count:]
+        stamps, periods = np.array([d.stamp for d in due]), np.array([d.periods for d in due])
+        commanded = [int((d.stamp + 1e-9) / CONTROL_PERIOD) - self._first_command for d in due]
+        table = FrameTable(
+            stamps=stamps,
+            odometry=_wrapped(self._odometry.at(stamps, 1 + periods)),
+            twist=self._twist(due, stamps, periods),
+            command=np.array([self._commands[k] for k in commanded]),
+            truth=_wrapped(self.truth.at(stamps, 1 + CONTROL_STEPS * periods)),
+            first=first,
+            **self._scans(due),
+        )
+        self._forget_before(due[-1].stamp - 2.0 * CONTROL_PERIOD)
+        return table
+
+    def _scans(self, due: list[_Due]) -> dict[str, Any]:
+        """Return the columns of a table that describe scans."""
+        rows = [row for row, d in enumerate(due) if d.device is not None]
+        devices = [d.device for d in due if d.device is not None]
+        patterns: list[BeamPattern | None] = [None] * len(rows)
+        readings = [np.empty(0)] * len(rows)
+        for device in dict.fromkeys(devices):
+            numbers = [number for number, other in enumerate(devices) if other is device]
+            while numbers:
+                found = self._scan(device, [due[rows[number]] for number in numbers])
+                for number, (pattern, ranges) in zip(numbers, found, strict=False):
+                    patterns[number], readings[number] = pattern, ranges
+                del numbers[: len(found)]
+        lidars = {name: k for k, name in enumerate(dict.fromkeys(device.name for device in devices))}
+        distinct = {id(pattern): pattern for pattern in patterns if pattern is not None}
+        places = {number: k for k, number in enumerate(distinct)}
+        presets = [device.preset for device in devices]
+        return {
+            "scan_rows": np.array(rows, dtype=np.int64),
+            "scan_lidars": np.array([lidars[device.name] for device in devices], dtype=np.int64),
+            "scan_patterns": np.array([places[id(pattern)] for pattern in patterns], dtype=np.int64),
+            "scan_starts": np.cumsum([0, *map(len, readings)], dtype=np.int64),
+            "ranges": np.concatenate(readings) if readings else np.empty(0),
+            "range_limits": np.array([(preset.range_min, preset.range_max) for preset in presets]).reshape(-1, 2),
+            "mounts": np.array([device.lidar.mount for device in devices]).reshape(-1, 3),
+            "lidars": tuple(lidars),
+            "patterns": tuple(distinct.values()),
+        }
+
+    def _scan(self, device: Device, due: list[_Due]) -> list[tuple[BeamPattern, NDArray[np.float64]]]:
+        """Return pattern and ranges of the next scans of one lidar: at least one, at most those that are due."""
+        lidar = device.lidar
+        sweep = lidar.sweep(len(due))
+        scans, counts = len(sweep.patterns), np.diff(sweep.starts)
+        times = np.repeat([d.stamp for d in due[:scans]], counts)
+        if sweep.time_offsets is not None:
+            times += sweep.time_offsets
+        periods = np.repeat([d.periods for d in due[:scans]], counts)
+        poses, positions = self.truth.between(times, 1 + CONTROL_STEPS * periods)
+        origins, directions = place_beams(poses, positions, lidar.true_mount, sweep.true_angles)
         hits = self._backend.cast(origins, directions, device.preset.range_max, device.height)
-        hits = self._movers.before(hits, origins, directions, times)
-        scan = Scan(
-            ranges=lidar.ranges(hits),
-            angles=sweep.angles,
-            range_min=device.preset.range_min,
-            range_max=device.preset.range_max,
-            stamp=stamp,
-            mount=lidar.mount,
-            time_offsets=sweep.time_offsets,
-        )
-        return self._frame(stamp, max(device.sweep_time, CONTROL_PERIOD), scan, lidar=device.name)
+        hits = self._movers.before(hits, origins, directions, times, 1 + periods)
+        ranges = np.split(lidar.ranges(hits), sweep.starts[1:-1])
+        return list(zip(sweep.patterns, ranges, strict=True))
 
-    def _frame(self, stamp: float, seconds: float, scan: Scan | None, lidar: str = Frame.lidar) -> Frame:
-        """Return the frame of `stamp` [s], with the mean velocity by odometry over the next `seconds`."""
-        odometry = self._odometry.at(stamp)
-        return Frame(
-            stamp=stamp,
-            odometry=_pose(odometry),
-            scan=scan,
-            lidar=lidar,
-            twist=self._twist(stamp, odometry, seconds),
-            command=self.commands[int((stamp + 1e-9) / CONTROL_PERIOD)],
-            truth=_pose(self.truth.at(stamp)),
-        )
+    def _twist(self, due: list[_Due], stamps: NDArray[np.float64], periods: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the mean velocity in the robot's frame during each frame, (n, 3): over a scan, or a control period.
 
-    def _twist(self, stamp: float, odometry: tuple[float, float, float], seconds: float) -> Pose:
-        """Return the mean velocity in the robot's frame over `seconds` from `stamp` on, (3,).
-
-        It ends with the last odometry reading; if there is none after `stamp`, it is that of the last period.
+        It ends with the last odometry reading; if there is none after the frame's stamp, it is that of the last period.
         """
-        end = min(stamp + seconds, self._odometry.end)
-        if end - stamp < 0.5 * CONTROL_PERIOD:
-            stamp = end - CONTROL_PERIOD
-            odometry = self._odometry.at(stamp)
-        x, y, theta = odometry
-        x_end, y_end, theta_end = self._odometry.at(end)
-        cos, sin, dx, dy, dt = math.cos(theta), math.sin(theta), x_end - x, y_end - y, end - stamp
-        return np.array([(cos * dx + sin * dy) / dt, (-sin * dx + cos * dy) / dt, (theta_end - theta) / dt])
+        seconds = [CONTROL_PERIOD if d.device is None else max(d.device.sweep_time, CONTROL_PERIOD) for d in due]
+        ends = np.minimum(stamps + seconds, periods * CONTROL_PERIOD)
+        begins = np.where(ends - stamps < 0.5 * CONTROL_PERIOD, ends - CONTROL_PERIOD, stamps)
+        return self._odometry.velocities(begins, ends, 1 + periods)
+
+    def _forget_before(self, time: float) -> None:
+        """Drop what no later frame needs."""
+        for history in (self.truth, self._odometry, self._movers):
+            history.forget_before(time)
+        drop = max(int(time / CONTROL_PERIOD) - self._first_command, 0)
+        del self._commands[:drop]
+        self._first_command += drop
 
 
-def _pose(unwrapped: tuple[float, float, float]) -> Pose:
-    x, y, theta = unwrapped
-    return np.array([x, y, wrap_angle(theta)])
+def _wrapped(poses: Pose) -> Pose:
+    """Return poses (n, 3) with headings in [-pi, pi)."""
+    poses[:, 2] = wrap_angle(poses[:, 2])
+    return poses

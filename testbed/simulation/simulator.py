@@ -6,9 +6,11 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 
 from testbed.frame import Frame
+from testbed.frame_table import FrameTable
 from testbed.presets import RobotPreset
 from testbed.simulation.config import CONTROL_PERIOD, CONTROL_STEPS, SimulationConfig
 from testbed.simulation.drivers.driver import Driver
+from testbed.simulation.drivers.recorded import RecordedDriver
 from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.movers.movers import Movers
 from testbed.simulation.physics.backend import AccelerationLimits, Backend
@@ -17,6 +19,10 @@ from worlds import World, WorldError, check_world
 
 TOUR_CLEARANCE = 0.05
 """Least distance between a tour and walls in addition to the footprint, since pure pursuit cuts corners [m]."""
+
+
+FRAMES_AHEAD = 16
+"""Frames that are made together where the driver does not depend on who reads the frames: some 0.8 s of a drive."""
 
 
 class Simulation(Iterator[Frame]):
@@ -40,7 +46,8 @@ class Simulation(Iterator[Frame]):
         self._periods = 0
         self.movers = Movers(world, config.robot.footprint_radius, CONTROL_PERIOD, config.seeds.movers)
         """People and doors."""
-        self._frames = self._run()
+        self._blocks = self._drive(FRAMES_AHEAD if isinstance(self.driver, TourDriver | RecordedDriver) else 1)
+        self._frames: Iterator[Frame] = iter(())  # of the current block
 
     @property
     def time(self) -> float:
@@ -67,7 +74,9 @@ class Simulation(Iterator[Frame]):
         return None if self.finished or (duration is not None and not self.stuck) else "timeout"
 
     def __next__(self) -> Frame:
-        return next(self._frames)
+        while (frame := next(self._frames, None)) is None:
+            self._frames = iter(next(self._blocks).frames())
+        return frame
 
     def __enter__(self) -> Simulation:
         return self
@@ -77,26 +86,42 @@ class Simulation(Iterator[Frame]):
 
     def close(self) -> None:
         """End the simulation and free the physics client; may be called twice."""
-        self._frames.close()
+        self._blocks.close()
+        self._frames = iter(())
 
-    def _run(self) -> Generator[Frame, None, None]:
-        config = self.config
-        backend = _backend(self.world, config)
+    def blocks(self, size: int) -> Iterator[FrameTable]:
+        """Return all frames, `size` at a time: faster than one by one, and the same to the last bit.
+
+        Use it instead of the iteration over frames. The drive is ahead of the last frame by up to a block.
+        """
+        self._blocks = self._drive(size)
+        return self._blocks
+
+    def _drive(self, size: int) -> Generator[FrameTable, None, None]:
+        backend = _backend(self.world, self.config)
+        first = 0
         try:
-            sensors = Sensors(backend, self.movers, config)
-            while self.time < config.duration and not self.finished and not self.stuck:
-                command = self._command(*sensors.truth.latest.tolist())
-                motion = backend.drive(*command, CONTROL_STEPS)
-                self.collided = self.collided or motion.contact
-                self._periods += 1
-                sensors.commands.append(command)
-                sensors.truth.extend(motion.poses)
-                sensors.read_wheels(*motion.wheels.tolist())
-                self.movers.advance(*motion.poses[-1, :2].tolist())
-                yield from sensors.frames_until(self.time)
-            yield from sensors.odometry_frames(before=self.time)
+            sensors = Sensors(backend, self.movers, self.config)
+            while self.time < self.config.duration and not self.finished and not self.stuck:
+                self._drive_a_period(backend, sensors)
+                while sensors.due >= size:
+                    yield sensors.take(size, first)
+                    first += size
+            sensors.await_rest(self._periods)
+            while sensors.due:
+                yield sensors.take(size, first)
+                first += size
         finally:
             backend.close()
+
+    def _drive_a_period(self, backend: Backend, sensors: Sensors) -> None:
+        command = self._command(*sensors.truth.latest.tolist())
+        motion = backend.drive(*command, CONTROL_STEPS)
+        self.collided = self.collided or motion.contact
+        self._periods += 1
+        sensors.record(command, motion)
+        self.movers.advance(*motion.poses[-1, :2].tolist())
+        sensors.await_frames(self._periods)
 
     def _command(self, x: float, y: float, theta: float) -> tuple[float, float]:
         """Return the driver's command, clipped to the limits of the robot."""
@@ -119,10 +144,10 @@ def simulate(world: World, config: SimulationConfig | None = None, driver: Drive
 
 def check_fits(world: World, robot: RobotPreset) -> None:
     """Raise `WorldError` unless the world is valid and has room for the robot at its start and along its tour."""
-    check_world(world)
     try:
         check_world(world, footprint_radius=robot.footprint_radius + TOUR_CLEARANCE)
     except WorldError as error:
+        check_world(world)  # whatever the robot
         raise WorldError(f"robot {robot.name!r} does not fit: {error}") from None
 
 

@@ -69,6 +69,12 @@ def parse_draws(texts: Sequence[str], simulator: SimulatorOptions) -> list[Draw]
     return draws
 
 
+def with_each_choice(simulator: SimulatorOptions, draws: Sequence[Draw], key: str) -> list[SimulatorOptions]:
+    """The settings with each value that may be drawn for `key`; as they are where it is not drawn."""
+    choices = [value for draw in draws if draw.key == key for value in draw.choices]
+    return [with_value(simulator, key, value, "--draw") for value in choices] or [simulator]
+
+
 def drawn(
     simulator: SimulatorOptions, draws: Sequence[Draw], world: str, seed: int
 ) -> tuple[SimulatorOptions, dict[str, Any]]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
+from testbed.presets import PresetError, load_lidar, load_robot
 from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import LidarLayers, OdometryConfig
 
@@ -24,6 +25,10 @@ KEYS = {
     **{f"{group}.{field.name}": owner for group, owner in GROUPS.items() for field in fields(owner)},
 }
 """Settings that may vary, and the class of each."""
+
+
+PRESETS: dict[str, Callable[[str], object]] = {"robot": load_robot, "lidar": load_lidar}
+"""Settings that name a preset, and what loads it."""
 
 
 class Variant(NamedTuple):
@@ -79,6 +84,12 @@ def with_value(simulator: SimulatorOptions, key: str, text: str, option: str) ->
         converted: Any = TypeAdapter(get_type_hints(owner)[name]).validate_python(text)
     except ValidationError as error:
         raise ValueError(f"{option} {key}={text}: {error.errors(include_url=False)[0]['msg']}") from None
+    if key in PRESETS:
+        for preset in converted.split(",") if key == "lidar" else [converted]:
+            try:
+                PRESETS[key](preset.strip())
+            except PresetError as error:
+                raise ValueError(f"{option} {key}={text}: {error}") from None
     if not group:
         return replace(simulator, **{name: converted})
     return replace(simulator, **{group: replace(getattr(simulator, group), **{name: converted})})

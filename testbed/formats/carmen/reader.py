@@ -69,6 +69,13 @@ OFFSETS = {"FLASER": "robot_frontlaser_offset", "RLASER": "robot_rearlaser_offse
 MAXIMA = {"FLASER": "robot_front_laser_max", "RLASER": "robot_rear_laser_max"}
 """Parameters with the range from which on there is no return [m]."""
 
+END = 0.05
+"""The far end of the readings: this share of the largest one."""
+MIN_REPEATS = 10
+"""Readings without a return are at least so many, and so many times as frequent as others near them."""
+NEXT_VALUE = 0.015
+"""Readings [m] that differ by less are neighbours: logs hold centimetres."""
+
 _OFFSET_IN_COMMENT = re.compile(r"robot_frontlaser_offset\s+(-?[0-9]*\.?[0-9]+)")
 
 
@@ -78,7 +85,7 @@ def read_carmen(path: str | Path, *, laser_offset: float | None = None, range_ma
     laser_offset  x of the front laser in the robot's frame [m]; None: what the log says (`PARAM
                   robot_frontlaser_offset`, a comment of that name, or the two poses of a `ROBOTLASER1` line), else 0
     range_max     readings from here on are no returns [m]; None: what the log says (`ROBOTLASER1`, `PARAM
-                  robot_front_laser_max`), else the no-return value found in the readings, see `no_return_value`
+                  robot_front_laser_max`), else the no-return value found in the readings, see `no_return_from`
     Odometry of a frame is the robot's (`odom_*`, `robot_*`); stamps are the ipc clock. `TRUEPOS` becomes the truth of
     the next frame with its stamp. Raises LogError, naming file and line, for anything that does not fit the format.
     """
@@ -92,19 +99,28 @@ def read_carmen(path: str | Path, *, laser_offset: float | None = None, range_ma
     return _assemble(path, content, laser_offset, range_max)
 
 
-def no_return_value(ranges: NDArray[np.float64]) -> float | None:
-    """The value that a log writes where a beam did not return, or None; ranges (n,) [m].
+def no_return_from(ranges: NDArray[np.float64]) -> float | None:
+    """The reading from which on a log writes that a beam did not return, or None; ranges (n,) [m].
 
-    It shows as a spike at the top of the histogram: the largest reading, repeated exactly at least 10 times and 10
-    times as often as any value within 10 % below it. Real walls spread over many values instead.
+    Such readings are a cluster at the far end of the histogram: often one value, sometimes a few near each other (error
+    codes of the lidar, or one value in several units). It begins with the lowest value in the last `END` of the range
+    that is 10 times as frequent as any value in the stretch of that length before, and with the frequent ones next to
+    it. Real walls spread over many values; where several values hold most of all readings, they are a wall.
     """
     finite = ranges[np.isfinite(ranges)]
     if finite.size == 0:
         return None
     values, counts = np.unique(finite, return_counts=True)
-    top, times = float(values[-1]), int(counts[-1])
-    near = counts[:-1][values[:-1] > 0.9 * top]
-    return top if times >= 10 and times >= 10 * near.max(initial=0) else None
+    end = values > (1.0 - END) * values[-1]
+    before = (values > (1.0 - 2.0 * END) * values[-1]) & ~end
+    usual = counts[before].max(initial=1)
+    frequent = np.flatnonzero(end & (counts >= MIN_REPEATS * usual))
+    if frequent.size == 0 or (frequent.size > 1 and 2 * counts[end].sum() > finite.size):
+        return None
+    first = int(frequent[0])
+    while first > 0 and values[first] - values[first - 1] <= NEXT_VALUE and counts[first - 1] > usual:
+        first -= 1
+    return float(values[first])
 
 
 @dataclass
@@ -352,10 +368,12 @@ def _no_return_of(logged: float | None, name: str, ranges: list[NDArray[np.float
     if logged is not None:
         return logged, f"no return from {logged:g} m on (PARAM {name})"
     readings = np.concatenate(ranges)
-    found = no_return_value(readings)
+    found = no_return_from(readings)
     if found is None:
         return math.inf, 'no value for "no return" stands out: all readings count as hits'
-    return found, f"no return is written as {found:g} m ({np.mean(readings == found):.1%} of the readings)"
+    top = float(readings[np.isfinite(readings)].max())
+    written = f"{found:g} m" if found == top else f"{found:g} to {top:g} m"
+    return found, f"no return is written as {written} ({np.mean(readings >= found):.1%} of the readings)"
 
 
 def _resolve_offsets(content: _Content, given: float | None) -> tuple[dict[str, float], str]:

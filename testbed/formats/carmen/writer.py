@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import math
+import zlib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, BinaryIO, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,14 @@ from eval.files.atomic_write import atomic_write
 from slam import se2
 from testbed.formats.beams import even_spacing, same_mount
 from testbed.formats.carmen.reader import FLASER_LAYOUTS, LIDARS, MAXIMA, OFFSETS, SEAL, SEALED
-from testbed.formats.frame_table import BeamPattern, Floats, FrameTable, Integers
 from testbed.formats.head import LidarHead, LogHead
 from testbed.formats.log import LogError
+from testbed.frame_table import BeamPattern, Floats, FrameTable, Integers
 
 HOST = "testbed"
-PACKING = 1
-"""Level of gzip: level 9 takes thirty times as long and saves a fifth of the space."""
+PACKING = zlib.Z_HUFFMAN_ONLY
+"""Strategy of gzip: digits of measured ranges hardly repeat. Without a search for repetitions, packing takes two thirds
+of the time of level 1, and a twentieth less space; level 9 takes thirty times as long as level 1 and saves a fifth."""
 
 T = TypeVar("T")
 Message = Literal["ROBOTLASER", "FLASER"]
@@ -49,17 +50,21 @@ def write_carmen(
     with (
         atomic_write(path) as temporary,
         temporary.open("wb") as file,
-        _packed(file) if path.suffix == ".gz" else nullcontext(file) as out,
+        _packed(file) if path.suffix == ".gz" else nullcontext(file.write) as write,
     ):
         for text in chain((f"{SEALED}\n",), lines.parameters(), map(lines.text, blocks)):
             raw = text.encode("ascii")
             digest.update(raw)
-            out.write(raw)
-        out.write(f"{SEAL}{digest.hexdigest()}\n".encode("ascii"))
+            write(raw)
+        write(f"{SEAL}{digest.hexdigest()}\n".encode("ascii"))
 
 
-def _packed(file: Any) -> gzip.GzipFile:
-    return gzip.GzipFile(filename="", mode="wb", compresslevel=PACKING, fileobj=file, mtime=0)
+@contextmanager
+def _packed(file: BinaryIO) -> Iterator[Callable[[bytes], object]]:
+    """Give a function that writes bytes into a gzip file."""
+    packer = zlib.compressobj(level=1, wbits=zlib.MAX_WBITS + 16, strategy=PACKING)  # + 16: with the head of gzip
+    yield lambda raw: file.write(packer.compress(raw))
+    file.write(packer.flush())
 
 
 class _Lines:

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.formats.frame_table import Integers
 from testbed.formats.log import LogError
+from testbed.frame_table import Integers
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

@@ -23,7 +23,6 @@ from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
-from testbed.formats.frame_table import BeamPattern, FrameTable
 from testbed.formats.log import Log, LogError
 from testbed.formats.ros.decode import (
     NO_TRACK,
@@ -39,6 +38,7 @@ from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.repairs import Fan, bag_time, bridged, first_pass, with_twists
 from testbed.formats.ros.salvage import readable
 from testbed.formats.ros.transforms import Moving, Transforms, joint_transforms, planar_pose, planar_transform
+from testbed.frame_table import BeamPattern, FrameTable
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"

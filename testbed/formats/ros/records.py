@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from slam import se2
 from testbed.formats.beams import even_spacing
-from testbed.formats.frame_table import BeamPattern, Floats, FrameTable, Integers
 from testbed.formats.log import LogError
 from testbed.formats.ros import layouts
 from testbed.formats.ros.layouts import CLOUD_END, SCAN_END, Encoding, Part
+from testbed.frame_table import BeamPattern, Floats, FrameTable, Integers
 
 Bytes = NDArray[np.uint8]
 

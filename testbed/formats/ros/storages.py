@@ -12,10 +12,10 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum
-from testbed.formats.frame_table import Integers
 from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.mcap import MESSAGE_HEAD, McapStorage, message_heads
 from testbed.formats.ros.records import Bytes, Framing, Records
+from testbed.frame_table import Integers
 
 Storage = Literal["mcap", "sqlite", "rosbag1"]
 """mcap, sqlite: a rosbag2 directory; rosbag1: one file."""

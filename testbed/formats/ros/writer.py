@@ -23,12 +23,12 @@ import numpy as np
 
 from eval.files.atomic_write import atomic_directory
 from testbed.formats.beams import same_mount
-from testbed.formats.frame_table import FrameTable
 from testbed.formats.head import LogHead
 from testbed.formats.log import LogError
 from testbed.formats.ros.messages import Joint, Messages, joints_of, planar_joint
 from testbed.formats.ros.records import RecordMaker, nanoseconds
 from testbed.formats.ros.storages import Bag, Storage, new_bag
+from testbed.frame_table import FrameTable
 
 MAX_STAMP = 2**31 - 1
 """ROS 2 counts seconds in 31 bits."""

@@ -192,13 +192,20 @@ class Movers:
         )
 
     def before(
-        self, hits: Hits, origins: NDArray[np.float64], directions: NDArray[np.float64], times: NDArray[np.float64]
+        self,
+        hits: Hits,
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        times: NDArray[np.float64],
+        known: NDArray[np.int64],
     ) -> Hits:
-        """Return the hits of rays that end at movers if these are nearer than the walls; `times` (rays,): time of each
-        ray [s]."""
+        """Return the hits of rays that end at movers if these are nearer than the walls.
+
+        times (rays,): time of each ray [s]; known (rays,): number of instants since time 0 that are used for each
+        """
         if not self:
             return hits
-        positions = times / self._period - self._first_index
+        positions = np.minimum(times / self._period - self._first_index, known - (1 + self._first_index))
         distances, cos_incidence = nearest_mover(
             np.array(self._circles), np.array(self._segments), positions, origins, directions
         )

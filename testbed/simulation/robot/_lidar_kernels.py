@@ -115,3 +115,20 @@ def read_beams(distances, cos_incidence, uniform, normal, optics, device):
             reading = np.nan
         readings[i] = reading
     return readings
+
+
+@kernel
+def read_sweeps(distances, cos_incidence, starts, uniform, normal, optics, device):
+    """Return readings [m] of several scans, one after the other, (beams of all,), as `read_beams` gives them.
+
+    starts (scans + 1,): first beam of each scan, and the end; uniform (scans, 2 n), normal (scans, 2 n + 1): random
+    numbers, of which the second n normal ones are for ranges
+    """
+    readings = np.empty(distances.shape[0])
+    n = uniform.shape[1] // 2
+    for k in range(starts.shape[0] - 1):
+        begin, end = starts[k], starts[k + 1]
+        readings[begin:end] = read_beams(
+            distances[begin:end], cos_incidence[begin:end], uniform[k].reshape(2, n), normal[k, n:-1], optics, device
+        )
+    return readings

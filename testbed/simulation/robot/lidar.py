@@ -14,9 +14,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from testbed.frame_table import BeamPattern
 from testbed.presets import LidarPreset, Mount
 from testbed.simulation.physics.backend import Hits
-from testbed.simulation.robot._lidar_kernels import Optics, read_beams
+from testbed.simulation.robot._lidar_kernels import Optics, read_sweeps
 from testbed.simulation.robot.random_rows import RandomRows
 
 
@@ -55,14 +56,18 @@ class LidarLayers:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """The beams of one scan before they are cast."""
+    """The beams of one scan, or of several one after the other, before they are cast."""
 
+    patterns: list[BeamPattern]
+    """Directions and times that the device reports, of each scan; scans with as many beams share theirs."""
+    starts: NDArray[np.int64]
+    """First beam of each scan, and the end, (scans + 1,)."""
     angles: NDArray[np.float64]
     """Directions that the device reports, lidar frame [rad], (beams,)."""
     true_angles: NDArray[np.float64]
     """True directions of the beams, lidar frame [rad], (beams,)."""
     time_offsets: NDArray[np.float64] | None
-    """Time of each beam after the first [s], (beams,); None = all at once."""
+    """Time of each beam after the first of its scan [s], (beams,); None = all at once."""
 
 
 def optics_of(preset: LidarPreset, layers: LidarLayers) -> Optics:
@@ -99,11 +104,10 @@ class Lidar:
 
     def __init__(self, preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Generator) -> None:
         self._preset, self._layers = preset, layers
-        self._angles = preset.angles()
         self._max_beams = math.ceil(preset.beams * (1.0 + _MAX_JITTER * preset.beam_jitter))
         self._optics = optics_of(preset, layers)
         self._device = draw_device(preset, mount, layers, rng)
-        self._times: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._patterns: dict[int, BeamPattern] = {}  # by the number of beams
         self._numbers = RandomRows(1, 2 * self._max_beams, 2 * self._max_beams + 1, rows=BEAM_ROWS)
         self._numbers.seed(0, rng)
         self.mount = mount.pose
@@ -111,37 +115,53 @@ class Lidar:
         self.true_mount = self._device[2:]
         """True `T_robot_lidar`, (3,) [m, m, rad]."""
 
-    def sweep(self) -> Sweep:
-        """Return the beams of the next scan."""
-        self._uniform, self._normal = self._numbers.next_of(0)
-        normal = self._normal
-        preset, layers, angles = self._preset, self._layers, self._angles
-        if layers.beam_count and preset.beam_jitter > 0.0:
-            count = round(preset.beams * (1.0 + preset.beam_jitter * normal[-1]))
-            angles = preset.angles(min(max(count, 1), self._max_beams))
+    def sweep(self, scans: int = 1) -> Sweep:
+        """Return the beams of the next scan, or of several: at least one and at most `scans`."""
+        self._uniform, self._normal = self._numbers.next_of(0, scans)
+        counts = self._counts()
+        patterns = [self._pattern(count) for count in counts]
+        self._starts = np.cumsum([0, *counts], dtype=np.int64)
+        angles = np.concatenate([pattern.angles for pattern in patterns])
         true_angles = angles
-        if layers.angle_noise and preset.angle_noise_deg > 0.0:
-            true_angles = angles + normal[: len(angles)] * math.radians(preset.angle_noise_deg)
-        return Sweep(angles=angles, true_angles=true_angles, time_offsets=self._time_offsets(angles))
+        if self._layers.angle_noise and self._preset.angle_noise_deg > 0.0:
+            noise = [normal[:count] for normal, count in zip(self._normal, counts, strict=True)]
+            true_angles = angles + np.concatenate(noise) * math.radians(self._preset.angle_noise_deg)
+        offsets = [pattern.time_offsets for pattern in patterns if pattern.time_offsets is not None]
+        return Sweep(
+            patterns=patterns,
+            starts=self._starts,
+            angles=angles,
+            true_angles=true_angles,
+            time_offsets=np.concatenate(offsets) if offsets else None,
+        )
 
-    def _time_offsets(self, angles: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Time of each beam after the first [s]: one array for all scans of the same angles, to save time."""
-        if not self._layers.motion:
-            return None
-        if self._times is None or self._times[0] is not angles:
-            self._times = angles, (angles - angles[0]) / (2.0 * math.pi * self._preset.scan_rate)
-        return self._times[1]
+    def _counts(self) -> list[int]:
+        """Return the number of beams of each scan."""
+        preset, scans = self._preset, len(self._normal)
+        if not self._layers.beam_count or preset.beam_jitter == 0.0:
+            return [preset.beams] * scans
+        counts = [round(preset.beams * (1.0 + preset.beam_jitter * x)) for x in self._normal[:, -1].tolist()]
+        return [min(max(count, 1), self._max_beams) for count in counts]
+
+    def _pattern(self, count: int) -> BeamPattern:
+        """Return directions and times of `count` beams: one object for all scans with as many."""
+        if count not in self._patterns:
+            angles = self._preset.angles(count)
+            times = (angles - angles[0]) / (2.0 * math.pi * self._preset.scan_rate) if self._layers.motion else None
+            self._patterns[count] = BeamPattern(angles=angles, time_offsets=times)
+        return self._patterns[count]
 
     def ranges(self, hits: Hits) -> NDArray[np.float64]:
         """Return the readings [m] of the last sweep, (beams,).
 
         inf = no return, -inf = nearer than `range_min`, NaN = lost, as in ROS REP 117.
         """
-        readings: NDArray[np.float64] = read_beams(
+        readings: NDArray[np.float64] = read_sweeps(
             hits.distances,
             hits.cos_incidence,
-            self._uniform.reshape(2, -1),
-            self._normal[self._max_beams : -1],
+            self._starts,
+            self._uniform,
+            self._normal,
             self._optics,
             self._device[:2],
         )

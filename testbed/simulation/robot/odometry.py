@@ -125,5 +125,5 @@ class Odometry:
     def advance(self, left: float, right: float) -> Pose:
         """Return the pose (3,) after the wheels have turned to these angles since the beginning [rad]."""
         uniform, normal = self._numbers.next_of(0)
-        read_wheels(self._odometer, (left, right), uniform, normal, self._believed, self._encoders)
+        read_wheels(self._odometer, (left, right), uniform[0], normal[0], self._believed, self._encoders)
         return self.pose

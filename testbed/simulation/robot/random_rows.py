@@ -39,15 +39,18 @@ class RandomRows:
         for robot in np.flatnonzero(self.row == self._rows).tolist():
             self._refill(robot)
 
-    def next_of(self, robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the next row of one robot: uniform (uniforms,) and normal (normals,) numbers, valid until the next
-        refill."""
+    def next_of(self, robot: int, most: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the next rows of one robot, at least one and at most `most`, as many as are drawn already.
+
+        They are uniform (n, uniforms) and normal (n, normals) numbers, valid until the next call.
+        """
         row = int(self.row[robot]) + 1
-        self.row[robot] = row
         if row == self._rows:
             self._refill(robot)
             row = 0
-        return self.uniform[robot, row], self.normal[robot, row]
+        end = min(row + most, self._rows)
+        self.row[robot] = end - 1
+        return self.uniform[robot, row:end], self.normal[robot, row:end]
 
     def _refill(self, robot: int) -> None:
         generator = self._generators[robot]

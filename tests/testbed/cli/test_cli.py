@@ -63,7 +63,7 @@ def here(tmp_path, monkeypatch):
         (["run", "office", "--commands", "c.csv"], "--commands FILE belong together"),
         (["run", "office", "--driver", "recorded", "--commands", "nowhere.csv"], "nowhere.csv: no such file"),
         (["run", "office", "--driver", "teleop"], "needs a terminal"),
-        (["run", "office", "--lidar", "lds01,lds02"], "has room for 1 lidars, not for 2"),
+        (["run", "office", "--lidar", "lds01,lds02"], "carries 1 lidar, not 2: expected dingo_d or pioneer3dx"),
         (["run", "office", "--filter.match", "3"], "--filter.match.hit-sigma"),
         (["run", "nowhere.yaml"], "nowhere.yaml: No such file"),
         (["simulate", "loop", "--variant", "../x", "--out", "datasets"], "variant '../x': expected a name"),
@@ -83,6 +83,8 @@ def here(tmp_path, monkeypatch):
         (["worlds", "show", "ofice"], "office"),
         (["report", "."], "."),
         (["view", "."], "not a log that can be read"),
+        (["view", "a", "b", "--save", "c.rrd"], "--save writes one recording, got 2"),
+        (["view", ".", "--save", "c.mp4"], "c.mp4: expected a name that ends in .rrd"),
         (["convert", "nowhere.log", "out.log", "--to", "carmen"], "nowhere.log: no such file"),
     ],
 )

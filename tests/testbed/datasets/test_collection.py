@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from eval.files.tum import read_tum
 from testbed.datasets import open_collection, open_dataset
+from testbed.datasets.card import TOPICS
 from testbed.datasets.index import COLUMNS, datasets_in, splits, write_index
 from testbed.formats import LogError, open_log
 from tests.shell import assert_refused, call
@@ -132,6 +135,22 @@ def test_shares_of_the_splits(count):
     assert (kept["train"], kept["validation"], kept["test"]) == expected[count]
 
 
+def test_splits_can_be_chosen_and_stay(made, tmp_path, capsys):
+    for name in ("loop-0000", "office-0000", "office-0001", "maze-1-0000"):
+        shutil.copytree(made / name, tmp_path / name)
+    assert call("datasets", "index", tmp_path, "--test", "office", "--validation", "loop") == 0
+    assert call("datasets", "index", tmp_path) == 0  # as simulate does at its end
+    found = {row["world"]: row["split"] for row in open_collection(tmp_path).rows}
+    assert found == {"office": "test", "loop": "validation", "maze-1": "train"}
+    index = (tmp_path / "datasets.parquet").read_bytes()
+    for options, complaint in (
+        (("--test", "offise"), "no datasets of world offise, expected one of loop, maze-1, office"),
+        (("--test", "office", "--validation", "office"), "office: named twice"),
+    ):
+        assert_refused(capsys, complaint, "datasets", "index", tmp_path, *options)
+    assert (tmp_path / "datasets.parquet").read_bytes() == index
+
+
 def test_the_index_is_the_same_again(made):
     before = (made / "datasets.parquet").read_bytes()
     write_index(made)
@@ -156,6 +175,45 @@ def test_the_card_says_what_there_is_and_whose_it_is(made):
     with Image.open(made / "contact_sheet.png") as sheet:
         assert sheet.size[0] > 240
         assert len(sheet.getcolors(1 << 24)) > 10
+
+
+def test_a_dataset_of_other_settings_is_not_kept_silently(made, tmp_path, capsys):
+    out = tmp_path / "data"
+    shutil.copytree(made, out)
+    before = {file: file.read_bytes() for file in out.iterdir() if file.is_file()}
+    common = ("office", "--out", out, "--duration", "6", "--seed", "1")
+    for options, complaint in (
+        (("--format", "parquet", "--lidar", "lds02"), "this command wants lidar lds02; choose another --out"),
+        (("--format", "rosbag2", *DRAWS), "office-0001: has format parquet, this command wants format rosbag2"),
+        (("--format", "parquet", *DRAWS, "--odometry.grade", "poor"), "has odometry.grade typical, this command wants"),
+    ):
+        assert_refused(capsys, complaint, "simulate", *common, *options)
+    assert {file: file.read_bytes() for file in out.iterdir() if file.is_file()} == before
+    assert call("simulate", *common, "--format", "parquet", *DRAWS) == 0
+    assert "1 existed already" in capsys.readouterr().out
+
+
+def test_the_card_names_all_commands_that_made_datasets(tmp_path, monkeypatch):
+    both = ["--count", "2", "--seed", "0"]
+    for options in (both, ["--seed", "2"], both, ["--seed", "2", "--noise", "3"]):
+        arguments = ["simulate", "loop", "--out", str(tmp_path), "--duration", "0.5", *options]
+        monkeypatch.setattr("sys.argv", ["testbed", *arguments])
+        assert call(*arguments) == (2 if "--noise" in options else 0)
+    assert call("datasets", "index", tmp_path) == 0
+    lines = (tmp_path / "README.md").read_text().partition("## Made by\n```\n")[2].splitlines()
+    lines = lines[: lines.index("```")]
+    assert [line.rpartition("--seed ")[2] for line in lines] == ["0", "2"]
+
+
+@pytest.mark.parametrize(("log_format", "part"), [("rosbag2", "`/ground_truth/odom`"), ("parquet", "`frames.parquet`")])
+def test_the_card_says_what_is_in_the_recordings(tmp_path, log_format, part):
+    assert call("simulate", "loop", "--out", tmp_path, "--duration", "0.5", "--format", log_format) == 0
+    assert call("datasets", "index", tmp_path) == 0
+    assert part in (tmp_path / "README.md").read_text()
+    (dataset,) = open_collection(tmp_path)
+    if log_format == "rosbag2":
+        with AnyReader([dataset.path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+            assert {connection.topic for connection in bag.connections} <= set(TOPICS)
 
 
 def test_a_card_of_somebody_else_is_kept(made, tmp_path, capsys):
@@ -198,6 +256,9 @@ def test_a_drawn_dataset_is_made_again_from_its_config(made, tmp_path):
         (("--draw", "noise=2..1"), "the lower one first"),
         (("--draw", "noise=a..b"), "expected two numbers"),
         (("--draw", "odometry.grade=good,superb"), "--draw odometry.grade=superb"),
+        (("--draw", "lidar=lds01,rplidar"), "--draw lidar=rplidar: unknown lidar 'rplidar'"),
+        (("--vary", "lidar=lds01,rplidar"), "--vary lidar=rplidar: unknown lidar 'rplidar'"),
+        (("--draw", "robot=create3,dingo_d"), "robot 'dingo_d' does not fit"),
         (("--draw", "noise=1..2", "--draw", "noise=3,4"), "names a key twice"),
         (("--draw", "noise=1..2", "--vary", "noise=1,2"), "given to --vary and --draw"),
         (("--shard", "2/2"), "shard 2/2: expected 0/2 to 1/2"),
@@ -208,6 +269,12 @@ def test_bad_requests_are_refused_before_anything_is_made(tmp_path, capsys, opti
     out = tmp_path / "data"
     assert_refused(capsys, complaint, "simulate", "office", "--out", out, *options)
     assert not out.exists()
+
+
+def test_one_dataset_is_a_collection_without_an_index(made, tmp_path):
+    shutil.copytree(made / "loop-0000", tmp_path / "loop-0000")
+    (row,) = open_collection(tmp_path).rows
+    assert row == next(row for row in open_collection(made).rows if row["dataset"] == "loop-0000") | {"split": "train"}
 
 
 def test_what_is_no_collection_is_refused(made, tmp_path):
@@ -226,9 +293,9 @@ def test_what_is_no_collection_is_refused(made, tmp_path):
 def test_reprs_are_one_line(made):
     collection = open_collection(made)
     dataset = collection[0]
-    assert "not read yet" in repr(dataset)
+    assert repr(dataset).endswith("create3, lds01, 6.0 s, not read yet>") or "rplidar_a2, 6.0 s" in repr(dataset)
     _ = dataset.scans
-    for shown in (collection, dataset, dataset.log):
+    for shown in (collection, dataset, dataset.log, next(iter(dataset))):
         assert len(repr(shown)) < 150
         assert "\n" not in repr(shown)
 
@@ -238,7 +305,8 @@ def test_the_code_of_the_docs_runs(made, monkeypatch, capsys):
     text = (Path(__file__).parents[3] / "docs" / "datasets.md").read_text()
     monkeypatch.chdir(made.parent)
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert len(blocks) == 2
+    assert len(blocks) == 4
+    assert call("convert", made / "office-0001", made.parent / "bag", "--to", "rosbag2") == 0
     for block in blocks:
-        exec(block, {})
-    assert "error of the turn" in capsys.readouterr().out
+        exec(block.replace('Path("data/office-0001")', 'Path("bag")'), {})
+    assert "predicting no motion" in capsys.readouterr().out

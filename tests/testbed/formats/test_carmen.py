@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from slam import se2
 from slam.scan import Scan
 from testbed.formats import Log, LogError, open_log
-from testbed.formats.carmen.reader import no_return_value, read_carmen
+from testbed.formats.carmen.reader import no_return_from, read_carmen
 from testbed.frame import Frame
 from tests.testbed.recordings import write_frames
 
@@ -227,13 +227,16 @@ def read_or_complaint(path: Path) -> Log | None:
 # --- what the log tells about the sensor -----------------------------------------------------------------------------
 
 
-def test_no_return_value_is_a_spike_at_the_top():
+def test_no_return_is_a_cluster_at_the_far_end():
     rng = np.random.default_rng(0)
     walls = np.round(rng.uniform(0.5, 49.9, 20_000), 2)
-    assert no_return_value(np.concatenate([walls, np.full(200, 50.0)])) == 50.0
-    assert no_return_value(walls) is None
-    assert no_return_value(np.round(rng.normal(9.0, 0.01, 20_000), 2)) is None
-    assert no_return_value(np.full(5, math.nan)) is None
+    assert no_return_from(np.concatenate([walls, np.full(200, 50.0)])) == 50.0
+    assert no_return_from(walls) is None
+    assert no_return_from(np.round(rng.normal(9.0, 0.01, 20_000), 2)) is None
+    codes = np.repeat([50.0, 51.14, 51.15, 51.16], [200, 900, 3000, 40])
+    far = np.round(rng.uniform(45.0, 50.5, 20), 2)
+    assert no_return_from(np.concatenate([walls, far, codes])) == 50.0
+    assert no_return_from(np.full(5, math.nan)) is None
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 from slam import se2
 from testbed.datasets.simulated import write_dataset
 from testbed.formats import Log, LogError, open_log
-from testbed.formats.frame_table import FrameTable
 from testbed.formats.write import write_log
+from testbed.frame_table import FrameTable
 from testbed.simulation import SimulationConfig
 from worlds import load
 

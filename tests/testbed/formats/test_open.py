@@ -18,7 +18,7 @@ def test_a_folder_with_one_recording_stands_for_it(tmp_path):
 def test_a_folder_with_several_recordings_lists_them(tmp_path):
     for number in range(8):
         write_log(tmp_path / f"drive-{number}", two_lidar_drive(), "parquet")
-    with pytest.raises(LogError, match=r"holds 8 recordings, expected one of .*drive-0, .*drive-5 and 2 others"):
+    with pytest.raises(LogError, match=r"holds 8 recordings; name one, such as .*drive-0$"):
         open_log(tmp_path)
 
 

@@ -21,11 +21,11 @@ from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from testbed.formats import LogError, open_log
-from testbed.formats.frame_table import FrameTable
 from testbed.formats.head import LogHead, lidars_of
 from testbed.formats.ros.reader import interpolate
 from testbed.formats.ros.writer import write_bag as write_blocks_as_bag
 from testbed.frame import Frame
+from testbed.frame_table import FrameTable
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 MOUNT = (0.1, -0.02, 0.3)

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from slam.scan import Scan
 from testbed.formats import Log, LogError
-from testbed.formats.frame_table import FrameTable
 from testbed.formats.write import HOLDS, parts_of, write_log
 from testbed.frame import Frame
+from testbed.frame_table import FrameTable
 from tests.testbed.recordings import (
     ANGLES,
     GRID,

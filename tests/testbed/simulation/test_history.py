@@ -33,8 +33,9 @@ def test_what_is_kept_reads_as_the_path_that_was_told(lengths, kept):
         oldest = max(told - kept, 0)
         times = np.linspace(oldest, told - 1, 7) * PERIOD
         expected = np.stack([np.interp(times, np.arange(told) * PERIOD, poses[:told, k]) for k in range(3)], axis=-1)
-        np.testing.assert_allclose([history.at(time) for time in times.tolist()], expected, atol=1e-9)
-        all_kept, positions = history.between(times)
+        known = np.full(7, told)
+        np.testing.assert_allclose(history.at(times, known), expected, atol=1e-9)
+        all_kept, positions = history.between(times, known)
         read = np.stack([np.interp(positions, np.arange(len(all_kept)), all_kept[:, k]) for k in range(3)], axis=-1)
         np.testing.assert_allclose(read, expected, atol=1e-9)
         np.testing.assert_allclose(history.latest, poses[told - 1], atol=1e-9)
@@ -47,9 +48,28 @@ def test_what_is_not_kept_is_refused():
     history.forget_before(50 * PERIOD)
     for time in (49 * PERIOD, 100 * PERIOD):
         with pytest.raises(ValueError, match="not all kept"):
-            history.at(time)
+            history.at(np.array([time]), np.array([100]))
     with pytest.raises(ValueError, match="not all kept"):
-        history.between(np.array([60, 101]) * PERIOD)
+        history.between(np.array([60, 101]) * PERIOD, np.array([100, 100]))
+
+
+@given(st.integers(1, 100), st.integers(0, 60), st.floats(0.0, 200.0))
+@settings(max_examples=40, deadline=None)
+def test_poses_that_came_later_do_not_count(known, more, position):
+    """What is read with `known` poses is what a history of only these says."""
+    history, short = History(path(1)[0], PERIOD), History(path(1)[0], PERIOD)
+    history.extend(path(100 + more)[1:])
+    if known > 1:
+        short.extend(path(known)[1:])
+    times = np.array([min(position, known - 1.0 + 5e-7) * PERIOD])  # rounded up, perhaps
+    assert np.array_equal(history.at(times, np.array([known])), short.at(times, np.array([known])))
+
+
+def test_velocities_are_those_of_the_robots_frame():
+    history = History(np.array([1.0, 2.0, 0.5 * math.pi]), 1.0)
+    history.extend(np.array([[1.0, 5.0, 0.5 * math.pi + 0.2]]))
+    velocity = history.velocities(np.array([0.0]), np.array([0.5]), np.array([2]))
+    np.testing.assert_allclose(velocity, [[3.0, 0.0, 0.2]], atol=1e-12)
 
 
 def test_what_was_read_stays_as_it_was():

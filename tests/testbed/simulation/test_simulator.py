@@ -6,15 +6,19 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from slam.se2 import between, compose, transform_points
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, SimulationConfig, simulate
+from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.fast import FastBackend
+from tests.testbed.equal_frames import assert_equal_frames
 from tests.testbed.simulation.small_worlds import perfect, room
-from worlds import Box, WorldError, catalogue, load
+from worlds import Box, Door, Person, WorldError, catalogue, load
 
 LIMITS = AccelerationLimits(0.5, 3.0)
 
@@ -147,6 +151,60 @@ def test_a_seed_determines_the_bits(kind):
     first, again = frames(room(), config), frames(room(), config)
     assert same(first, again)
     assert not same(first, frames(room(), dataclasses.replace(config, seeds=RunSeeds.from_seed(1))))
+
+
+def crowded(**settings):
+    """A world and settings that use everything a block can hold: two lidars, a number of beams that varies, movers."""
+    world = room(
+        tour=[(3, 0), (3, 2)],
+        half=8.0,
+        people=[Person(points=[(-2.0, 4.0), (2.0, 4.0)])],
+        doors=[Door(x=7.9, y=2.0, closed=1.5, swing=1.5)],
+    )
+    uneven = {"beams": 40, "scan_rate": 5.5, "beam_jitter": 0.1, "field_of_view_deg": 270.0}
+    config = SimulationConfig(
+        backend="fast",
+        robot=load_robot("pioneer3dx"),
+        lidar=load_lidar("rplidar_a2").model_copy(update=uneven),
+        further_lidars=(load_lidar("lds01").model_copy(update={"beams": 30, "scan_rate": 40.0}),),
+        duration=6.0,
+    )
+    return world, dataclasses.replace(config, **settings)
+
+
+@given(size=st.integers(1, 400), seed=st.integers(0, 5))
+@settings(max_examples=15, deadline=None)
+def test_blocks_of_any_size_equal_stepping(size, seed):
+    world, config = crowded(seeds=RunSeeds.from_seed(seed))
+    stepped = [frame for block in simulate(world, config).blocks(1) for frame in block.frames()]
+    tables = list(simulate(world, config).blocks(size))
+    assert [len(table) for table in tables[:-1]] == [size] * (len(tables) - 1)
+    assert [table.first for table in tables] == [size * k for k in range(len(tables))]
+    assert_equal_frames([frame for table in tables for frame in table.frames()], stepped)
+    assert {frame.lidar for frame in stepped if frame.scan} == {"laser", "rear_laser"}
+
+
+class Listener:
+    """A driver that listens to the frames, as an exploring one does; it drives along a tour."""
+
+    def __init__(self, world, config):
+        self.tour = TourDriver(world.path(), config.robot, config.driver)
+        self.last, self.delays = 0.0, []
+
+    def command(self, stamp, x, y, theta):
+        self.delays.append(stamp - self.last)
+        return self.tour.command(stamp, x, y, theta)
+
+    def __getattr__(self, name):
+        return getattr(self.tour, name)
+
+
+def test_a_driver_has_seen_all_complete_frames_when_it_commands():
+    world, config = room(), perfect(backend="fast", duration=2.0)
+    driver = Listener(world, config)
+    for frame in simulate(world, config, driver):
+        driver.last = frame.stamp
+    assert max(driver.delays) < 0.11  # the period of the scans
 
 
 def test_changing_the_lidar_leaves_the_odometry_alone():

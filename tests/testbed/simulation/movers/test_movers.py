@@ -81,7 +81,11 @@ def test_movers_hide_walls_only_where_they_are_nearer():
     directions = np.linspace(-np.pi, np.pi, 3600, endpoint=False)
     near, far = (
         movers.before(
-            Hits(np.full(3600, wall), np.full(3600, 1.0)), np.zeros((3600, 2)), directions, np.zeros(3600)
+            Hits(np.full(3600, wall), np.full(3600, 1.0)),
+            np.zeros((3600, 2)),
+            directions,
+            np.zeros(3600),
+            np.ones(3600, np.int64),
         ).distances
         for wall in (1.0, 50.0)
     )

@@ -17,7 +17,7 @@ def rows_of(robot, seed, count, robots=3, others=()):
         for other in others:
             numbers.advance(np.array([other]))
         uniform, normal = numbers.next_of(robot)
-        found.append(np.concatenate([uniform, normal]))
+        found.append(np.concatenate([uniform[0], normal[0]]))
     return np.array(found)
 
 
@@ -45,7 +45,18 @@ def test_rows_never_repeat_and_a_new_seed_starts_anew():
     for _ in range(2):
         numbers.seed(0, np.random.default_rng(1))
         for row in rows[:11]:
-            assert np.array_equal(np.concatenate(numbers.next_of(0)), row)
+            assert np.array_equal(np.concatenate(numbers.next_of(0), axis=1)[0], row)
+
+
+def test_several_rows_at_once_are_the_same_rows():
+    rows = rows_of(0, seed=3, count=40, robots=1)
+    numbers, found = RandomRows(1, 4, 5, rows=8), 0
+    numbers.seed(0, np.random.default_rng(3))
+    for most in (1, 3, 8, 20, 2, 7, 5):
+        some = np.concatenate(numbers.next_of(0, most), axis=1)
+        assert 1 <= len(some) <= most
+        assert np.array_equal(some, rows[found : found + len(some)])
+        found += len(some)
 
 
 def test_numbers_are_uniform_and_normal():

@@ -6,23 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.formats.frame_table import BLOCK_FRAMES, FrameTable
-from testbed.frame import Frame
+from testbed.frame_table import BLOCK_FRAMES, FrameTable
+from tests.testbed.equal_frames import assert_equal_frames
 from tests.testbed.recordings import two_lidar_drive
-
-
-def assert_equal_frames(read: list[Frame], written: list[Frame]) -> None:
-    assert len(read) == len(written)
-    for got, put in zip(read, written, strict=True):
-        assert (got.stamp, got.command, got.lidar) == (put.stamp, put.command, put.lidar)
-        for name in ("odometry", "twist", "truth"):
-            assert (getattr(got, name) is None) == (getattr(put, name) is None)
-            if getattr(put, name) is not None:
-                np.testing.assert_array_equal(getattr(got, name), getattr(put, name))
-        assert (got.scan is None) == (put.scan is None)
-        if put.scan is not None:
-            for name in ("ranges", "angles", "time_offsets", "mount", "range_min", "range_max", "stamp"):
-                np.testing.assert_array_equal(getattr(got.scan, name), getattr(put.scan, name))
 
 
 def test_frames_come_back_from_the_arrays():
