@@ -61,6 +61,8 @@ class Reference:
     lidars: Sequence[LidarView] = ()
     """Fields of view of the lidars: true cells that were never in view are not scored. Empty = lidars unknown: all
     cells in sight of the true path are scored, and a note says so."""
+    observable: NDArray[np.bool_] | None = None
+    """What `cells_in_sight` gives, for many runs of one drive; None = it is computed for this one."""
     aligns_map: bool = True
     """Whether a map is also scored where it fits the true one best (`map.best_rigid`), which takes the most time."""
 
@@ -257,18 +259,25 @@ def _score_map(
 
 
 def _observable(truth: OccupancyGrid, reference: Reference, notes: list[str]) -> NDArray[np.bool_]:
-    """Find the true cells that the lidars could see from the true path, (rows, cols)."""
+    """Return the true cells that the lidars could see from the true path, (rows, cols)."""
     if reference.trajectory is None:
         notes.append("no true path: every known cell of the true map counts as observable")
         return truth.known
-    lidars = reference.lidars or [ALL_AROUND]
-    seen = [observable_cells(truth, reference.trajectory.poses, lidar=lidar) for lidar in lidars]
-    observable: NDArray[np.bool_] = np.logical_or.reduce(seen)
+    observable = reference.observable
+    if observable is None:
+        observable = cells_in_sight(truth, reference.trajectory, reference.lidars or [ALL_AROUND])
     if not reference.lidars:
         notes.append("the lidar is unknown: every cell in sight of the true path counts as observable")
     if not observable.any():
         notes.append("the true path sees not one cell of the true map: are they in one frame?")
     return observable
+
+
+def cells_in_sight(truth: OccupancyGrid, path: Trajectory, lidars: Sequence[LidarView]) -> NDArray[np.bool_]:
+    """Return the cells of a true map that at least one of the lidars could see from the true path, (rows, cols)."""
+    seen = [observable_cells(truth, path.poses, lidar=lidar) for lidar in lidars]
+    found: NDArray[np.bool_] = np.logical_or.reduce(seen)
+    return found
 
 
 def _cell_notes(grid: OccupancyGrid, truth: OccupancyGrid) -> list[str]:

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from eval.sweep.decision import MAX_UNITS, Decision, Kind
-from eval.sweep.statistics import min_values
+from eval.sweep.results import SweepTable
+from eval.sweep.statistics import min_values, wilson_interval
 from eval.sweep.summary import SweepSummary
 
 MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
@@ -29,6 +30,8 @@ class Answer:
     """Sentence for a person who looks for ten seconds: `5 particles are enough`."""
     detail: str
     """The figures behind it."""
+    promise: str = ""
+    """How far a count that is enough may be worse, and how often it may fail."""
 
     @property
     def mark(self) -> str:
@@ -59,13 +62,17 @@ def answers(summary: SweepSummary, line: str) -> list[Answer]:
 def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
     """The answer for one world."""
     decision = summary.decision(place, line)
-    largest = summary.group(place, line, summary.table.counts[-1])
+
+    def failed_of(count: int) -> tuple[int, int]:
+        group = summary.group(place, line, count)
+        return group.failures, group.runs
+
     return _answer(
         summary,
         decision,
         (place, line),
         median=lambda count: summary.group(place, line, count).median.value,
-        failed=(largest.failures, largest.runs),
+        failed_of=failed_of,
         unit="seed",
     )
 
@@ -74,13 +81,17 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
     """The answer for a kind of building: the unit of the statistics is the world."""
     table = summary.table
     worlds = [place for place, name in zip(table.places, table.families, strict=True) if name == family]
-    largest = [summary.group(place, line, table.counts[-1]) for place in worlds]
+
+    def failed_of(count: int) -> tuple[int, int]:
+        groups = [summary.group(place, line, count) for place in worlds]
+        return sum(group.failures for group in groups), sum(group.runs for group in groups)
+
     return _answer(
         summary,
         summary.decision_of_family(family, line),
         (f"{family}, {len(worlds)} worlds", line),
         median=lambda count: summary.median_of_family(family, line, count),
-        failed=(sum(group.failures for group in largest), sum(group.runs for group in largest)),
+        failed_of=failed_of,
         unit="world",
     )
 
@@ -91,7 +102,7 @@ def _answer(
     names: tuple[str, str],
     *,
     median: Callable[[int], float],
-    failed: tuple[int, int],
+    failed_of: Callable[[int], tuple[int, int]],
     unit: str,
 ) -> Answer:
     table = summary.table
@@ -102,22 +113,24 @@ def _answer(
         unit_of_value = table.measure.unit(value)
         return f"{unit_of_value.text(value)} {unit_of_value.name}".strip() if math.isfinite(value) else "no result"
 
-    count, kind = decision.count, decision.kind
+    count, kind, promise = decision.count, decision.kind, ""
     if kind == "enough":
         assert count is not None
         short, headline = str(count), f"{particles(count)} {'is' if count == 1 else 'are'} enough"
         detail = f"{gives(count)}; {largest} give {gives(largest)}{_below(decision, table.counts, unit)}"
+        promise = f"{_margin(decision, table, median(largest))}; {_failed(*failed_of(count), table.level)}"
     elif kind == "more":
         assert count is not None
         short, headline = f"more than {count}", f"more than {particles(count)}"
         detail = f"{count} {_give(count)} {gives(count)}, {largest} give {gives(largest)}; more were not tested"
     elif kind == "fails":
         short, headline = "none works", f"no tested count works, up to {particles(largest)}"
-        detail = f"{largest} {_fail(largest)} in {failed[0]} of {failed[1]} runs"
+        failures, runs = failed_of(largest)
+        detail = f"{largest} {_fail(largest)} in {failures} of {runs} runs"
     else:
         short, headline = "undecided", f"undecided with {_count(decision.units, unit)}"
         detail = _would_tell(decision, unit, table.level)
-    return Answer(*names, kind=kind, short=short, headline=headline, detail=detail)
+    return Answer(*names, kind=kind, short=short, headline=headline, detail=detail, promise=promise)
 
 
 def particles(count: int) -> str:
@@ -136,11 +149,27 @@ def _below(decision: Decision, counts: tuple[int, ...], unit: str) -> str:
     return f"; {still_open[-1]} may be enough too" + (f", {decision.needed} {unit}s would tell" if would_tell else "")
 
 
+def _margin(decision: Decision, table: SweepTable, error: float) -> str:
+    """How much worse than the largest count the one that is enough may be."""
+    share = f"{100.0 * decision.limit / error:.0f} %"
+    if not table.measure.key.endswith("_m"):
+        return f"At most {share} worse"
+    return f"At most {1000.0 * decision.limit:.0f} mm ({share}) worse"
+
+
+def _failed(failures: int, runs: int, level: float) -> str:
+    """How many runs failed, and how many could in the long run."""
+    seen = f"{failures} of {runs} runs failed" if failures else f"no failure in {_count(runs, 'run')}"
+    return f"{seen} (a rate up to {100.0 * wilson_interval(failures, runs, level=level)[1]:.0f} % is possible)"
+
+
 def _would_tell(decision: Decision, unit: str, level: float) -> str:
+    fewest = min_values(level)
     if decision.needed is not None:
-        return f"{_count(decision.needed, unit)} would probably tell"
-    if decision.units < min_values(level):
-        return f"at least {_count(min_values(level), unit)} are needed"
+        cannot = f"; fewer than {fewest} cannot" if decision.units < fewest else ""
+        return f"about {_count(decision.needed, unit)} would probably tell{cannot}"
+    if decision.units < fewest:
+        return f"fewer than {_count(fewest, unit)} cannot tell"
     return f"the difference is close to the limit: more than {MAX_UNITS} {unit}s would be needed"
 
 

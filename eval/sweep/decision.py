@@ -50,6 +50,8 @@ class Decision:
     """Verdict on each count below the largest, in their order."""
     units: int
     """Independent runs of the largest count with a result: seeds, or worlds for a kind of building."""
+    limit: float
+    """How much larger an error may be than that of the largest count, in the unit of the measure; NaN if unknown."""
     needed: int | None
     """How many seeds or worlds would probably decide the largest open count; None if none is open, or if it cannot be
     said."""
@@ -117,6 +119,7 @@ def decide_by_differences(
         count=count,
         states=states,
         units=len(known),
+        limit=limit,
         needed=needed,
     )
 

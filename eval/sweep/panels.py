@@ -24,6 +24,8 @@ class Panel:
     """The places of the table that belong to it."""
     decisions: tuple[Decision, ...]
     """Decision for each line."""
+    enough: tuple[str, ...]
+    """Short answer for each line: `5`, `more than 15`, `undecided`."""
     error: NDArray[np.float64]
     """Measure of each unit, (lines, counts, units)."""
     refined: NDArray[np.float64]
@@ -47,15 +49,17 @@ def panels(summary: SweepSummary) -> tuple[Panel, ...]:
     for family in families:
         rows = tuple(p for p, name in enumerate(table.families) if name == family)
         decisions = tuple(summary.decision_of_family(family, line) for line in table.lines)
-        found.append(_panel(summary, rows, answer_of_family(summary, family, table.baseline), decisions))
+        found.append(_panel(summary, rows, [answer_of_family(summary, family, k) for k in table.lines], decisions))
     for p, place in enumerate(table.places):
         if table.families[p] not in families:
             decisions = tuple(summary.decision(place, line) for line in table.lines)
-            found.append(_panel(summary, (p,), answer_of_place(summary, place, table.baseline), decisions))
+            found.append(_panel(summary, (p,), [answer_of_place(summary, place, k) for k in table.lines], decisions))
     return tuple(found)
 
 
-def _panel(summary: SweepSummary, rows: tuple[int, ...], answer: Answer, decisions: tuple[Decision, ...]) -> Panel:
+def _panel(
+    summary: SweepSummary, rows: tuple[int, ...], answers: list[Answer], decisions: tuple[Decision, ...]
+) -> Panel:
     table = summary.table
 
     def units(cube: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -65,9 +69,10 @@ def _panel(summary: SweepSummary, rows: tuple[int, ...], answer: Answer, decisio
 
     cost = 1e3 * table.cube("filter_s") / table.cube("filter.updates")
     return Panel(
-        answer=answer,
+        answer=answers[table.lines.index(table.baseline)],
         rows=rows,
         decisions=decisions,
+        enough=tuple(answer.short for answer in answers),
         error=units(table.error),
         refined=units(table.refined),
         failed=table.failed[list(rows)].sum(axis=(0, 3)),

@@ -4,19 +4,27 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
-from eval.sweep.statistics import bootstrap_interval
+from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
 
 def markdown_table(summary: SweepSummary) -> str:
     """Markdown table: one row per world (or kind of building) and line, one column per particle count."""
     table = summary.table
-    head = ["world", "filter", *map(str, table.counts)]
+    several = len(table.lines) > 1
+    head = ["world", *(["filter"] if several else []), "enough", "runs", *map(str, table.counts)]
     rows = [
-        [panel.answer.place, line, *(_cell(panel, k, c, summary.unit) for c in range(len(table.counts)))]
+        [
+            panel.answer.place,
+            *([line] if several else []),
+            panel.enough[k],
+            runs_text(panel.runs[k]),
+            *(_cell(panel, k, c, summary.unit) for c in range(len(table.counts))),
+        ]
         for panel in panels(summary)
         for k, line in enumerate(table.lines)
     ]
@@ -30,11 +38,16 @@ def latex_table(summary: SweepSummary) -> str:
     Seven particle counts side by side would be wider than a page.
     """
     table = summary.table
-    head = ["world", "particles", *table.lines]
+    head = ["world", "particles", "runs", *(table.lines if len(table.lines) > 1 else ["error"])]
     blocks = [
         "\n".join(
             _latex_row(
-                [panel.answer.place, str(count), *(_cell(panel, k, c, summary.unit) for k in range(len(table.lines)))]
+                [
+                    panel.answer.place,
+                    str(count),
+                    runs_text(panel.runs[:, c]),
+                    *(_cell(panel, k, c, summary.unit) for k in range(len(table.lines))),
+                ]
             )
             for c, count in enumerate(table.counts)
         )
@@ -44,7 +57,7 @@ def latex_table(summary: SweepSummary) -> str:
     return (
         "\\begin{table}\n  \\centering\\footnotesize\n"
         f"  \\caption{{{_escaped(_caption(summary))}}}\n"
-        f"  \\begin{{tabular}}{{lr{'r' * len(table.lines)}}}\n\\toprule\n"
+        f"  \\begin{{tabular}}{{lrr{'r' * len(table.lines)}}}\n\\toprule\n"
         f"{_latex_row(head)}\n\\midrule\n{body}\n\\bottomrule\n"
         "  \\end{tabular}\n\\end{table}\n"
     )
@@ -58,13 +71,26 @@ def _caption(summary: SweepSummary) -> str:
     table, unit = summary.table, summary.unit
     measure = table.measure
     name = f"{measure.words[0].upper()}{measure.words[1:]}" + (f" [{unit.name}]" if unit.name else "")
-    over = f"{len(table.seeds)} seed{'s' if len(table.seeds) > 1 else ''}"
+    over = "the runs (one per seed)"
     if table.family_names():
         over += ", over the worlds for a kind of building"
+    few = (
+        ""
+        if int(table.ran.sum(axis=-1).max()) >= min_values(table.level)
+        else (
+            f" Fewer than {min_values(table.level)} runs give rough intervals and cannot show that a count is enough."
+        )
+    )
     return (
         f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
-        "95 % bootstrap interval in brackets, failed runs in parentheses where there are any."
+        f"95 % bootstrap interval in brackets, failed runs in parentheses where there are any.{few}"
     )
+
+
+def runs_text(runs: NDArray[np.int64]) -> str:
+    """Number of runs, or the smallest and largest number if they differ."""
+    low, high = int(np.min(runs)), int(np.max(runs))
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _cell(panel: Panel, k: int, c: int, unit: Unit) -> str:

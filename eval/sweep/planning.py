@@ -46,5 +46,8 @@ def foresight(units: int, unit: str = "seed", *, level: float = LEVEL) -> str:
     if units < fewest:
         return f"{units} {name} cannot show that a count is enough; {fewest} can" + (f", {usual}." if usual else ".")
     share = f"{100.0 * detectable_share(units, level=level):.0f} %"
-    enough = "" if units >= typical else f"; to show that a count is enough {usual}"
-    return f"{units} {name} will show differences between counts of about {share} of the error{enough}."
+    enough = (
+        f"; to show that a count is enough {usual}" if units < typical else "; that usually shows which count is enough"
+    )
+    shown = f"{units} {name} will show a difference between two counts if it is larger than about {share} of the error"
+    return f"{shown}{enough}."

@@ -93,7 +93,7 @@ def failures(summary: SweepSummary) -> Figure:
             _write_into_cell(ax, c, k + 0.24, f"{low}–{high} %", size=4.8, smallest=4.0, color="#495057")
         ax.set_ylim(len(table.lines) - 0.4, -0.6)
         ax.set_xticks(range(len(table.counts)), [str(count) for count in table.counts])
-        ax.set_yticks(range(len(table.lines)), table.lines)
+        ax.set_yticks(range(len(table.lines)), table.lines if len(table.lines) > 1 else [""])
         ax.grid(visible=False)
 
     left = 0.25 + 0.065 * max(map(len, table.lines))

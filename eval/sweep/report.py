@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 import os
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +21,7 @@ from eval.sweep import plots as sweep_plots
 from eval.sweep.answers import Answer, answer_of_place, answers
 from eval.sweep.decision import TOLERANCE
 from eval.sweep.measure import Unit
-from eval.sweep.paper_tables import latex_table, markdown_table
+from eval.sweep.paper_tables import latex_table, markdown_table, runs_text
 from eval.sweep.results import SweepTable, read_sweep
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
@@ -150,8 +151,11 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "failed": int(table.failed.sum()),
         "runs": int(table.ran.sum()),
         "routes": _routes(table),
+        "seeds": runs_text(table.ran.any(axis=(1, 2)).sum(axis=-1)),
+        "scope": _scope(table),
+        "extend": _extend(summary, folder),
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
-        "worst": [(run, unit.text(run.error), _links(folder, run)) for run in worst_runs(table)],
+        "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
         "level": LEVEL,
         "power": POWER,
         "min_seeds": min_values(table.level),
@@ -189,6 +193,32 @@ def _routes(table: SweepTable) -> str:
     return "all seeds drive the same route, with other noise"
 
 
+def _scope(table: SweepTable) -> str:
+    """What the answer of a single world is about, if that is less than the world."""
+    if table.recorded:
+        return ""
+    routes = {str(route) for route in table.columns.get("setting.route", np.array(["fixed"], dtype=object)).ravel()}
+    return "" if routes == {"random"} else ", one route"
+
+
+def _extend(summary: SweepSummary, folder: Path) -> str:
+    """The command that adds the seeds which open answers need; empty if none is open or if that cannot be said.
+
+    Where jobs of the sweep are still to be computed it is the one that completes it.
+    """
+    table = summary.table
+    decisions = [summary.decision(place, table.baseline) for place in table.places]
+    fewest = min_values(table.level)
+    wanted = [d.needed or fewest for d in decisions if d.kind == "undecided" and (d.needed or fewest) > d.units]
+    if not wanted or table.family_names() or table.seeds != tuple(range(len(table.seeds))):
+        return ""
+    words = ["testbed", "sweep", "--out", str(folder)]
+    if max(wanted) > len(table.seeds):
+        return shlex.join([*words, "--seeds", str(max(wanted)), "--until", "decided"])
+    is_complete = np.isin(table.columns["status"].astype(str), ("done", "failed", "not needed")).all()
+    return "" if is_complete else shlex.join(words)
+
+
 def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | None:
     """Row of the differences to the baseline and to the largest count; None if there are none."""
     if group.to_baseline is None and group.to_largest is None:
@@ -206,6 +236,11 @@ def _difference(interval: Interval | None, unit: Unit) -> str:
         return text
     star = "" if interval.contains(0.0) or interval.count < min_values() else " *"
     return f"{text} [{unit.factor * interval.low:+.2f}, {unit.factor * interval.high:+.2f}]{star}"
+
+
+def _shown_worst(folder: Path, table: SweepTable) -> list[WorstRun]:
+    """The worst runs that failed or are unusual, or that one can look at."""
+    return [run for run in worst_runs(table) if run.is_unusual or _links(folder, run)]
 
 
 def _links(folder: Path, run: WorstRun) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from testbed.cli.shared.status import GATE_FAILED
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.compute import check_inputs
 from testbed.sweep.gather import gather as gather_tables
-from testbed.sweep.looks import needed_cells
+from testbed.sweep.looks import statuses
 from testbed.sweep.rerun_worst import is_recorded, rerun
 from testbed.sweep.store import SweepDirectory
 
@@ -34,15 +34,15 @@ def gather(sweep: Path, /, *, worst: bool = True) -> int:
     return gather_and_report(SweepDirectory.open(sweep), worst=worst)
 
 
-def gather_and_report(directory: SweepDirectory, *, worst: bool) -> int:
+def gather_and_report(directory: SweepDirectory, *, worst: bool, lists_missing: bool = True) -> int:
     """Write tables and report, list the jobs without a result, return the exit status."""
-    gathered = gather_tables(directory, {cell.key for cell in needed_cells(directory)})
-    absent = [f"failed: {cell}: {reason}" for cell, reason in gathered.failed]
-    absent += [f"missing: {cell}" for cell in gathered.missing]
-    for line in absent[:MAX_NAMED]:
-        console.print(line, soft_wrap=True, markup=False)
-    if len(absent) > MAX_NAMED:
-        console.print(f"… and {len(absent) - MAX_NAMED} more: column `status` of {directory.path / 'sweep.parquet'}")
+    gathered = gather_tables(directory, statuses(directory))
+    for cell, reason in gathered.failed[:MAX_NAMED]:
+        console.print(f"failed: {cell}: {reason}", soft_wrap=True, markup=False)
+    for cell in gathered.missing[: MAX_NAMED if lists_missing else 0]:
+        console.print(f"missing: {cell}", soft_wrap=True, markup=False)
+    if max(len(gathered.failed), len(gathered.missing) * lists_missing) > MAX_NAMED:
+        console.print(f"… and more: column `status` of {directory.path / 'sweep.parquet'}")
     results.print(
         f"{directory.path}: {gathered.done} jobs done, {len(gathered.failed)} failed, {len(gathered.missing)} missing"
     )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
@@ -18,9 +19,10 @@ from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
 from testbed.cli.shared.sweep_announcement import announce
 from testbed.cli.shared.sweep_options import EXECUTION, REGRESSION, REQUEST, Execution, RegressionOptions, SweepOptions
 from testbed.cli.shared.sweep_progress import sweep_progress
+from testbed.cli.shared.sweep_suggestion import print_suggestion
 from testbed.run.run_directory import default_directory
 from testbed.sweep.errors import SweepError
-from testbed.sweep.execute import execute, pending, prepare
+from testbed.sweep.execute import execute, pending, prepare, unfinished
 from testbed.sweep.looks import needed_cells
 from testbed.sweep.spec.plan import Costs, Shard
 from testbed.sweep.store import SweepDirectory
@@ -36,6 +38,7 @@ def sweep(
     worst: bool = True,
     gate: RegressionOptions = REGRESSION,
     plan: Annotated[bool, FLAG] = False,
+    suggest: str | None = None,
 ) -> int:
     """Measure accuracy against particle count over worlds or logs, seeds and variants, with confidence intervals.
 
@@ -50,7 +53,14 @@ def sweep(
         report each.
     plan
         Print what would be computed, how long it would take and what it could tell, and stop.
+    suggest
+        World or log: print how many particles to take for it and why, from the experiment of docs/study.md, and stop.
+        --set NAME=VALUE and --route describe robot, lidar, odometry and route of a world.
     """
+    if suggest is not None:
+        if spec is not None or replace(request, set=(), route=None) != REQUEST:
+            raise SweepError(f"--suggest {suggest}: takes --set and --route only")
+        return print_suggestion(suggest, request.own_settings())
     if spec is None and request == REQUEST and gate.is_requested:
         request = SweepOptions(preset="gate")
     specification = request.specification(spec, out)
@@ -58,7 +68,7 @@ def sweep(
     if part is not None and specification.until:
         raise SweepError("--shard and --until: expected one of them, since a shard does not know the results of others")
     if plan:
-        announce(specification, Costs.of(specification), None, execution)
+        announce(specification, Costs.of(specification), unfinished(out, specification), execution, is_plan=True)
         return 0
     directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
     with directory.locked(part):
@@ -99,7 +109,7 @@ def _interrupted(directory: SweepDirectory, costs: Costs, part: Shard | None) ->
             soft_wrap=True,
         )
         if part is None:
-            gather_and_report(directory, worst=False)
+            gather_and_report(directory, worst=False, lists_missing=False)
     return INTERRUPTED
 
 

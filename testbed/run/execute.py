@@ -177,7 +177,8 @@ def metrics_of(
         relations=job.relations,
         grid=job.truth_map,
         walls=job.truth_walls,
-        lidars=lidar_views(estimation.frames),
+        lidars=job.lidars or lidar_views(estimation.frames),
+        observable=job.observable,
         aligns_map=job.aligns_map,
     )
     # Ctrl-C must end soon, and scoring a map takes long; a map that was given is not a result of the run

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.map.lidar_view import LidarView
 from eval.trajectory.relations import Relations
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
@@ -94,6 +95,10 @@ class Job:
     """The true map: 1 occupied, 0 free, NaN not visible to any lidar."""
     truth_walls: NDArray[np.float64] | None = None
     """The exact true walls `(x0, y0, x1, y1)` [m], (n, 4), in the frame of the true map."""
+    lidars: Sequence[LidarView] = ()
+    """Views of the lidars, if they are known for the whole drive; empty = they are found in the frames."""
+    observable: NDArray[np.bool_] | None = None
+    """What these lidars could see of the true map (`eval.scoring.cells_in_sight`); None = it is computed."""
     aligns_map: bool = True
     """Whether the map is also scored where it fits best (`map.best_rigid`), which takes most of the time of scoring."""
     relations: Relations | None = None

@@ -13,7 +13,7 @@ from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.code_version import code_version
 from testbed.sweep.spec.plan import Costs, Shard, by_work, input_digests
 from testbed.sweep.spec.spec import SweepSpec
-from testbed.sweep.store import Manifest, SweepDirectory
+from testbed.sweep.store import MANIFEST, Manifest, SweepDirectory, check_extends
 
 Executor = Callable[[Sequence[Cell]], Generator[Event, None, None]]
 """Computes cells in their order and yields events: `run_locally` or `run_on_cluster` with their settings bound."""
@@ -36,11 +36,24 @@ def prepare(out: Path, spec: SweepSpec) -> tuple[SweepDirectory, Costs]:
     return SweepDirectory.prepare(out, Manifest(spec, code_version(), input_digests(spec))), costs
 
 
+def unfinished(out: Path | None, spec: SweepSpec) -> list[Cell]:
+    """The cells of a specification that a directory does not hold yet; all of them if there is no sweep in it.
+
+    Raises SweepError if it holds another sweep. Nothing is written.
+    """
+    manifest = Manifest(spec, code_version(), input_digests(spec))
+    if out is None or not (out / MANIFEST).is_file():
+        return manifest.cells()
+    directory = SweepDirectory.open(out)
+    check_extends(out, directory.manifest, manifest)
+    return [cell for cell in manifest.cells() if not directory.is_done(cell.key)]
+
+
 def pending(directory: SweepDirectory, cells: Sequence[Cell], costs: Costs, shard: Shard | None) -> list[Cell]:
     """Those of the cells that have no result, the longest first. Cells that failed before are tried again."""
     cells = by_work(cells, costs)
     if shard is not None:
-        cells = shard.of(cells)
+        cells = shard.of(cells, costs)
     return [cell for cell in cells if not directory.is_done(cell.key)]
 
 

@@ -8,7 +8,7 @@ same sweep gives the same bytes however it was carried out. Times are in `timing
 from __future__ import annotations
 
 import json
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,8 @@ DESCRIPTIONS = {
     "line": "name of the combination of settings",
     "particles": "particle count",
     "seed": "seed of the simulation and of the filter",
-    "status": "done, failed (no result), missing (not computed yet) or not needed (--until)",
+    "status": "done, failed (no result), missing (not computed yet), or with --until: later (needed if the next look "
+    "leaves the answer open), not needed (the answer is known without it)",
     "reason": "why there is no result",
     "key": "hash of everything that decides the result; joins sweep, curves and timings",
     "share": "share of the updates that are done, 0 to 1",
@@ -38,8 +39,6 @@ DESCRIPTIONS = {
     "cell_s": "time of the whole job [s]",
 }
 """What the columns hold that are no settings (`setting.NAME`), features (`features.NAME`) or measures."""
-_ABSENT = {True: "missing", False: "not needed"}
-"""Status of cells without result or reason, by whether they are needed."""
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")
 
 
@@ -59,10 +58,11 @@ class Gathered:
         return not self.failed and not self.missing
 
 
-def gather(directory: SweepDirectory, needed: Container[str] | None = None) -> Gathered:
+def gather(directory: SweepDirectory, absent: Mapping[str, str] | None = None) -> Gathered:
     """Write the tables of a sweep and return what is there and what is missing. Raises SweepError for damaged cells.
 
-    needed: keys of the cells that are needed; others that were not computed are not missing. None = all.
+    absent: status of the cells that have neither result nor reason, by key (`testbed.sweep.looks.statuses`); None = all
+    of them are missing.
     """
     rows: list[dict[str, Any]] = []
     curves: list[dict[str, Any]] = []
@@ -73,15 +73,15 @@ def gather(directory: SweepDirectory, needed: Container[str] | None = None) -> G
         key = cell.key
         result = directory.result(key)
         reason = directory.reason(key) if result is None else None
-        is_needed = needed is None or key in needed
-        status = "done" if result is not None else "failed" if reason is not None else _ABSENT[is_needed]
+        without = "missing" if absent is None else absent[key]
+        status = "done" if result is not None else "failed" if reason is not None else without
         rows.append(_row(cell, key, result, {"status": status, "reason": reason, "key": key}))
         if result is not None:
             curves += _curve_rows(key, result)
             timings.append({"key": key} | result.timing)
         elif reason is not None:
             failed.append((cell, reason))
-        elif is_needed:
+        elif status == "missing":
             missing.append(cell)
     spec = directory.manifest.spec
     about = {

@@ -25,10 +25,29 @@ def needed_cells(directory: SweepDirectory) -> list[Cell]:
 
     It follows from the stored results alone, so that a sweep which was interrupted goes on with the same cells.
     """
+    return _look(directory)[0]
+
+
+def statuses(directory: SweepDirectory) -> dict[str, str]:
+    """Status of each cell that was not computed, by its key, for `testbed.sweep.gather`.
+
+    missing: it is needed; later: it may be, after the next look; not needed: the answer is known without it
+    """
+    needed, still_open = _look(directory)
+    keys = {cell.key for cell in needed}
+    later = {True: "later", False: "not needed"}
+    return {
+        cell.key: "missing" if cell.key in keys else later[(cell.place, cell.line) in still_open]
+        for cell in directory.manifest.cells()
+    }
+
+
+def _look(directory: SweepDirectory) -> tuple[list[Cell], set[tuple[str, str]]]:
+    """The needed cells, and the worlds and lines whose answer was open at the last complete look."""
     cells = directory.manifest.cells()
     spec = directory.manifest.spec
     if not spec.until:
-        return cells
+        return cells, set()
     gather(directory)
     table = read_sweep(directory.path)
     needed: list[Cell] = []
@@ -43,7 +62,7 @@ def needed_cells(directory: SweepDirectory) -> list[Cell]:
         still_open = undecided(_first_seeds(table, look), still_open)
         previous = look
     keys = {cell.key for cell in needed}
-    return [cell for cell in cells if cell.key in keys]
+    return [cell for cell in cells if cell.key in keys], still_open
 
 
 def undecided(table: SweepTable, candidates: set[tuple[str, str]]) -> set[tuple[str, str]]:

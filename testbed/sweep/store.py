@@ -73,10 +73,21 @@ class SweepDirectory:
             raise SweepError(f"{path}: is not empty and holds no sweep; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
         if not create_once(path / MANIFEST, dump_toml(manifest.document())):
-            _compare(path, cls.open(path).manifest, manifest)
+            cls.open(path)._extend(manifest)
         for folder in ("cells", "failed"):
             (path / folder).mkdir(exist_ok=True)
         return cls(path, manifest)
+
+    def _extend(self, requested: Manifest) -> None:
+        """Write the manifest of a sweep with more seeds, counts or worlds than there are, or with another question.
+
+        Keys of cells are hashes of everything that decides their result, so those that are done stay valid. Raises
+        SweepError if the requested sweep is another one, or lacks what is there.
+        """
+        check_extends(self.path, self.manifest, requested)
+        if self.manifest.spec.document() != requested.spec.document():
+            with self.locked(None), atomic_write(self.path / MANIFEST) as temporary:
+                temporary.write_text(dump_toml(requested.document()), encoding="utf-8")
 
     @classmethod
     def open(cls, path: Path) -> SweepDirectory:
@@ -181,15 +192,26 @@ def _write_lock_owner(file: TextIOWrapper) -> None:
     file.flush()
 
 
-def _compare(path: Path, there: Manifest, requested: Manifest) -> None:
-    """Raise SweepError with the difference if the directory holds a sweep other than the requested one."""
+_QUESTIONS = ("title", "measure", "baseline", "until")
+"""Parts of a specification that decide no result."""
+_LISTS = ("worlds", "logs", "seeds", "particles")
+"""Parts to which more may be added."""
+
+
+def check_extends(path: Path, there: Manifest, requested: Manifest) -> None:
+    """Raise SweepError with the difference if a directory holds another sweep, or more than the requested one."""
     old, new = there.spec.document(), requested.spec.document()
-    differing = [key for key in {**old, **new} if key != "title" and old.get(key) != new.get(key)]
+    differing = [
+        key
+        for key in {**old, **new}
+        if (key not in _QUESTIONS + _LISTS and old.get(key) != new.get(key))
+        or (key in _LISTS and any(entry not in new.get(key, ()) for entry in old.get(key, ())))
+    ]
     if differing:
         words = "; ".join(f"{key}: {old.get(key, 'none')} there, {new.get(key, 'none')} requested" for key in differing)
         raise SweepError(f"{path}: holds another sweep ({words}); choose another --out")
-    for file in sorted(there.inputs.keys() | requested.inputs.keys()):
-        if there.inputs.get(file) != requested.inputs.get(file):
+    for file in sorted(there.inputs.keys() & requested.inputs.keys()):
+        if there.inputs[file] != requested.inputs[file]:
             raise SweepError(f"{file}: has changed since the sweep in {path} was started; choose another --out")
     if there.code != requested.code:
         raise SweepError(

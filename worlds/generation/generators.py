@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Generate worlds from a seed: rooms, corridors, loops, mazes, warehouses and caves, connected and drivable."""
+"""Generate worlds from a seed: rooms, corridors, loops, blocks, mazes, warehouses, caves; connected and drivable."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from shapely.geometry.base import BaseGeometry
 from worlds.check import check_world
 from worlds.elements import Block, Box, Position, Wall
 from worlds.errors import WorldError
+from worlds.generation.blocks import lay_out_blocks
 from worlds.generation.clutter import MAX_CLUTTER, scatter
 from worlds.generation.graph import closed_walk, lattice_edges, random_graph
 from worlds.world import Start, Tour, World
 
-Kind = Literal["rooms", "corridors", "loops", "maze", "warehouse", "cave"]
+Kind = Literal["rooms", "corridors", "loops", "blocks", "maze", "warehouse", "cave"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 CLEAR = 0.5
@@ -31,6 +32,8 @@ _WALL = 0.2
 """Thickness of walls [m]."""
 _MIN_SIDE, _MAX_SIDE = 8.0, 200.0
 """Limits of the sides of the area [m]."""
+_SEEN_AGAIN = 12.0
+"""Where a tour around blocks is back at its start, it goes on for this long [m]: a loop closes on known floor."""
 
 
 class _Plan(NamedTuple):
@@ -55,7 +58,8 @@ def generate(
     """Make a random world with a tour through all of it.
 
     size: width and depth [m]; clutter: objects per 10 m² of floor; loops: number of edges that close a loop
-    (`corridors` ignores it and has none, `warehouse` has those of its aisles). The same arguments give the same world.
+    (`corridors` ignores it and has none, `warehouse` has those of its aisles); for `blocks` the number of blocks that
+    corridors run around, so that 1 is a ring. The same arguments give the same world.
     Raises `WorldError` for an unknown kind or a size out of range.
     """
     if kind not in KINDS:
@@ -112,6 +116,22 @@ def _loops(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
         return edge.buffer(float(rng.uniform(0.9, 1.3)), cap_style="square", join_style="mitre")
 
     return _lattice_plan(size, 5.0, loops, rng, corridor)
+
+
+def _blocks(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
+    layout = lay_out_blocks(size, loops, rng)
+    cols, rows = len(layout.x), len(layout.y)
+    at = [(layout.x[k % cols], layout.y[k // cols]) for k in range(cols * rows)]
+    graph = random_graph(cols * rows, lattice_edges(cols, rows), cols * rows, rng)
+    corners = [at[k] for k in closed_walk(graph)]
+    path = _without_straight_corners([*corners, _towards(corners[0], corners[1], _SEEN_AGAIN)])
+    return _Plan([], [], _carved(layout.floor), path, layout.floor)
+
+
+def _towards(a: Position, b: Position, distance: float) -> Position:
+    """Return the point at this distance from a on the way to b [m], or b if it is nearer."""
+    share = min(1.0, distance / math.dist(a, b))
+    return (round(a[0] + share * (b[0] - a[0]), 3), round(a[1] + share * (b[1] - a[1]), 3))
 
 
 def _cave(size: tuple[float, float], loops: int, rng: Generator) -> _Plan:
@@ -250,6 +270,7 @@ _PLANS: dict[Kind, Callable[[tuple[float, float], int, Generator], _Plan]] = {
     "rooms": _rooms,
     "corridors": _corridors,
     "loops": _loops,
+    "blocks": _blocks,
     "maze": _maze,
     "warehouse": _warehouse,
     "cave": _cave,

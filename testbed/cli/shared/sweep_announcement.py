@@ -11,36 +11,48 @@ from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.sweep_options import Execution
 from testbed.sweep.forecast import MIN_COST, expected_seconds, measure_pace
 from testbed.sweep.spec.cell import Cell
-from testbed.sweep.spec.code_version import code_version
 from testbed.sweep.spec.command import grouped
 from testbed.sweep.spec.plan import Costs
-from testbed.sweep.spec.plan import plan as plan_cells
 from testbed.sweep.spec.spec import SweepSpec
 from worlds import family
 
 
-def announce(spec: SweepSpec, costs: Costs, cells: Sequence[Cell] | None, execution: Execution) -> None:
+def announce(
+    spec: SweepSpec, costs: Costs, cells: Sequence[Cell], execution: Execution, *, is_plan: bool = False
+) -> None:
     """Say what is to be computed, how long it will take, and what it will be able to tell.
 
-    cells: those that are left; None = all, which are only planned.
+    cells: those that are left until the results are looked at. is_plan: they are only planned.
     """
-    is_plan = cells is None
-    cells = plan_cells(spec, code_version(), {}) if cells is None else cells
-    jobs = f"{len(cells)} jobs" if is_plan or len(cells) == spec.size else f"{len(cells)} of {spec.size} jobs"
-    workers = execution.worker_count
-    if is_plan:
-        announce_compilation()
-    pace = measure_pace(cells, costs) if execution.scheduler is None else None
-    if pace is None:
-        took = "" if sum(map(costs, cells)) >= MIN_COST else ", some seconds"
-    else:
-        seconds = expected_seconds(cells, costs, pace, workers)
-        most = "at most " if spec.until else ""
-        took = f", {most}about {_duration(seconds)} with {workers} worker{'s' if workers > 1 else ''}"
     print_line = results.print if is_plan else console.print
-    print_line(f"{jobs}: {_extent(spec)}{took}", soft_wrap=True, markup=False)
+    print_line(f"{_size(spec, len(cells), is_plan=is_plan)}: {_extent(spec)}", soft_wrap=True, markup=False)
+    if cells:
+        print_line(_time(spec, costs, cells, execution), soft_wrap=True, markup=False)
     for sentence in _foresight(spec):
         print_line(sentence, soft_wrap=True, markup=False)
+
+
+def _size(spec: SweepSpec, left: int, *, is_plan: bool) -> str:
+    if spec.until and not is_plan:
+        return f"{left} jobs until the results are looked at, at most {spec.size} in all"
+    return f"{left} jobs" if left == spec.size else f"{left} of {spec.size} jobs are left"
+
+
+def _time(spec: SweepSpec, costs: Costs, cells: Sequence[Cell], execution: Execution) -> str:
+    """How long these jobs will take, from a short measurement."""
+    if execution.scheduler is not None:
+        return "The cluster decides how long that takes."
+    if sum(map(costs, cells)) < MIN_COST:
+        return "That takes some seconds."
+    announce_compilation()
+    console.print("measuring the beginning of a run …")
+    paces = measure_pace(cells, costs)
+    if paces is None:
+        return "Recorded logs are not measured beforehand; the time left is shown as soon as jobs are done."
+    workers = execution.worker_count
+    seconds = expected_seconds(cells, costs, paces, workers)
+    most = "at most " if spec.until else ""
+    return f"Expected: {most}about {_duration(seconds)} with {workers} worker{'s' if workers > 1 else ''}."
 
 
 def _foresight(spec: SweepSpec) -> list[str]:
@@ -54,12 +66,17 @@ def _foresight(spec: SweepSpec) -> list[str]:
 
 
 def _duration(seconds: float) -> str:
-    return f"{max(seconds, 10.0):.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
+    for unit, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if seconds >= 1.7 * unit:
+            return f"{seconds / unit:.0f} {name}"
+    return f"{max(seconds, 10.0):.0f} s"
 
 
 def _extent(spec: SweepSpec) -> str:
     places = [*grouped(spec.worlds), *(log.name for log in spec.logs)]
-    lines = ", ".join(line.name for line in spec.lines())
+    names = [line.name for line in spec.lines()]
+    lines = "" if names == ["default"] else f"; {', '.join(names)}"
     counts = ", ".join(map(str, spec.particles))
     bound = "up to " if spec.until else ""
-    return f"{', '.join(places)}; {bound}{len(spec.seeds)} seeds; {lines}; {counts} particles"
+    seeds = f"{bound}{len(spec.seeds)} seed{'' if len(spec.seeds) == 1 else 's'}"
+    return f"{', '.join(places)}; {seeds}{lines}; {counts} particles"

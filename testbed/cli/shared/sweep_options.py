@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from testbed.cli.shared.output import FLAG
+from testbed.presets import filter_settings, filters
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import Executor
 from testbed.sweep.execution.dask_cluster import run_on_cluster
@@ -19,7 +21,7 @@ from testbed.sweep.execution.local_pool import run_locally
 from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.spec.plan import Shard
 from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
-from testbed.sweep.store import SweepDirectory
+from testbed.sweep.store import MANIFEST, SweepDirectory
 from worlds import expand_names
 
 
@@ -29,7 +31,7 @@ class SweepOptions:
     """What is to be computed: a preset or flags. Flags override a file and a preset."""
 
     preset: str | None = None
-    """Specification in the package: particles, gate."""
+    """Specification in the package: particles, experiment, gate."""
     worlds: str | None = None
     """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds."""
     particles: str | None = None
@@ -48,6 +50,8 @@ class SweepOptions:
     until: Literal["decided"] | None = None
     """decided: add seeds, 8 at a time, where the answer is open, up to --seeds (default: 40). Each look at the results
     uses higher confidence, so that all looks together keep 95 %."""
+    filter: str | None = None
+    """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
     axis: tuple[str, ...] = ()
     """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
     set: tuple[str, ...] = ()
@@ -66,6 +70,8 @@ class SweepOptions:
             flags["measure"] = self.measure
         if self.until is not None:
             flags |= {"until": self.until, "seeds": self.seeds or MAX_SEEDS_UNTIL_DECIDED}
+        if self.filter is not None:
+            flags["variants"] = {"default": {}} | {name: _filter_preset(name) for name in _words(self.filter)}
         if self.axis:
             flags["axes"] = parsed_axes(self.axis)
         return flags
@@ -78,15 +84,18 @@ class SweepOptions:
             return self._with_flags(read_document(file), str(file), file.parent)
         if self.preset is not None:
             return self._with_flags(read_preset(self.preset), f"preset {self.preset}", Path())
-        if self == SweepOptions() and out is not None:
-            return SweepDirectory.open(out).manifest.spec
+        if self.worlds is None and out is not None and (self == SweepOptions() or (out / MANIFEST).is_file()):
+            return self._with_flags(SweepDirectory.open(out).manifest.spec.document(), str(out / MANIFEST), out)
         return self._with_flags({}, "command line", Path())
+
+    def own_settings(self) -> dict[str, Any]:
+        """The settings of --set and --route."""
+        settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
+        return settings if self.route is None else settings | {"route": self.route}
 
     def _with_flags(self, document: dict[str, Any], source: str, folder: Path) -> SweepSpec:
         spec = parse_spec(document | self.document(), source, folder)
-        settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
-        if self.route is not None:
-            settings["route"] = self.route
+        settings = self.own_settings()
         if self.refine in ("all", "none"):
             settings["refine"] = self.refine == "all"
         shared = {name: value for name, value in spec.settings.items() if name != "refine" or self.refine != "ends"}
@@ -162,6 +171,14 @@ MAX_SEEDS_UNTIL_DECIDED = "40"
 REQUEST = SweepOptions()
 REGRESSION = RegressionOptions()
 EXECUTION = Execution()
+
+
+def _filter_preset(name: str) -> dict[str, Any]:
+    """The filter settings of a preset; how many particles and whether the final pass is made is up to the sweep."""
+    if name not in filters():
+        raise SweepError(f"--filter {name}: unknown, expected one of {', '.join(filters())}")
+    document = tomllib.loads(filter_settings(name).read_text(encoding="utf-8"))
+    return {"filter": document["settings"]["filter"]}
 
 
 def _words(text: str) -> list[str]:

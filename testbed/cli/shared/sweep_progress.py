@@ -58,6 +58,8 @@ class SweepProgress:
         if not console.is_terminal and self._worked >= (self._reported + REPORT_EVERY) * self._work:
             self._reported = self._worked / self._work
             console.print(self._line())
+            if self._errors:
+                console.print(self.medians())
 
     def medians(self) -> Table:
         """Median of the measure so far, by world and particle count."""

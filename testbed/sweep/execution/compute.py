@@ -60,6 +60,8 @@ def job_of(cell: Cell, recording: Recording) -> Job:
         refine=settings.refine,
         truth_map=truth.grid,
         truth_walls=truth.walls,
+        lidars=recording.lidars,
+        observable=truth.observable,
         relations=recording.relations,
     )
 

@@ -7,14 +7,11 @@ import numpy as np
 import shapely
 
 from testbed.simulation import SimulationConfig
+from testbed.sweep.execution.drive_features import STEP, longest_unknown
 from worlds import World, measure_difficulty
 
 MAX_CLUTTER_SIZE = 1.5
 """Boxes and discs whose longest side is at most this long count as clutter [m]."""
-_KNOWN_WITHIN = 2.0
-"""Floor is known to the robot once its route has passed it at this distance [m]."""
-_STEP = 0.5
-"""Spacing of the points at which a route is looked at [m]."""
 Features = dict[str, float | int | str]
 
 
@@ -50,23 +47,11 @@ def largest_loop(world: World) -> float:
 
 
 def unknown_stretch(world: World) -> float:
-    """Longest way that the route drives through floor it has not passed before [m]: what drift builds up over.
-
-    A point of the route is known if an earlier part of it, apart from the last `2 * _KNOWN_WITHIN` metres, is within
-    `_KNOWN_WITHIN`.
-    """
+    """Longest way of the route through floor that it has not passed before [m], see `longest_unknown`."""
     path = shapely.LineString(world.path()) if world.tour is not None else None
     if path is None or path.length == 0.0:
         return 0.0
-    points = shapely.get_coordinates(path.interpolate(np.arange(0.0, path.length + _STEP, _STEP)))
-    lag = round(2.0 * _KNOWN_WITHIN / _STEP)
-    longest = stretch = 0
-    for k in range(len(points)):
-        earlier = points[: max(k - lag, 0)]
-        away = np.hypot(*(earlier - points[k]).T)
-        stretch = 0 if (away < _KNOWN_WITHIN).any() else stretch + 1
-        longest = max(longest, stretch)
-    return round(longest * _STEP, 1)
+    return longest_unknown(shapely.get_coordinates(path.interpolate(np.arange(0.0, path.length + STEP, STEP))))
 
 
 def clutter(world: World, area: float) -> float:

@@ -9,10 +9,9 @@ from collections.abc import Generator, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 from testbed.sweep.execution.cell_queue import CellQueue
-from testbed.sweep.execution.recordings import recording_key
 from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess, fair_share_megabytes
 from testbed.sweep.result import CellResult
-from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.cell import Cell, recording_key
 
 
 @dataclass(frozen=True, eq=False)

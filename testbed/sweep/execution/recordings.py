@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -14,17 +14,23 @@ from numpy.typing import NDArray
 
 from eval.files.tum import read_tum
 from eval.map.grids import grid_from_true_map
+from eval.map.lidar_view import LidarView
+from eval.scoring import cells_in_sight
 from eval.trajectory.relations import Relations, read_relations
+from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from testbed.datasets.truth import attach_truth
 from testbed.formats import open_log
+from testbed.frame import Frame
+from testbed.run.execute import lidar_views
 from testbed.run.job import RecordedFrames
 from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import SimulationConfig, simulate
+from testbed.sweep.errors import SweepError
+from testbed.sweep.execution.drive_features import drive_features
 from testbed.sweep.execution.features import Features, features_of
-from testbed.sweep.spec.cell import Cell
-from testbed.sweep.spec.settings import RunSettings
+from testbed.sweep.spec.cell import Cell, recording_key
 from worlds import World, true_map
 
 
@@ -34,6 +40,8 @@ class TruthMap(NamedTuple):
     grid: OccupancyGrid | None
     walls: NDArray[np.float64] | None
     """Exact walls `(x0, y0, x1, y1)` [m], (n, 4)."""
+    observable: NDArray[np.bool_] | None
+    """The cells that the lidars could see on the drive, (rows, cols)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,15 +52,10 @@ class Recording:
     features: Features = field(default_factory=dict)
     """Features of world, route and sensors; empty for logs."""
     relations: Relations | None = None
-    truth_map: Callable[[float], TruthMap] = lambda cell: TruthMap(None, None)
+    lidars: tuple[LidarView, ...] = ()
+    """Views of the lidars on the drive; empty for logs, whose runs find them."""
+    truth_map: Callable[[float], TruthMap] = lambda cell: TruthMap(None, None, None)
     """Draws the true map with cells of a given size [m]."""
-
-
-def recording_key(cell: Cell) -> Hashable:
-    """What the recording of a cell depends on; cells with equal keys have the same frames."""
-    if "world" not in cell.source:
-        return json.dumps(cell.source, sort_keys=True)
-    return str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds
 
 
 def recording_of(cell: Cell) -> Recording:
@@ -67,14 +70,33 @@ def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recordi
     with simulate(loaded, config) as simulation:
         frames = list(simulation)
         source = RecordedFrames(frames, simulation.ended(simulator.duration))
-    return Recording(source=source, features=features_of(loaded, config), truth_map=_true_map(loaded, config))
+    lidars = lidar_views(frames)
+    if not lidars:
+        raise SweepError(f"{loaded.name}: the drive ends before the first scan, expected a longer duration")
+    path = _true_path(frames)
+    return Recording(
+        source=source,
+        features={**features_of(loaded, config), **drive_features(frames, path.poses)},
+        lidars=lidars,
+        truth_map=_true_map(loaded, config, path, lidars),
+    )
 
 
-def _true_map(world: World, config: SimulationConfig) -> Callable[[float], TruthMap]:
+def _true_path(frames: Sequence[Frame]) -> Trajectory:
+    """True poses at the scans of a drive."""
+    at_scans = [(frame.stamp, frame.truth) for frame in frames if frame.scan is not None and frame.truth is not None]
+    stamps, poses = zip(*at_scans, strict=True)
+    return Trajectory(np.array(stamps), np.array(poses))
+
+
+def _true_map(
+    world: World, config: SimulationConfig, path: Trajectory, lidars: Sequence[LidarView]
+) -> Callable[[float], TruthMap]:
     @lru_cache(maxsize=2)
     def drawn(cell: float) -> TruthMap:
         exact = true_map(world, cell, height=config.robot.lidar_mount.height)
-        return TruthMap(grid_from_true_map(exact), exact.walls)
+        grid = grid_from_true_map(exact)
+        return TruthMap(grid, exact.walls, cells_in_sight(grid, path, lidars))
 
     return drawn
 

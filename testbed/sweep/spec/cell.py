@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from testbed.seeds import RunSeeds
-from testbed.sweep.spec.settings import Value
+from testbed.sweep.spec.settings import RunSettings, Value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,3 +60,10 @@ class Cell:
     def __str__(self) -> str:
         particles = "1 particle" if self.particles == 1 else f"{self.particles} particles"
         return f"{self.place}, {self.line}, {particles}, seed {self.seed}"
+
+
+def recording_key(cell: Cell) -> Hashable:
+    """What the recording of a cell depends on; cells with equal keys have the same frames."""
+    if "world" not in cell.source:
+        return json.dumps(cell.source, sort_keys=True)
+    return str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,14 +13,17 @@ import numpy as np
 
 from testbed.formats import open_log
 from testbed.seeds import RunSeeds
+from testbed.simulation import DriverConfig
 from testbed.sweep.errors import SweepError
-from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.cell import Cell, recording_key
 from testbed.sweep.spec.settings import RunSettings, Value
 from testbed.sweep.spec.spec import LogSource, SweepSpec
 from worlds import label
 
 _YAML = (".yaml", ".yml")
 """Suffixes of ROS maps; the image of a map is a second file in the same directory."""
+_SPEED = DriverConfig().speed
+"""Cruising speed [m/s] unless the settings change it."""
 _WITHOUT_PARTICLES = 9.0
 """Simulating and scoring take as long as this many particles (measured: mean over the preset `particles`)."""
 _FINAL_PASS = 14.0
@@ -126,14 +129,20 @@ class Costs:
 
     def __call__(self, cell: Cell) -> float:
         """Predicted work of one cell."""
-        return self.of_length(self.lengths[cell.place], cell)
+        final_pass = _FINAL_PASS if cell.settings.get("refine", True) else 0.0
+        return self.length(cell) * (_WITHOUT_PARTICLES + self.filter_work(cell) + final_pass)
+
+    def length(self, cell: Cell) -> float:
+        """Length of the drive [m], no longer than the setting `duration` allows, or of the log [scans]."""
+        whole = self.lengths[cell.place]
+        if "world" not in cell.source or "duration" not in cell.settings:
+            return whole
+        return min(whole, float(cell.settings["duration"]) * float(cell.settings.get("driver.speed", _SPEED)))
 
     @staticmethod
-    def of_length(length: float, cell: Cell) -> float:
-        """Predicted work of a cell if its drive or log had this length."""
-        factor = _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
-        final_pass = _FINAL_PASS if cell.settings.get("refine", True) else 0.0
-        return length * (_WITHOUT_PARTICLES + factor * cell.particles + final_pass)
+    def filter_work(cell: Cell) -> float:
+        """How many particles of the usual proposal cost as much as those of the cell."""
+        return cell.particles * _PROPOSAL_COSTS.get(str(cell.settings.get("filter.proposal.kind", "improved")), 1.0)
 
 
 def _log_length(log: LogSource) -> float:
@@ -143,6 +152,14 @@ def _log_length(log: LogSource) -> float:
 def by_work(cells: Sequence[Cell], costs: Costs) -> list[Cell]:
     """Sort cells by predicted work, the largest first; cells of equal work keep their order."""
     return sorted(cells, key=lambda cell: -costs(cell))
+
+
+def by_recording(cells: Sequence[Cell]) -> list[list[Cell]]:
+    """The cells of each recording, in the order of its first cell; within a recording they keep their order."""
+    groups: dict[Hashable, list[Cell]] = {}
+    for cell in cells:
+        groups.setdefault(recording_key(cell), []).append(cell)
+    return list(groups.values())
 
 
 @dataclass(frozen=True)
@@ -167,6 +184,15 @@ class Shard:
             raise SweepError(f"shard {text!r}: expected i/n such as 0/8")
         return cls(int(index), int(count))
 
-    def of(self, cells: Sequence[Cell]) -> list[Cell]:
-        """This shard's cells: every `count`-th one, so that cells sorted by work are divided evenly."""
-        return list(cells[self.index :: self.count])
+    def of(self, cells: Sequence[Cell], costs: Costs) -> list[Cell]:
+        """This shard's cells, in their order.
+
+        Cells of one recording are put next to each other, and the row is cut where the predicted work of the shards is
+        equal. So each recording is simulated once, and those at the cuts twice.
+        """
+        row = [cell for group in by_recording(cells) for cell in group]
+        work = np.maximum([costs(cell) for cell in row], 1e-9)
+        middle = np.cumsum(work) - 0.5 * work
+        shard_of = np.floor(self.count * middle / work.sum())
+        own = {cell.key for cell, shard in zip(row, shard_of, strict=True) if shard == self.index}
+        return [cell for cell in cells if cell.key in own]

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from eval.sweep.statistics import LEVEL
+from eval.sweep.statistics import LEVEL, min_values
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
@@ -108,7 +108,11 @@ class SweepSpec(BaseModel):
     def _list_of_seeds(cls, value: Any) -> Any:
         if isinstance(value, str):
             return parse_seeds(value)
-        return seeds_of_count(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        if isinstance(value, int) and not isinstance(value, bool):
+            return seeds_of_count(value)
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"expected a number of seeds such as 10, or a list such as [0, 1, 2], got {value!r}")
+        return value
 
     @field_validator("worlds", mode="before")
     @classmethod
@@ -184,14 +188,20 @@ class SweepSpec(BaseModel):
 
     @property
     def looks(self) -> tuple[int, ...]:
-        """After how many seeds the results are looked at; the last is the number of all seeds."""
+        """After how many seeds the results are looked at, from the fewest that can decide on; last: all seeds."""
         count = len(self.seeds)
-        return (*range(SEEDS_PER_LOOK, count, SEEDS_PER_LOOK), count) if self.until else (count,)
+        if not self.until:
+            return (count,)
+        for first in range(SEEDS_PER_LOOK, count):
+            looks = (*range(first, count, SEEDS_PER_LOOK), count)
+            if min_values(_level(looks)) <= first:
+                return looks
+        return (count,)
 
     @property
     def level(self) -> float:
         """Confidence level of the intervals at each look, so that all looks together keep `LEVEL`."""
-        return 1.0 - (1.0 - LEVEL) / len(self.looks)
+        return _level(self.looks)
 
     def refines(self, line: Line, particles: int) -> bool:
         """Whether runs of a line with so many particles end with the final pass.
@@ -253,6 +263,11 @@ class SweepSpec(BaseModel):
                 "axes": {k: tuple(map(place, v)) if k in FILES else v for k, v in self.axes.items()},
             }
         )
+
+
+def _level(looks: tuple[int, ...]) -> float:
+    """Confidence level of the intervals at each of so many looks."""
+    return 1.0 - (1.0 - LEVEL) / len(looks)
 
 
 def presets() -> list[str]:

@@ -31,10 +31,10 @@ def test_more_and_undecided_are_different_answers(tmp_path):
         "hall_a: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a: undecided with 3 seeds (6 seeds would probably tell)."
+        "hall_a: undecided with 3 seeds (about 6 seeds would probably tell; fewer than 6 cannot)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a: undecided with 1 seed (6 seeds would probably tell)."
+        "hall_a: undecided with 1 seed (about 6 seeds would probably tell; fewer than 6 cannot)."
     )
 
 
@@ -55,6 +55,16 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
         "rooms, 8 worlds: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office: undecided with 2 seeds (6 seeds would probably tell).",
+        "office: undecided with 2 seeds (about 6 seeds would probably tell; fewer than 6 cannot).",
     ]
     assert len(COUNTS) == 3
+
+
+def test_what_enough_promises_stands_with_it(tmp_path):
+    write_sweep(tmp_path, error=level(0.022, 0.022, 0.022), outcome=lambda p, k, c, s: "lost" if s == 3 else "ok")
+    summary = summarise(read_sweep(tmp_path))
+    promise = answers(summary, summary.table.baseline)[0].promise
+    # the tolerance of 5 mm is 23 % of 2.2 cm; Wilson's interval of 1 in 10 ends at 40 %
+    assert promise == "At most 5 mm (23 %) worse; 1 of 10 runs failed (a rate up to 40 % is possible)"
+    undecided = summarise(read_sweep(write_sweep(tmp_path / "few", seeds=3)))
+    assert answers(undecided, undecided.table.baseline)[0].promise == ""

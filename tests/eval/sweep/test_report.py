@@ -108,11 +108,12 @@ def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
     m = summary.group("hall_a", "motion", 1).median
     cell = f"{100 * m.value:.1f} [{100 * m.low:.1f}, {100 * m.high:.1f}] (3/10)"
     rows = [line.split(" | ") for line in markdown_table(summary).splitlines() if line.startswith("| hall_a | motion")]
-    assert rows[0][2] == cell
+    assert rows[0][2:5] == ["more than 5", "10", cell]
     latex = latex_table(summary)
     row = next(line.split(" & ") for line in latex.splitlines() if line.startswith(r"hall\_a & 1 &"))
-    assert row[2 + LINES.index("motion")].removesuffix(r" \\") == cell
-    assert latex.count("&") == (2 + len(LINES) - 1) * (1 + len(PLACES) * len(COUNTS))
+    assert row[2] == "10"
+    assert row[3 + LINES.index("motion")].removesuffix(r" \\") == cell
+    assert latex.count("&") == (3 + len(LINES) - 1) * (1 + len(PLACES) * len(COUNTS))
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex (Debian: texlive-latex-recommended)")
@@ -193,3 +194,12 @@ def test_the_front_holds_exactly_what_nothing_beats(points):
         return any((b <= a).all() and (b < a).any() for b in array)
 
     assert front == {tuple(a) for a in array if not beaten(a)}
+
+
+def test_the_page_prints_the_command_that_adds_seeds(tmp_path):
+    same = {"error": lambda p, k, c, s: 0.02 + 0.001 * ((5 * s + 3 * c) % 7)}
+    few = write_sweep_report(write_sweep(tmp_path / "few", seeds=3, **same)).read_text()
+    (seeds,) = re.findall(rf"testbed sweep --out {tmp_path / 'few'} --seeds (\d+) --until decided", few)
+    assert int(seeds) >= 6
+    decided = write_sweep_report(write_sweep(tmp_path / "decided", error=lambda p, k, c, s: 0.02)).read_text()
+    assert "Add the seeds" not in decided

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbed.sweep.gather import gather
-from testbed.sweep.looks import needed_cells
+from testbed.sweep.looks import needed_cells, statuses
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.code_version import code_version
 from testbed.sweep.spec.spec import parse_spec
@@ -57,7 +57,7 @@ def test_only_open_answers_get_more_seeds(tmp_path):
     assert {cell.seed for cell in first} == set(range(8))
     assert len(first) == 2 * 2 * 8
     assert carried_out(directory, clear) == {"office": 8, "loop": 24}
-    gathered = gather(directory, {cell.key for cell in needed_cells(directory)})
+    gathered = gather(directory, statuses(directory))
     assert (gathered.done, gathered.complete) == (2 * 8 + 2 * 24, True)
 
 

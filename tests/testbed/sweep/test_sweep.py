@@ -14,6 +14,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from testbed.cli.shared.sweep_options import SweepOptions
+from testbed.sweep.execute import prepare
 from testbed.sweep.execution import dask_cluster as cluster
 from testbed.sweep.spec.plan import Shard, file_digest
 from testbed.sweep.store import SweepDirectory
@@ -172,7 +174,7 @@ def test_jobs_over_the_limit_fail_and_are_tried_again(swept, copied, capsys):
         (["--worlds", "office", "--workers", "0"], "workers must be at least 1"),
         (["--worlds", "office", "--shard", "4/4"], "shard 4/4: expected 0/4 to 3/4"),
         (["--worlds", "office", "--time-limit", "0"], "time limit must be positive"),
-        (["--preset", "partcles"], "expected one of gate, particles"),
+        (["--preset", "partcles"], "expected one of experiment, gate, particles"),
         (["nowhere.toml"], "nowhere.toml: no such file"),
     ],
 )
@@ -183,8 +185,8 @@ def test_bad_usage_is_one_line_and_leaves_no_directory(tmp_path, monkeypatch, ca
 
 
 def test_another_sweep_in_the_directory_is_shown_as_a_difference(copied, world, capsys):
-    more = [*room_sweep(world), "--particles", "1,3,5", "--out", copied]
-    assert_refused(capsys, "particles: [1, 3] there, [1, 3, 5] requested", *more[:3], *more[5:])
+    less = [*changed_grid(world, particles="1,5"), "--out", copied]
+    assert_refused(capsys, "particles: [1, 3] there, [1, 5] requested", *less)
     (copied / "sweep.toml").unlink()
     assert_refused(capsys, "is not empty and holds no sweep", *room_sweep(world), "--out", copied)
 
@@ -229,7 +231,7 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
-    assert f"6 jobs: {world}; 3 seeds; default; 1, 3 particles, some seconds" in said
+    assert f"6 jobs: {world}; 3 seeds; 1, 3 particles\nThat takes some seconds." in said
     assert "3 seeds cannot show that a count is enough; 6 can" in said
     assert list(tmp_path.iterdir()) == []
 
@@ -241,7 +243,7 @@ def test_a_larger_plan_is_measured(capsys):
     )
     said = capsys.readouterr().out
     assert re.search(
-        r"16 jobs: apartment; 8 seeds; default; 1, 3 particles, about \d+ (s|minutes) with 2 workers", said
+        r"16 jobs: apartment; 8 seeds; 1, 3 particles\nExpected: about \d+ (s|minutes) with 2 workers", said
     )
 
 
@@ -343,3 +345,48 @@ def is_running(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def changed_grid(world: Path, **options: str) -> list[object]:
+    """The arguments of `room_sweep` with other values of some options."""
+    words = list(map(str, room_sweep(world)))
+    for name, value in options.items():
+        words[words.index(f"--{name}") + 1] = value
+    return words
+
+
+def test_more_seeds_and_counts_extend_a_sweep(world, copied, capsys):
+    before = {cell.name: (cell / "timing.json").read_bytes() for cell in (copied / "cells").iterdir()}
+    larger = changed_grid(world, seeds="3", particles="1,2,3")
+    assert call(*larger, "--plan", "--out", copied) == 0
+    assert "10 of 18 jobs are left" in capsys.readouterr().out
+    assert call(*larger, "--out", copied) == 0
+    assert {name: (copied / "cells" / name / "timing.json").read_bytes() for name in before} == before
+    rows = pq.read_table(copied / "sweep.parquet").to_pylist()
+    assert [row["status"] for row in rows] == ["done"] * 18
+    assert {row["seed"] for row in rows} == {0, 1, 2}
+
+
+def test_a_directory_alone_says_which_sweep_gets_more_seeds(copied):
+    assert call("sweep", "--out", copied, "--seeds", "3", "--no-worst") == 0
+    rows = pq.read_table(copied / "sweep.parquet").to_pylist()
+    assert len(rows) == 12
+    assert {row["line"] for row in rows} == {"improved", "motion"}
+
+
+@pytest.mark.parametrize("fewer", [{"seeds": "1"}, {"particles": "1"}, {"set": "refine=true"}])
+def test_less_or_other_settings_are_another_sweep(world, copied, capsys, fewer):
+    before = (copied / "sweep.toml").read_bytes()
+    assert_refused(capsys, "holds another sweep", *changed_grid(world, **fewer), "--out", copied)
+    assert (copied / "sweep.toml").read_bytes() == before
+
+
+def test_jobs_of_later_looks_are_not_called_unneeded(world, tmp_path):
+    out = tmp_path / "sweep"
+    request = SweepOptions(worlds=str(world), particles="2,3", seeds="24", until="decided")
+    directory, _ = prepare(out, request.specification(None, None))
+    assert call("gather", out, "--no-worst") == 1
+    states = {row["seed"]: row["status"] for row in pq.read_table(out / "sweep.parquet").to_pylist()}
+    first = directory.manifest.spec.looks[0]
+    assert {state for seed, state in states.items() if seed < first} == {"missing"}
+    assert {state for seed, state in states.items() if seed >= first} == {"later"}

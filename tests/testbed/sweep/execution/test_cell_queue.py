@@ -8,7 +8,9 @@ import pytest
 
 from testbed.sweep.execution import recordings
 from testbed.sweep.execution.cell_queue import CellQueue
-from testbed.sweep.execution.recordings import recording_key, recording_of
+from testbed.sweep.execution.dask_cluster import MAX_BATCH, batches
+from testbed.sweep.execution.recordings import recording_of
+from testbed.sweep.spec.cell import recording_key
 from tests.testbed.sweep.room import room_cell, room_file
 
 
@@ -66,3 +68,16 @@ def test_the_recording_depends_on_simulator_and_seed_only(cells):
     assert recording_key(filtered) == key
     assert recording_key(replace(cells[0], settings={"lidar": "lds01"})) != key
     assert recording_key(replace(cells[0], seed=9)) != key
+
+
+@pytest.mark.parametrize(("threads", "sizes"), [(1, [4, 4, 4]), (2, [3, 1] * 3), (100, [1] * 12)])
+def test_batches_for_a_cluster_hold_one_recording_each(cells, threads, sizes):
+    parts = batches(cells, threads)
+    assert [len(part) for part in parts] == sizes
+    assert all(len({recording_key(cell) for cell in part}) == 1 for part in parts)
+    assert sorted(cell.key for part in parts for cell in part) == sorted(cell.key for cell in cells)
+
+
+def test_batches_are_bounded(cells):
+    many = [replace(cells[0], particles=n) for n in range(1, 2 * MAX_BATCH + 2)]
+    assert [len(part) for part in batches(many, 1)] == [MAX_BATCH, MAX_BATCH, 1]

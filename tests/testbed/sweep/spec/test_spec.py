@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from testbed.sweep.errors import SweepError
-from testbed.sweep.spec.plan import Costs, Shard, by_work, input_digests, plan
+from testbed.sweep.spec.plan import Costs, Shard, by_recording, by_work, input_digests, plan
 from testbed.sweep.spec.settings import RunSettings, checked, known
 from testbed.sweep.spec.spec import parse_spec, parsed_axes, presets, read_document, read_preset
 from tests.testbed.sweep.room import room_cell, room_file
@@ -221,10 +221,13 @@ def test_shards_deal_out_every_cell_once_and_the_work_evenly(count):
     spec = spec_of({"worlds": ["office"], "seeds": 5, "particles": [1, 10, 100]})
     costs = Costs.of(spec)
     cells = by_work(plan(spec, "code", {}), costs)
-    shards = [Shard(k, count).of(cells) for k in range(count)]
+    shards = [Shard(k, count).of(cells, costs) for k in range(count)]
     assert sorted(cell.key for shard in shards for cell in shard) == sorted(cell.key for cell in cells)
     work = [sum(map(costs, shard)) for shard in shards]
-    assert max(work) - min(work) <= max(map(costs, cells)) + 1e-9
+    fair = sum(map(costs, cells)) / count
+    assert max(abs(w - fair) for w in work) <= max(map(costs, cells)) + 1e-9
+    simulated = sum(len(by_recording(shard)) for shard in shards)
+    assert simulated <= len(by_recording(cells)) + count - 1
 
 
 @pytest.mark.parametrize("text", ["", "1", "a/b", "3/3", "-1/3", "0/0", "1/3/5"])

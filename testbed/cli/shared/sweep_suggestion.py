@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""What `testbed sweep --suggest` prints: how many particles to take for a world or log, and why."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from eval.sweep.answers import particles
+from eval.sweep.needed_count import shipped_model
+from testbed.cli.shared.console import announce_compilation, console, results
+from testbed.sweep.errors import SweepError
+from testbed.sweep.suggest import (
+    LOOK_PARTICLES,
+    Suggestion,
+    features_of_log,
+    features_of_world,
+    is_world,
+    suggest,
+)
+from worlds import label
+
+MOSTLY_HOLDS = 0.9
+"""Where the largest count of the experiment holds less often, even more particles would probably help."""
+
+
+def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
+    """Print a particle count for a world or log, its interval, and what it depends on; return the exit status."""
+    model = shipped_model()
+    if is_world(name):
+        console.print("driving through it once …")
+        features, short = features_of_world(name, settings), label(name)
+    else:
+        if settings:
+            raise SweepError(f"{name}: recorded logs are not simulated, expected no --set and no --route")
+        announce_compilation()
+        console.print(f"mapping it once with {LOOK_PARTICLES} particles, to see where the robot drove …")
+        features, short = features_of_log(name), Path(name).name.split(".")[0]
+    suggestion = suggest(short, features, model)
+    for line in sentences(suggestion):
+        results.print(line, soft_wrap=True, markup=False)
+    about = model.provenance
+    results.print(f"From {about['runs']} runs in {about['worlds']} worlds (docs/study.md).", soft_wrap=True)
+    if is_world(name):
+        results.print(f"To check it: {check_command(name, settings, suggestion)}", soft_wrap=True, markup=False)
+    return 0
+
+
+def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion) -> str:
+    """The sweep that checks a suggestion for a world: half of the count, it, and as many as it is compared with."""
+    count = suggestion.needed or suggestion.largest
+    counts = sorted({max(1, count // 2), count, max(suggestion.largest, 2 * count)})
+    words = ["testbed", "sweep", "--worlds", name, "--particles", ",".join(map(str, counts)), "--until", "decided"]
+    for key, value in ({"route": "random"} | dict(settings)).items():
+        words += ["--set", f"{key}={value}"]
+    return shlex.join(words)
+
+
+def sentences(suggestion: Suggestion) -> list[str]:
+    """The suggestion in words: the count, what it promises, the reasons, and what the experiment did not cover."""
+    low, high = (f"more than {suggestion.largest}" if end is None else str(end) for end in suggestion.interval)
+    largest = particles(suggestion.largest)
+    if suggestion.needed is None:
+        lines = [
+            f"{suggestion.name}: not even {largest} hold in most runs "
+            f"({100.0 * suggestion.largest_holds:.0f} % expected); more were not tested"
+        ]
+    else:
+        lines = [
+            f"{suggestion.name}: take {particles(suggestion.needed)} (95 % interval {low} to {high})",
+            f"They are expected to hold in {100.0 * suggestion.holds:.0f} % of the runs, {largest} in "
+            f"{100.0 * suggestion.largest_holds:.0f} %, with an error at most a tenth larger.",
+        ]
+        if suggestion.largest_holds < MOSTLY_HOLDS:
+            lines.append(f"More than {largest} were not tested and would probably help.")
+    for reason in suggestion.reasons:
+        needed = f"more than {suggestion.largest}" if reason.needed_if_usual is None else str(reason.needed_if_usual)
+        lines.append(f"  {reason.words} (with {reason.usual}, the middle of the experiment: {needed})")
+    lines += [
+        f"  outside of the experiment, so the suggestion is uncertain: {predictor.words}"
+        for predictor in suggestion.outside
+    ]
+    return lines

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: MIT
+"""Suggests a particle count for a world or a log, from the features of a drive and the fit of the experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eval.sweep.needed_count import PREDICTORS, NeededCount, Predictor, predictors_of
+from slam.config import FilterConfig
+from testbed.formats import open_log
+from testbed.frame import Frame
+from testbed.run.estimation import Estimation
+from testbed.sweep.errors import SweepError
+from testbed.sweep.execution.drive_features import drive_features
+from testbed.sweep.execution.recordings import recording_of
+from testbed.sweep.spec.cell import Cell
+from testbed.sweep.spec.settings import checked
+from worlds import catalogue, label
+
+LOOK_PARTICLES = 5
+"""Particles of the run that finds out where the robot of a log has been."""
+_WORLD_SUFFIXES = (".toml", ".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Reason:
+    """What one predictor does to the needed count."""
+
+    words: str
+    """The predictor and its value."""
+    usual: str
+    """Its median in the experiment."""
+    needed_if_usual: int | None
+    """The needed count if this predictor were at that median; None = more than the largest count."""
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A particle count for a drive, and why."""
+
+    name: str
+    needed: int | None
+    """Smallest count that is predicted to be as good as the largest one; None if not even that one holds."""
+    interval: tuple[int | None, int | None]
+    """95 % interval; None = more than the largest count."""
+    holds: float
+    """Probability that a run with that count holds."""
+    largest: int
+    """The largest count of the experiment."""
+    largest_holds: float
+    reasons: tuple[Reason, ...]
+    outside: tuple[Predictor, ...]
+    """Predictors outside of what the experiment covered."""
+
+
+def suggest(name: str, features: Mapping[str, Any], model: NeededCount) -> Suggestion:
+    """Suggest a particle count for a drive with these features."""
+    at = predictors_of(features)
+    needed = model.needed(at)
+    counts = np.array([needed or model.max_count, model.max_count])
+    holds, largest_holds = model.holds(counts, at).tolist()
+    return Suggestion(
+        name=name,
+        needed=needed,
+        interval=model.interval(at),
+        holds=holds,
+        largest=model.max_count,
+        largest_holds=largest_holds,
+        reasons=tuple(_reason(model, at, k) for k in range(len(PREDICTORS))),
+        outside=tuple(model.outside(at)),
+    )
+
+
+def _reason(model: NeededCount, at: np.ndarray, k: int) -> Reason:
+    usual = at.copy()
+    usual[k] = model.centre[k]
+    predictor = PREDICTORS[k]
+    return Reason(
+        f"{predictor.words}: {predictor.text(float(at[k]))}",
+        predictor.text(float(model.centre[k])),
+        model.needed(usual),
+    )
+
+
+def is_world(name: str) -> bool:
+    """Whether a name is that of a world: of the catalogue, generated, or a file of a world or map."""
+    return name in catalogue() or name.startswith("generated:") or name.endswith(_WORLD_SUFFIXES)
+
+
+def features_of_world(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Features of one simulated drive in a world, with these settings of robot, sensors and route.
+
+    Raises WorldError, PresetError or SweepError for unusable input.
+    """
+    values = {key: checked(key, value, recorded=False) for key, value in settings.items()}
+    cell = Cell(
+        place=label(name),
+        source={"world": name},
+        line="",
+        settings=values,
+        particles=1,
+        seed=0,
+        inputs={},
+        code="",
+    )
+    return dict(recording_of(cell).features)
+
+
+def features_of_log(path: str) -> dict[str, Any]:
+    """Features of a recorded log: the path is that of the filter with `LOOK_PARTICLES` particles and the final pass.
+
+    Raises LogError for an unusable log, SweepError for one without scans or where the robot stands still.
+    """
+    frames: Sequence[Frame] = list(open_log(path).frames)
+    estimation = Estimation(FilterConfig(particles=LOOK_PARTICLES), 0)
+    for frame in frames:
+        estimation.process(frame)
+    if not len(estimation.scan_frames):
+        raise SweepError(f"{Path(path).name}: has no scan, expected a log with scans and odometry")
+    poses = estimation.refined(estimation.filtered()).at_scans.poses
+    if np.hypot(*np.diff(poses[:, :2], axis=0).T).sum() < 1.0:
+        raise SweepError(f"{Path(path).name}: the robot drives less than a metre, expected a drive")
+    return dict(drive_features(frames, poses))

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""The model of the needed count finds the law that made its data, and knows what it does not know."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import expit
+
+from eval.sweep.experiment import brier_score, predict_held_out
+from eval.sweep.needed_count import PREDICTORS, NeededCount, Runs, fit, predictors_of, shipped_model
+
+COUNTS = np.array([1, 3, 10, 30])
+HOLDING = np.array([1.0, 0.8, -1.0, -0.7, 0.5])
+"""Log odds: constant, log2(particles), predictors about 0."""
+GROWTH = np.array([0.6, 0.3, 0.0, 0.0])
+
+
+def experiment(worlds: int, drives: int = 9, seed: int = 0) -> Runs:
+    """Runs whose outcomes are drawn from the law, and whose errors follow it up to noise."""
+    rng = np.random.default_rng(seed)
+    world = np.repeat(np.arange(worlds), drives * len(COUNTS))
+    drive = np.repeat(np.arange(worlds * drives), len(COUNTS))
+    particles = np.tile(COUNTS, worlds * drives)
+    x = rng.normal(0.0, 1.5, (worlds * drives, 3))[drive]
+    holds = rng.random(len(world)) < expit(HOLDING[0] + HOLDING[1] * np.log2(particles) + x @ HOLDING[2:])
+    slope = GROWTH[0] + x @ GROWTH[1:]
+    error = 0.02 * np.exp(slope * particles**-0.5 + rng.normal(0.0, 0.02, len(world)))
+    return Runs(world, drive, particles, x, holds, error)
+
+
+def model(holding=HOLDING, growth=GROWTH) -> NeededCount:
+    """A model with these coefficients and no resamples."""
+    zero = np.zeros(3)
+    return NeededCount(30, zero, zero - 3.0, zero + 3.0, np.array([holding]), np.array([growth]), {})
+
+
+def test_the_fit_finds_the_law_of_its_data():
+    found = fit(experiment(100), {}, resamples=0)
+    constant = found.holding[0][0] - found.centre @ found.holding[0][2:]
+    np.testing.assert_allclose([constant, *found.holding[0][1:]], HOLDING, atol=0.15)
+    slope = found.growth[0][0] - found.centre @ found.growth[0][1:]
+    np.testing.assert_allclose([slope, *found.growth[0][1:]], GROWTH, atol=0.03)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    x = np.array([0.5, 0.5, 0.0])
+    truth = model().needed(x)
+    inside = 0
+    for seed in range(20):
+        low, high = fit(experiment(15, seed=seed), {}, resamples=60).interval(x)
+        inside += (low or 31) <= truth <= (high or 31)
+    assert inside >= 16  # 95 % of 20, less 3 standard deviations
+
+
+def test_harder_drives_need_more_particles():
+    needed = [model().needed(np.array([x, 0.0, 0.0])) for x in (-3.0, -1.0, 0.0, 1.0, 2.0)]
+    assert needed == sorted(needed)
+    assert needed[0] < needed[-1]
+    assert model().needed(np.array([9.0, 0.0, 0.0])) is None
+
+
+def test_where_the_count_changes_nothing_one_particle_is_enough():
+    flat = model(holding=np.array([3.0, 0.0, 0.0, 0.0, 0.0]), growth=np.zeros(4))
+    assert flat.needed(np.zeros(3)) == 1
+
+
+def test_the_error_decides_where_all_runs_hold():
+    always = np.array([50.0, 0.0, 0.0, 0.0, 0.0])
+    # exp(g (n^-1/2 - 30^-1/2)) <= 1.1 for n >= (log(1.1) / g + 30^-1/2)^-2
+    for g in (0.2, 0.6, 2.0):
+        expected = int(np.ceil((np.log(1.1) / g + 30**-0.5) ** -2))
+        assert model(always, np.array([g, 0.0, 0.0, 0.0])).needed(np.zeros(3)) == expected
+
+
+def test_worlds_are_predicted_by_the_others():
+    runs = experiment(30, drives=20)
+    found = predict_held_out(runs, [f"world {k}" for k in range(30)])
+    assert [world.place for world in found] == [f"world {k}" for k in range(30)]
+    own, constant = brier_score(found)
+    assert own < 0.02  # 20 drives give a share to 0.1
+    fooled = predict_held_out(replace(runs, holds=~runs.holds), ["?"] * 30)
+    assert np.abs(fooled[0].predicted - found[0].predicted).max() > 0.2
+    assert own < 1.05 * constant
+
+
+def test_a_held_out_world_has_no_say():
+    runs = experiment(6)
+    changed = replace(runs, holds=np.where(runs.world == 2, ~runs.holds, runs.holds))
+    before, after = (predict_held_out(r, list("abcdef"))[2] for r in (runs, changed))
+    np.testing.assert_array_equal(before.predicted, after.predicted)
+    assert (before.observed != after.observed).any()
+
+
+def test_the_shipped_fit_is_whole():
+    shipped = shipped_model()
+    assert shipped.holding.shape[1] == 2 + len(PREDICTORS)
+    assert shipped.growth.shape[1] == 1 + len(PREDICTORS)
+    assert len(shipped.holding) == len(shipped.growth) > 100
+    assert json.dumps(shipped.document())
+    assert shipped.holding[0][1] > 0.0  # more particles hold more often
+    assert {"command", "runs", "worlds", "code"} <= shipped.provenance.keys()
+    assert shipped.outside(shipped.centre) == []
+    assert [p.name for p in shipped.outside(shipped.high + 1.0)] == [p.name for p in PREDICTORS]
+
+
+def test_features_below_the_floor_count_as_the_floor():
+    features = {"longest_unknown_m": 0.0, "odometry_deg_per_m": 1.0, "scan_observability": 0.5}
+    np.testing.assert_allclose(predictors_of(features), [2.0, 0.0, -1.0])

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: MIT
+"""The forecast adds up what simulation, jobs and particles take, whichever clock measures them."""
+
+from pathlib import Path
+
+import pytest
+
+from testbed.sweep import forecast
+from testbed.sweep.forecast import REPORT_SECONDS, Pace, expected_seconds, measure_pace
+from testbed.sweep.spec.code_version import code_version
+from testbed.sweep.spec.plan import Costs, plan
+from testbed.sweep.spec.spec import parse_spec
+from tests.testbed.sweep.room import room_file
+
+
+def planned(folder: Path, **document):
+    """Cells and costs of a sweep of the room, whose tour is 2.06 m long."""
+    spec = parse_spec({"worlds": [str(room_file(folder))], **document}, "test", folder)
+    return plan(spec, code_version(), {}), Costs.of(spec)
+
+
+def test_each_drive_is_simulated_once_and_each_particle_counts(tmp_path):
+    settings = {"refine": False}
+    cells, costs = planned(tmp_path, particles=[1, 4], seeds=3, settings=settings)
+    pace = Pace(simulation=100.0, fixed=10.0, particle=1.0, final_pass=1e6)
+    per_seed = 100.0 + 2 * 10.0 + (1 + 4)
+    length = costs.length(cells[0])
+    assert expected_seconds(cells, costs, {"": pace}, 1) - REPORT_SECONDS == pytest.approx(3 * per_seed * length)
+    assert expected_seconds(cells, costs, {"": pace}, 2) - REPORT_SECONDS == pytest.approx(1.5 * per_seed * length)
+
+
+def test_a_short_duration_shortens_the_drive(tmp_path):
+    whole, costs = planned(tmp_path, particles=[1], seeds=1)
+    cut, _ = planned(tmp_path, particles=[1], seeds=1, settings={"duration": 2.0, "driver.speed": 0.5})
+    assert costs.length(whole[0]) == pytest.approx(2.06, abs=0.01)
+    assert costs.length(cut[0]) == pytest.approx(1.0)
+
+
+def test_the_pace_separates_what_it_measures(tmp_path, monkeypatch):
+    cells, costs = planned(tmp_path, particles=[1, 300], seeds=1, axes={"lidar": ["lds01", "rplidar_a1"]})
+    clock = {"now": 0.0}
+    simulated = set()
+
+    def compute(cell):
+        """Costs 5 s for the drive once, 2 s for the job, 0.1 s a particle, 4 s for the final pass; 2 m are driven."""
+        lidar, duration = cell.settings["lidar"], cell.settings["duration"]
+        clock["now"] += 5.0 * ((lidar, duration) not in simulated)
+        clock["now"] += 2.0 + 0.1 * cell.particles + 4.0 * cell.settings["refine"]
+        simulated.add((lidar, duration))
+        return type("Result", (), {"metrics": {"trajectory": {"length_m": 2.0}}})
+
+    monkeypatch.setattr(forecast, "compute", compute)
+    monkeypatch.setattr(forecast.time, "perf_counter", lambda: clock["now"])
+    paces = measure_pace(cells, costs)
+    assert paces.keys() == {"lds01", "rplidar_a1"}
+    for pace in paces.values():
+        assert tuple(vars(pace).values()) == pytest.approx((2.5, 1.0, 0.05, 2.0))
+
+
+def test_logs_and_small_sweeps_are_not_measured(tmp_path):
+    cells, costs = planned(tmp_path, particles=[1], seeds=1)
+    assert measure_pace(cells, costs) is None

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""Suggestions follow the fit: harder drives need more, and the reasons say which feature it is."""
+
+import numpy as np
+import pytest
+
+from eval.sweep.needed_count import NeededCount
+from testbed.cli.shared.sweep_suggestion import check_command, sentences
+from testbed.sweep.errors import SweepError
+from testbed.sweep.suggest import features_of_log, features_of_world, is_world, suggest
+from tests.shell import call
+from tests.testbed.sweep.room import room_file
+
+EASY = {"longest_unknown_m": 16.0, "odometry_deg_per_m": 1.0, "scan_observability": 0.5}
+
+
+def model() -> NeededCount:
+    """Doubling the way through unknown floor costs as much as a quarter of the particles gives."""
+    one = np.array([4.0, 0.5, -1.0, 0.0, 0.0])
+    shift = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
+    holding = np.array([one, one + shift, one - shift])
+    low, centre, high = np.array([3.0, -1.0, -3.0]), np.array([4.0, 0.0, -1.0]), np.array([8.0, 2.0, 0.0])
+    return NeededCount(64, centre, low, high, holding, np.zeros((3, 4)), {"runs": 1, "worlds": 1})
+
+
+def test_longer_ways_need_more_particles_and_are_the_reason():
+    needed = []
+    for metres in (16.0, 64.0, 128.0, 256.0):
+        found = suggest("ring", EASY | {"longest_unknown_m": metres}, model())
+        needed.append(found.needed)
+        assert [reason.needed_if_usual for reason in found.reasons] == [needed[0], found.needed, found.needed]
+        assert found.holds >= found.largest_holds - 0.1
+        assert found.interval[0] <= found.needed <= found.interval[1]
+    assert needed == sorted(needed)
+    assert needed[0] == 1
+    assert needed[-1] > 8
+
+
+def test_what_the_experiment_did_not_cover_is_named():
+    inside, outside = (suggest("x", EASY | {"odometry_deg_per_m": e}, model()) for e in (1.0, 30.0))
+    assert inside.outside == ()
+    assert [predictor.name for predictor in outside.outside] == ["odometry_deg_per_m"]
+    assert any("outside of the experiment" in line for line in sentences(outside))
+
+
+def test_hopeless_drives_get_no_count():
+    found = suggest("desert", EASY | {"longest_unknown_m": 4096.0}, model())
+    assert found.needed is None
+    assert sentences(found)[0].startswith("desert: not even 64 particles hold in most runs")
+
+
+def test_the_command_checks_the_suggestion_from_both_sides():
+    found = suggest("office", EASY | {"longest_unknown_m": 256.0}, model())
+    command = check_command("office", {"lidar": "lds01"}, found)
+    assert f"--particles {found.needed // 2},{found.needed},64 --until decided" in command
+    assert command.endswith("--set route=random --set lidar=lds01")
+
+
+def test_the_name_says_whether_it_is_a_world_or_a_log(tmp_path):
+    assert all(map(is_world, ("office", "generated:blocks:3", "floor.yaml", str(room_file(tmp_path)))))
+    assert not any(map(is_world, ("intel.clf.gz", "office.bag", "recordings/monday")))
+
+
+def test_features_of_a_world_depend_on_the_settings():
+    good, poor = (features_of_world("apartment", {"odometry.grade": grade}) for grade in ("good", "poor"))
+    assert poor["odometry_deg_per_m"] > 1.5 * good["odometry_deg_per_m"]
+    assert poor["longest_unknown_m"] == pytest.approx(good["longest_unknown_m"], abs=1.0)
+    with pytest.raises(SweepError, match="unknown setting"):
+        features_of_world("apartment", {"odometri.grade": "good"})
+
+
+def test_a_log_gives_the_features_of_its_drive(tmp_path):
+    # the log of a simulated drive: what the filter finds is what the truth says
+    world = "generated:rooms:size=12x9:loops=1:clutter=0:1"
+    assert (
+        call("simulate", world, "--format", "carmen", "--seed", "0", "--route", "fixed", "--out", tmp_path / "l") == 0
+    )
+    (log,) = tmp_path.rglob("*.log.gz")
+    from_log, from_world = features_of_log(str(log)), features_of_world(world, {})
+    # a scan of such a log comes with the odometry of the last message, so turns add to its error
+    assert from_log["odometry_deg_per_m"] == pytest.approx(from_world["odometry_deg_per_m"], rel=0.4)
+    assert from_log["longest_unknown_m"] == pytest.approx(from_world["longest_unknown_m"], abs=2.0)
+    assert from_log["scan_observability"] == pytest.approx(from_world["scan_observability"], abs=0.05)
+
+
+def test_suggest_takes_no_other_request(capsys):
+    assert call("sweep", "--suggest", "office", "--seeds", "3") == 2
+    assert "takes --set and --route only" in capsys.readouterr().err
