@@ -126,7 +126,7 @@ def test_reward_is_area_mapped_minus_time_and_collisions():
 
 @pytest.mark.parametrize("strategy", ["information", "nearest"])
 def test_explorers_of_the_command_line_solve_the_environment(strategy):
-    env = make(coverage=0.97, particles=6)
+    env = make(coverage=0.95, particles=6)
     env.reset(seed=1)
     inner = env.unwrapped
     explorer = make_explorer(
@@ -138,7 +138,7 @@ def test_explorers_of_the_command_line_solve_the_environment(strategy):
             break
     assert terminated
     assert not info["collided"]
-    assert info["coverage"] >= 0.97
+    assert info["coverage"] >= 0.95
 
 
 def test_bad_calls_are_refused():
