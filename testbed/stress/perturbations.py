@@ -6,7 +6,8 @@ Each changes what the sensors say and, where the robot itself is moved, the trut
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +17,14 @@ from slam.se2 import Pose
 from testbed.frame import Frame
 
 
-def slip(frames: Iterable[Frame], at: float, motion: Pose, seconds: float = 0.5) -> Iterator[Frame]:
-    """Let the wheels report a motion (3,) [m, m, rad] that the robot does not make, evenly over some seconds."""
+def change_odometry(
+    frames: Iterable[Frame], at: float, seconds: float, change: Callable[[Pose, float], Pose]
+) -> Iterator[Frame]:
+    """Let the wheels report something else for some seconds.
+
+    change: from the displacement (3,) between two frames and the share of the fault's time that falls between them to
+    the displacement that is reported
+    """
     before: Frame | None = None
     odometry = np.zeros(3)
     for frame in frames:
@@ -25,14 +32,29 @@ def slip(frames: Iterable[Frame], at: float, motion: Pose, seconds: float = 0.5)
             odometry = frame.odometry
         else:
             share = _overlap(before.stamp, frame.stamp, at, at + seconds) / seconds
-            odometry = se2.compose(odometry, se2.between(before.odometry, frame.odometry))
-            odometry = se2.compose(odometry, share * np.asarray(motion, dtype=np.float64))
-        slipping = at <= frame.stamp < at + seconds
-        twist = frame.twist
-        if twist is not None and slipping:
-            twist = twist + np.asarray(motion, dtype=np.float64) / seconds
+            step = se2.between(before.odometry, frame.odometry)
+            odometry = se2.compose(odometry, change(step, share) if share > 0.0 else step)
         before = frame
-        yield replace(frame, odometry=odometry, twist=twist)
+        yield replace(frame, odometry=odometry)
+
+
+def slip(frames: Iterable[Frame], at: float, motion: Pose, seconds: float = 0.5) -> Iterator[Frame]:
+    """Let the wheels report a motion (3,) [m, m, rad] that the robot does not make, evenly over some seconds."""
+    extra = np.asarray(motion, dtype=np.float64)
+    for frame in change_odometry(frames, at, seconds, lambda step, share: se2.compose(step, share * extra)):
+        yield _with_twist(frame, at, seconds, lambda twist: twist + extra / seconds)
+
+
+def stop_odometry(frames: Iterable[Frame], at: float, seconds: float) -> Iterator[Frame]:
+    """Let the wheels' counters stand still for some seconds."""
+    for frame in change_odometry(frames, at, seconds, lambda step, _: np.zeros(3)):
+        yield _with_twist(frame, at, seconds, np.zeros_like)
+
+
+def reverse_odometry(frames: Iterable[Frame], at: float, seconds: float) -> Iterator[Frame]:
+    """Let the wheels' counters count backward for some seconds."""
+    for frame in change_odometry(frames, at, seconds, lambda step, _: se2.inverse(step)):
+        yield _with_twist(frame, at, seconds, np.negative)
 
 
 def carry(frames: Iterable[Frame], at: float, seconds: float) -> Iterator[Frame]:
@@ -69,6 +91,28 @@ def lose_scans(frames: Iterable[Frame], at: float, seconds: float) -> Iterator[F
         yield replace(frame, scan=None) if at <= frame.stamp < at + seconds else frame
 
 
+def thin_scans(frames: Iterable[Frame], seconds: float) -> Iterator[Frame]:
+    """Keep a scan of each lidar only when so many seconds have passed since its last one; the wheels' frames stay."""
+    kept: dict[str, float] = {}
+    for frame in frames:
+        if frame.scan is not None and frame.stamp < kept.get(frame.lidar, -math.inf) + seconds:
+            yield replace(frame, scan=None)
+        else:
+            if frame.scan is not None:
+                kept[frame.lidar] = frame.stamp
+            yield frame
+
+
+def limit_range(frames: Iterable[Frame], metres: float) -> Iterator[Frame]:
+    """Let the lidar see no farther than so many metres: what is beyond returns nothing."""
+    for frame in frames:
+        if frame.scan is None:
+            yield frame
+        else:
+            ranges = np.where(frame.scan.ranges < metres, frame.scan.ranges, np.inf)
+            yield replace(frame, scan=replace(frame.scan, ranges=ranges, range_max=min(metres, frame.scan.range_max)))
+
+
 def restart_odometry(frames: Iterable[Frame], at: float) -> Iterator[Frame]:
     """Let the odometry begin anew at its origin."""
     origin: Pose | None = None
@@ -78,6 +122,13 @@ def restart_odometry(frames: Iterable[Frame], at: float) -> Iterator[Frame]:
         else:
             origin = frame.odometry if origin is None else origin
             yield replace(frame, odometry=se2.between(origin, frame.odometry))
+
+
+def _with_twist(frame: Frame, at: float, seconds: float, change: Callable[[Pose], Pose]) -> Frame:
+    """The frame with another twist, if it has one and lies in the fault's time."""
+    if frame.twist is None or not at <= frame.stamp < at + seconds:
+        return frame
+    return replace(frame, twist=change(frame.twist))
 
 
 def _overlap(start: float, stop: float, low: float, high: float) -> float:

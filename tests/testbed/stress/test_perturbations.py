@@ -9,7 +9,17 @@ import pytest
 from slam import se2
 from slam.scan import Scan
 from testbed.frame import Frame
-from testbed.stress.perturbations import blind, carry, lose_scans, restart_odometry, slip
+from testbed.stress.perturbations import (
+    blind,
+    carry,
+    limit_range,
+    lose_scans,
+    restart_odometry,
+    reverse_odometry,
+    slip,
+    stop_odometry,
+    thin_scans,
+)
 
 
 @pytest.fixture
@@ -70,3 +80,35 @@ def test_an_odometry_that_starts_anew_keeps_its_motions(frames: list[Frame]) -> 
         atol=1e-9,
     )
     assert changed[49].odometry is frames[49].odometry
+
+
+def test_counters_that_stand_still_or_count_backward_do_so_for_their_time(frames: list[Frame]) -> None:
+    stopped, reversed_ = list(stop_odometry(frames, 4.0, 2.0)), list(reverse_odometry(frames, 4.0, 2.0))
+    np.testing.assert_allclose(se2.between(stopped[41].odometry, stopped[59].odometry), 0.0, atol=1e-12)
+    there = se2.between(frames[41].odometry, frames[59].odometry)
+    back = se2.between(reversed_[41].odometry, reversed_[59].odometry)
+    assert back[2] == pytest.approx(-there[2])
+    assert back[0] < 0.0 < there[0]
+    for changed in (stopped, reversed_):
+        np.testing.assert_allclose(
+            se2.between(changed[62].odometry, changed[99].odometry),
+            se2.between(frames[62].odometry, frames[99].odometry),
+            atol=1e-9,
+        )
+        np.testing.assert_allclose(changed[30].odometry, frames[30].odometry)
+    np.testing.assert_array_equal(stopped[50].twist, 0.0)
+    np.testing.assert_array_equal(reversed_[50].twist, -frames[50].twist)
+
+
+def test_scans_come_no_more_often_than_asked_for(frames: list[Frame]) -> None:
+    stamps = [f.stamp for f in thin_scans(frames, 1.0) if f.scan is not None]
+    assert len(stamps) == 10
+    assert np.diff(stamps).min() >= 1.0 - 1e-9
+    assert len(list(thin_scans(frames, 1.0))) == len(frames)
+
+
+def test_a_short_range_turns_what_is_beyond_into_no_returns(frames: list[Frame]) -> None:
+    near, far = (next(f.scan for f in limit_range(frames, metres) if f.scan) for metres in (1.5, 3.0))
+    assert near.no_return.all()
+    assert near.range_max == 1.5
+    np.testing.assert_array_equal(far.ranges, 2.0)
