@@ -17,7 +17,7 @@ from slam.config import FilterConfig
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
 from slam.matching.proposal import ProposalResult, propose_poses
-from slam.matching.scan_matching import make_match_settings
+from slam.matching.scan_matching import make_match_settings, shows_a_jump
 from slam.motion.odometry_model import motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.particles.ancestry import Ancestry
@@ -52,6 +52,7 @@ class GMapping:
         self._intake = ScanIntake(self.config, first_needs_hits=False)
         self._particles = ParticleSet(np.zeros((self.config.first_particles, 3)))
         self._loops = LoopDetector()
+        self._matched = 0.0  # share of the hits near a wall at the last update, of the best particle
 
     def process(
         self, odometry: ArrayLike, scan: Scan | Sequence[Scan], *, twist: ArrayLike | None = None
@@ -65,7 +66,7 @@ class GMapping:
             ValueError: the odometry or the twist is not three finite numbers, or the map would grow beyond all
                 bounds; poses, weights and maps are then as they were before.
         """
-        taken = self._intake.take(odometry, scan, twist)
+        taken = self._intake.take(odometry, scan, twist, self._surprises)
         if taken.rays is None:
             pose = se2.compose(self._particles.poses[self.best], taken.motion)
             return report_state(self._particles, taken.counts, pose=pose, map_bytes=self.maps.bytes_in_use)
@@ -98,7 +99,7 @@ class GMapping:
 
         gain, poses = self.config.match.weight_share * result.log_gain, result.pose.copy()
         evidence = particles.move(poses, result.covariance, gain, history=poses)
-        pose = poses[self.best].copy()
+        pose, self._matched = poses[self.best].copy(), float(result.matched[self.best])
         report = report_update(particles, result, taken.counts, pose=pose, evidence=evidence)
         resampled = self._resample(report)
         clock.end_stage("resample")
@@ -111,6 +112,18 @@ class GMapping:
             loop_length=self._loops.update(last_seen, taken.distance),
             seconds=clock.seconds,
         )
+
+    def _surprises(self, motion: se2.Pose, hits: NDArray[np.float64]) -> bool:
+        """Whether a scan that the update gates leave out shows that the robot moved in another way than its wheels say.
+
+        motion (3,) since the last used scan;  hits (K, 2) [m]
+        """
+        cfg, particle = self.config, self.best
+        pose = se2.compose(self._particles.poses[particle], motion)
+        scan_and_prior = ScanAndPrior(
+            np.ascontiguousarray(hits), make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion)
+        )
+        return shows_a_jump(self.maps, particle, pose, scan_and_prior, self._matched)
 
     def _propose(self, taken: TakenScan) -> ProposalResult:
         """Match, sample, fit, draw and weight for all particles: lines 4 to 21 of Algorithm 1."""
@@ -179,7 +192,8 @@ class GMapping:
             "log_histories": self._particles.log_histories,
         }
         arrays = {**particles, **arrays, **self.maps.state(), **self.ancestry.state()}
-        return arrays, {**values, "rng": self._rng.bit_generator.state, "revisits": self._loops.state()}
+        own = {"rng": self._rng.bit_generator.state, "revisits": self._loops.state(), "matched": self._matched}
+        return arrays, {**values, **own}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Any]) -> None:
         """Take over what `state` gave, from a filter of the same settings."""
@@ -192,3 +206,4 @@ class GMapping:
         self.maps.restore(arrays)
         self._rng.bit_generator.state = values["rng"]
         self._loops.restore(values["revisits"])
+        self._matched = values["matched"]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.config import FilterConfig
 from slam.grid.particle_maps import ParticleMaps
-from slam.matching._scan_matching_kernels import likely_starts, match_from, match_particles
+from slam.matching._likelihood_kernels import wall_distances
+from slam.matching._scan_matching_kernels import gain_of_jump, likely_starts, match_from, match_particles
 from slam.matching.likelihood import BeamModel, ScanAndPrior
 from slam.matching.wide_search import wide_starts
 
@@ -91,6 +92,21 @@ def match_scan(
     if count > 0:
         arguments = (maps.grids, predicted, scan_and_prior, iterations, likely[:count], wanted, u, out)
         maps.threads.run(match_from, n, *arguments)
+
+
+def shows_a_jump(
+    maps: ParticleMaps, particle: int, predicted: se2.Pose, scan_and_prior: ScanAndPrior, matched_before: float
+) -> bool:
+    """Whether a jump could explain a scan better than the predicted pose (3,) does, by the map of one particle.
+
+    The bound of the wide search, at the predicted pose itself. At the last update a share `matched_before` of the hits
+    met a wall; as many as met none then do not count.
+    """
+    hits, beams, _ = scan_and_prior
+    distances = np.empty((4, len(hits)))
+    wall_distances(maps.grids, particle, *predicted, hits, beams.far, distances)
+    matched = float(np.mean((distances[0] ** 2 + distances[1] ** 2) * beams.per_outlier2 <= 1.0))
+    return bool(gain_of_jump(scan_and_prior, predicted, predicted, 1.0 - max(matched_before - matched, 0.0)) > 0.0)
 
 
 def make_match_settings(motion: se2.Pose, hits: NDArray[np.float64], config: FilterConfig) -> MatchSettings:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,8 +66,17 @@ class ScanIntake:
         """How often the odometry has jumped so far, as where it starts again."""
         return self._track.jumps
 
-    def take(self, odometry: ArrayLike, scan: Scan | Sequence[Scan], twist: ArrayLike | None) -> TakenScan:
+    def take(
+        self,
+        odometry: ArrayLike,
+        scan: Scan | Sequence[Scan],
+        twist: ArrayLike | None,
+        surprises: Callable[[se2.Pose, NDArray[np.float64]], bool] | None = None,
+    ) -> TakenScan:
         """Check one moment's odometry (3,) and scans and decide whether the filter uses them.
+
+        surprises: whether a scan below the gates is used all the same, from the displacement (3,) since the last used
+        one and the hits (K, 2) [m]; None = never
 
         Raises:
             ValueError: the odometry or the twist is not three finite numbers.
@@ -79,8 +88,9 @@ class ScanIntake:
         self.scans += 1
         first = self._odometry is None
         motion = np.zeros(3) if self._odometry is None else se2.between(self._odometry, now)
+        opens = first or gate_opens(self._config.gate, motion, scans[0].stamp - self._stamp)
         rays = None
-        if first or gate_opens(self._config.gate, motion, scans[0].stamp - self._stamp):
+        if opens or surprises is not None:
             rays = make_rays(
                 scans,
                 usable_range=self._config.map.usable_range,
@@ -89,6 +99,8 @@ class ScanIntake:
             )
             if not rays.hit.any() and (self._first_needs_hits or not first):
                 rays = None  # a scan that hit nothing carries no information about the pose
+            elif not opens and surprises is not None and not surprises(motion, rays.ends[rays.hit]):
+                rays = None
         return TakenScan(odometry=now, stamp=scans[0].stamp, motion=motion, first=first, counts=counts, rays=rays)
 
     def accept(self, taken: TakenScan) -> None:

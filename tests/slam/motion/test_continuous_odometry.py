@@ -65,3 +65,26 @@ def test_a_filter_follows_a_robot_whose_driver_starts_again(restart):
     away = se2.between(truth[-1], report.pose)
     assert math.hypot(away[0], away[1]) < 0.06
     assert abs(away[2]) < 0.02
+
+
+def test_a_filter_follows_a_robot_whose_wheels_count_nothing():
+    """Below the gates a scan that does not fit the map is used: the robot moved, whatever the wheels say."""
+    truth, rng = drive(14), np.random.default_rng(0)
+    odometry = truth.copy()
+    odometry[6:10] = truth[6]  # stands still for four scans
+    odometry[10:] = se2.compose(truth[6], se2.between(truth[9], truth[10:]))
+    mapper = GMapping(FilterConfig(particles=5), seed=0, threads=1)
+    reports = [
+        mapper.process(reported, scan_at(pose, beams=180, noise=0.01, rng=rng, stamp=stamp))
+        for stamp, reported, pose in zip(stamps_of(truth), odometry, truth, strict=True)
+    ]
+    assert any(report.updated for report in reports[7:10])
+    away = se2.between(truth[-1], reports[-1].pose)
+    assert math.hypot(away[0], away[1]) < 0.06
+
+
+def test_a_robot_that_stands_still_needs_no_update():
+    mapper, rng = GMapping(FilterConfig(particles=2), seed=0, threads=1), np.random.default_rng(0)
+    for pose in drive(5):
+        mapper.process(pose, scan_at(pose, beams=180, noise=0.01, rng=rng))
+    assert not any(mapper.process(pose, scan_at(pose, beams=180, noise=0.01, rng=rng)).updated for _ in range(20))

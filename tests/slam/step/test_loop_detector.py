@@ -41,11 +41,12 @@ def test_a_second_loop_counts_after_the_robot_has_left_the_first():
     np.testing.assert_array_equal(np.flatnonzero(found), [20, 59])
 
 
-def test_maps_know_which_scan_has_last_changed_a_wall():
+def test_maps_know_which_scan_has_last_seen_a_wall():
+    """A beam that ends there sees it, a beam that passes does not."""
     maps = empty_maps()
     near, far = np.array([(1.0, 0.0)]), np.array([(9.0, 0.0)])
     maps.integrate_scan(np.zeros((1, 3)), rays(near))
-    maps.integrate_scan(np.array([(8.0, 0.0, 0.0)]), rays(np.array([(1.0, 0.0)])))
+    maps.integrate_scan(np.zeros((1, 3)), rays(far))
     points = np.concatenate([near, far, [(0.0, 5.0)], [(1e6, -1e6)]])
     np.testing.assert_array_equal(maps.last_seen(points), [1, 2, 0, 0])
 
