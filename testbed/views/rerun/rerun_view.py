@@ -37,7 +37,7 @@ from testbed.views.rerun.blueprints import blueprint
 from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
 from testbed.views.rerun.layers import comparison
 from testbed.views.rerun.layers.events import EventWatch
-from testbed.views.rerun.layers.loop_sizes import LoopSizes, spread_of
+from testbed.views.rerun.layers.loop_watch import LoopWatch, spread_of
 from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
@@ -84,7 +84,7 @@ class RerunView:
         self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
         self._errors: list[ErrorColumns] = []  # of the position, of the heading
-        self._events, self._loops = EventWatch(), LoopSizes()
+        self._events, self._loops = EventWatch(), LoopWatch()
         self._images = ImagePool(MAX_WAITING)
         self._tiles, self._tree = MapTiles(self._images), ParticleTree()
         self._path = PathBlocks()
@@ -195,6 +195,8 @@ class RerunView:
         self._add_frame(last)
         self._add_map_and_paths(last, everything=True)
         self._add_comparison(last)
+        for text in self._loops.end():
+            self._log(entities.EVENTS, rr.TextLog(text, level="INFO"))
 
     @contextmanager
     def _file_errors(self) -> Iterator[None]:
@@ -280,12 +282,10 @@ class RerunView:
             add(entity, snapshot.truth, snapshot.estimate, snapshot.odometry, build=build)
 
     def _log_events(self, snapshot: Snapshot, died: int) -> None:
-        step, loop = snapshot.step, None
+        step, loops = snapshot.step, []
         if step is not None and step.updated:
-            self._loops.add(self._columns.time[0], self._travelled, step, died)
-            if step.loop_closed and snapshot.path is not None:
-                loop = self._loops.sentence(snapshot.path(None))
-        lines, states = self._events.update(snapshot, self._travelled, died, loop)
+            loops = self._loops.update(self._columns.time[0], self._travelled, step, died)
+        lines, states = self._events.update(snapshot, self._travelled, died, loops)
         for lane, state in states.items():
             self._log(lane, rr.StateChange(state=state))
         for level, text in lines:
