@@ -94,8 +94,8 @@ def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajecto
     start = odometry.stamps[0]
     before = odometry.stamps[rows] < stamps[0]
     return (
-        f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s, over {length(_path(true))} of "
-        f"path, they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
+        f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s, over {length(_path(true))} "
+        f"of path, they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
         f"{_earlier_slips(odometry[rows[before]], reference.poses[true_rows[before]])}"
     )
 
