@@ -88,14 +88,47 @@ def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajecto
             f"the robot was pushed or carried: within {seconds:.1f} s it moved by {_in_words(moved)}, "
             f"the wheels reported {_in_words(reported)}"
         )
-    moved, reported = between(true[0], true[-1]), between(wheels[0], wheels[-1])
-    miss = between(moved, reported)
-    path = float(np.hypot(*np.diff(true[:, :2], axis=0).T).sum())
-    turned = float(np.degrees(np.abs(between(true[:-1], true[1:])[:, 2]).sum()))
-    far = np.hypot(miss[0], miss[1]) > max(MIN_SLIP_M, MIN_SLIP_SHARE * path)
-    if not far and abs(np.degrees(miss[2])) <= max(MIN_SLIP_DEG, MIN_SLIP_SHARE * turned):
+    if not _slipped(true, wheels):
         return None
-    return f"the wheels slipped: they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
+    moved, reported = between(true[0], true[-1]), between(wheels[0], wheels[-1])
+    start = odometry.stamps[0]
+    before = odometry.stamps[rows] < stamps[0]
+    return (
+        f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s, over {length(_path(true))} "
+        f"of path, they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
+        f"{_earlier_slips(odometry[rows[before]], reference.poses[true_rows[before]])}"
+    )
+
+
+def _slipped(true: Pose, wheels: Pose) -> bool:
+    """Whether the wheels' motion from first to last pose (n, 3) differs from the true one by more than wheels do."""
+    miss = between(between(true[0], true[-1]), between(wheels[0], wheels[-1]))
+    turned = float(np.degrees(np.abs(between(true[:-1], true[1:])[:, 2]).sum()))
+    far = float(np.hypot(miss[0], miss[1])) > max(MIN_SLIP_M, MIN_SLIP_SHARE * _path(true))
+    return far or abs(float(np.degrees(miss[2]))) > max(MIN_SLIP_DEG, MIN_SLIP_SHARE * turned)
+
+
+def _earlier_slips(odometry: Trajectory, true: Pose) -> str:
+    """In how many pieces of time before a failure, each as long as the window about it, the wheels slipped too.
+
+    odometry: the wheels' poses before the window;  true (n, 3): the true poses at the same stamps
+    """
+    if len(odometry) == 0:
+        return ""
+    numbers = ((odometry.stamps[-1] - odometry.stamps) // (2.0 * WINDOW_S)).astype(np.intp)
+    pieces = [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
+    slips = sum(len(piece) > 1 and _slipped(true[piece], odometry.poses[piece]) for piece in pieces)
+    if slips == 0:
+        return "; they had not slipped before"
+    return (
+        f"; they had slipped in {slips} of the {len(pieces)} pieces of {2.0 * WINDOW_S:.0f} s before as well, without "
+        "lasting harm"
+    )
+
+
+def _path(poses: Pose) -> float:
+    """Length of the path through poses (n, 3) [m]."""
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
 def _restart(wheels: Pose, start: Pose) -> int | None:

@@ -24,6 +24,10 @@ class FilterHealth:
     mean_matched_share: float | None
     """Mean share of the beams that met a wall, 0 to 1, from the second update on; None where there is none."""
     loop_closures: int
+    largest_loop_m: float | None
+    """Length of the longest loop that was closed: driven since its walls were last seen [m]; None where none was."""
+    largest_loop_stamp: float | None
+    """Stamp of the scan that began to close it [s]."""
     mean_ess: float
     """Effective sample size before resampling, 1 to N (Kong, Liu, Wong, JASA 89, 1994)."""
     min_ess: float
@@ -44,6 +48,7 @@ def filter_health(steps: Columns) -> FilterHealth | None:
     n, ess = column(steps, "particles")[on], column(steps, "ess")[on]
     failures = column(steps, "match_failures")[on]
     matched = column(steps, "matched_share")[on][1:]  # the first scan meets an empty map
+    loop_m, loop_stamp = _largest_loop(steps)
     spans = coalescence_spans(column(steps, "unique_ancestors")[on], column(steps, "resampled")[on])
     return FilterHealth(
         updates=int(on.sum()),
@@ -52,12 +57,23 @@ def filter_health(steps: Columns) -> FilterHealth | None:
         match_failure_share=float(np.nansum(failures) / n.sum()),
         mean_matched_share=float(np.nanmean(matched)) if np.isfinite(matched).any() else None,
         loop_closures=int(np.nansum(column(steps, "loop_closed")[on])),
+        largest_loop_m=loop_m,
+        largest_loop_stamp=loop_stamp,
         mean_ess=float(np.nanmean(ess)),
         min_ess=float(np.nanmin(ess)),
         mean_ess_share=float(np.nanmean(ess / n)),
         coalescences=len(spans),
         coalescence=float(np.mean(spans)) if len(spans) else None,
     )
+
+
+def _largest_loop(steps: Columns) -> tuple[float, float] | tuple[None, None]:
+    """Length [m] and stamp [s] of the longest loop closure; None where no loop was closed, or lengths are unknown."""
+    if "loop_length" not in steps:  # tables of older releases
+        return None, None
+    lengths = np.nan_to_num(column(steps, "loop_length"))
+    row = int(np.argmax(lengths))
+    return (float(lengths[row]), float(column(steps, "stamp")[row])) if lengths[row] > 0.0 else (None, None)
 
 
 def coalescence_spans(unique_ancestors: NDArray[np.float64], resampled: NDArray[np.float64]) -> NDArray[np.intp]:

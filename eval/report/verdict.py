@@ -55,7 +55,13 @@ def verdict(run: RunFiles) -> Verdict:
         stamps = run.estimate.stamps
         lead += _moment_and_cause(run, float(stamps[0]), float(stamps[-1] - stamps[0]))
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
-    sentences = [_sentence(reason), _path_sentence(run), _relations_sentence(run), _map_sentence(run)]
+    sentences = [
+        _sentence(reason),
+        _path_sentence(run),
+        _relations_sentence(run),
+        _map_sentence(run),
+        _loop_sentence(run),
+    ]
     return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), tuple(_headlines(run)))
 
 
@@ -130,6 +136,14 @@ def _map_sentence(run: RunFiles) -> str:
     )
     double = run.metric("map.double_wall_rate")
     return f"{text}; {share(double)} of the walls are double." if double is not None else f"{text}."
+
+
+def _loop_sentence(run: RunFiles) -> str:
+    metres, stamp = run.metric("filter.largest_loop_m"), run.metric("filter.largest_loop_stamp")
+    if metres is None or stamp is None or run.estimate is None or len(run.estimate) == 0:
+        return ""
+    time = stamp - float(run.estimate.stamps[0])
+    return f"The largest loop closure: {time:.1f} s, after {metres:.0f} m of driving."
 
 
 def _wall_distance(run: RunFiles) -> str:

@@ -3,28 +3,33 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import tempfile
 from pathlib import Path
 
 from eval.files.atomic_write import atomic_write
+from eval.files.failure_json import read_failure
 from eval.files.map_server import read_map
+from eval.files.tum import read_tum
 from testbed.cli.shared.console import console
 from testbed.formats import open_log
 from testbed.views import Scene, open_run, record_frames, record_side_by_side, recording_of
 
 
-def view(paths: list[Path], /, *, serve: bool = False, save: Path | None = None) -> None:
+def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False, save: Path | None = None) -> None:
     """Open runs, datasets, recorded logs, or the worst runs of a sweep in the Rerun viewer.
 
     A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
     paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
-    first scan on.
+    first scan on. A run that went wrong opens at the moment that its report names.
 
     Parameters
     ----------
     paths
         Directories of runs or sweeps, datasets, or recorded logs.
+    time
+        Open the window at this time, in seconds since the first scan.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     save
@@ -32,6 +37,12 @@ def view(paths: list[Path], /, *, serve: bool = False, save: Path | None = None)
     """
     if save is not None and (save.suffix != ".rrd" or save.exists()):
         raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd'}")
+    if time is not None and (serve or save is not None):
+        raise ValueError("--time is for the window: a web page or a saved recording cannot begin at a time")
+    if time is not None and not (math.isfinite(time) and time >= 0.0):
+        raise ValueError(f"--time {time}: expected seconds since the first scan")
+    if time is None and len(paths) == 1:
+        time = _moment_of_failure(paths[0])
     with tempfile.TemporaryDirectory() as folder:
         shown = _one_recording(paths, Path(folder))
         if save is not None:
@@ -39,7 +50,7 @@ def view(paths: list[Path], /, *, serve: bool = False, save: Path | None = None)
                 shutil.copyfile(shown, temporary)
             console.print(f"{save}: `rerun {save}` opens it", soft_wrap=True)
             return
-        viewer = open_run(shown, serve=serve)
+        viewer = open_run(shown, serve=serve, moment=time)
         if viewer.address is not None:
             console.print(f"view: {viewer.address}", soft_wrap=True)
         viewer.wait()
@@ -56,6 +67,15 @@ def _one_recording(paths: list[Path], folder: Path) -> Path:
     together = folder / "side_by_side.rrd"
     record_side_by_side(together, recordings)
     return together
+
+
+def _moment_of_failure(run: Path) -> float | None:
+    """Time at which a run went wrong, in seconds since its first scan; None if it did not, or for anything else."""
+    finding, estimate = run / "finding.json", run / "estimate.tum"
+    if not (finding.is_file() and estimate.is_file()):
+        return None
+    failure = read_failure(finding).failure
+    return failure.stamp - float(read_tum(estimate).stamps[0]) if failure.bad else None
 
 
 def _runs_of(path: Path) -> list[Path]:

@@ -72,10 +72,11 @@ def record_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> No
     write_side_by_side(recording, runs)
 
 
-def open_run(run: Path, *more: Path, serve: bool = False) -> OpenedRun:
+def open_run(run: Path, *more: Path, serve: bool = False, moment: float | None = None) -> OpenedRun:
     """Show the recordings of runs: in the native viewer, or on a web page of this machine.
 
-    run, more: run directories, or recordings
+    run, more: run directories, or recordings;  moment: seconds since the first scan at which the native viewer pauses;
+    the web page begins at the end
 
     Raises:
         ValueError: there is no recording, or no display for a window.
@@ -93,7 +94,12 @@ def open_run(run: Path, *more: Path, serve: bool = False) -> OpenedRun:
     else:
         if programs.display_missing():
             raise ValueError("no display to open the viewer on; use --serve and a browser")
-        command = [*programs.window_command(programs.free_port()), *recordings]
+        port = programs.free_port()
+        command = [*programs.window_command(port), *recordings]
         address = None
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    if moment is not None and not serve:
+        from testbed.views.live.moment import show_moment
+
+        show_moment(process, port, moment)
     return OpenedRun(process, address)

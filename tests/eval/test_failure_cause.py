@@ -45,6 +45,17 @@ def test_wheels_that_slip_are_named_with_both_motions():
     assert "and 0 degrees" in found
 
 
+def test_a_slip_is_said_with_its_stretch_and_with_those_that_healed():
+    """At 20 s the robot drives 1.5 m in the window; it had slipped at 10 and at 4 s already."""
+    slip = [0.0, 0.0, np.radians(-33.0)]
+    first = after(TRUTH, 200, slip)
+    found = cause(odometry=first)
+    assert "from 18.5 to 21.5 s, over 1.50\N{NO-BREAK SPACE}m of path" in found
+    assert found.endswith("they had not slipped before")
+    found = cause(odometry=after(after(first, 100, slip), 40, slip))
+    assert found.endswith("they had slipped in 2 of the 7 pieces of 3 s before as well, without lasting harm")
+
+
 def test_a_robot_that_is_carried_is_told_from_slip():
     found = cause(truth=after(TRUTH, 200, [2.0, 1.0, 0.5]))
     assert found.startswith("the robot was pushed or carried: within 0.1 s")

@@ -53,6 +53,10 @@ def announce_world(world: World) -> None:
         console.print(f"note: {note}", soft_wrap=True)
 
 
+REPORT_PERIOD = 10.0
+"""Time between two lines where stderr is no terminal [s]: short jobs print none."""
+
+
 class ProgressLine:
     """A line with a bar, the time in the recording, the real-time factor and the current error.
 
@@ -62,7 +66,7 @@ class ProgressLine:
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._task = progress.add_task("", total=None, status="")
-        self._started = time.perf_counter()
+        self._started = self._reported = time.perf_counter()
         self._first_stamp: float | None = None
 
     def stage(self, text: str) -> None:
@@ -77,11 +81,15 @@ class ProgressLine:
         factor = seconds / max(time.perf_counter() - self._started, 1e-9)
         status = f"{seconds:7.1f} s  {factor:5.1f} x real time" + ("" if error is None else f"  error {error:.3f} m")
         self._progress.update(self._task, total=None if share is None else 1.0, completed=share or 0.0, status=status)
+        if not console.is_terminal and time.perf_counter() - self._reported > REPORT_PERIOD:
+            self._reported = time.perf_counter()
+            done = "" if share is None else f"  {share:.0%} done"
+            console.print(f"{status.strip()}{done}", soft_wrap=True)
 
 
 @contextmanager
 def progress_line() -> Iterator[ProgressLine]:
-    """Show a progress line during the block, if stderr is a terminal."""
+    """Show a progress line during the block; if stderr is no terminal, print a line from time to time."""
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description:<14}"),

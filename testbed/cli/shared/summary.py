@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.table import Table
 
 HEADLINES = (
-    (("trajectory.ate_rmse_m",), "trajectory error (ATE)", "{:.3f} m"),
     (("localization.error_median_m",), "error in the map's frame, median", "{:.3f} m"),
     (("localization.found_after_m",), "found after driving", "{:.1f} m"),
     (("trajectory.heading_rmse_deg",), "heading error", "{:.2f} deg"),
@@ -35,11 +34,26 @@ def headline_table(metrics: Mapping[str, Any]) -> Table:
     reason = metrics.get("outcome_reason") or metrics.get("reason")
     if metrics["outcome"] != "ok" and reason:
         table.add_row("reason", f"{reason}")
+    for words, error in _trajectory_errors(metrics):
+        table.add_row(words, f"{error:.3f} m")
     for keys, words, number_format in HEADLINES:
         values = [_value(metrics, key) for key in keys]
         if None not in values:
             table.add_row(words, number_format.format(*values))
     return table
+
+
+def _trajectory_errors(metrics: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Name the path that each error is of; a trajectory that was scored by itself has no name."""
+    groups = {"trajectory_filter": ", the filter's own path", "trajectory_online": ", while driving"}
+    if metrics.get("refined"):
+        groups = {"trajectory": ", after the final pass", **groups}
+    elif _value(metrics, "trajectory_filter.ate_rmse_m") is None:
+        groups = {"trajectory": "", **groups}
+    for group, which in groups.items():
+        error = _value(metrics, f"{group}.ate_rmse_m")
+        if error is not None:
+            yield f"trajectory error (ATE){which}", error
 
 
 def _value(metrics: Mapping[str, Any], key: str) -> Any:

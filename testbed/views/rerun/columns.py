@@ -22,8 +22,8 @@ from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.archetypes import image_buffers, strips
 from testbed.views.rerun.scene.styles import Z_TOP
 
-Values = tuple[NDArray[Any], ...]
-"""What one row holds; its meaning is the entity's."""
+Values = tuple[Any, ...]
+"""What one row holds, mostly arrays; its meaning is the entity's."""
 Build = Callable[[Sequence[Values]], rr.ComponentColumnList]
 
 
@@ -35,9 +35,26 @@ def poses(rows: Sequence[Values]) -> rr.ComponentColumnList:
     return rr.Transform3D.columns(translation=drawing.lifted(stacked, 0.0), quaternion=turns)
 
 
-def scalars(rows: Sequence[Values]) -> rr.ComponentColumnList:
-    """Rows (values (series,),)."""
-    return rr.Scalars.columns(scalars=np.concatenate([row[0] for row in rows])).partition(_lengths(rows))
+def places(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (pose (3,),), without their headings."""
+    return rr.Transform3D.columns(translation=drawing.lifted(np.array([row[0] for row in rows]), 0.0))
+
+
+def world_places(T_world_map: Pose) -> Build:
+    """Rows (pose (3,),) in the map's frame, which are drawn in the world's, without their headings."""
+    return lambda rows: places([(pose,) for pose in se2.compose(T_world_map, np.array([row[0] for row in rows]))])
+
+
+def spreads(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (covariance (3, 3),) as standard deviations of the position [cm]."""
+    covariances = np.array([row[0] for row in rows])
+    variances = np.maximum(covariances[:, 0, 0] + covariances[:, 1, 1], 0.0)
+    return rr.Scalars.columns(scalars=100.0 * np.sqrt(variances))
+
+
+def numbers(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (value, value, ...), one for each series."""
+    return rr.Scalars.columns(scalars=np.array(rows, np.float64).ravel()).partition([len(row) for row in rows])
 
 
 def scans(rows: Sequence[Values]) -> rr.ComponentColumnList:
@@ -61,6 +78,11 @@ def arrows(length: float, rows: Sequence[Values]) -> rr.ComponentColumnList:
     vectors = drawing.headings(stacked, length)
     columns = rr.Arrows3D.columns(origins=drawing.lifted(stacked, Z_TOP), vectors=vectors, colors=_colours(rows))
     return columns.partition(_lengths(rows))
+
+
+def labels(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (text,), of a label that has its place."""
+    return rr.Points3D.columns(labels=[row[0] for row in rows])
 
 
 def lines(z: float, rows: Sequence[Values]) -> rr.ComponentColumnList:
@@ -130,14 +152,13 @@ BUILD: dict[str, Build] = {
     entities.PROPOSAL_SAMPLES: dots,
     entities.PROPOSAL_GAUSSIAN: ellipses,
     entities.PROPOSAL_OPTIMUM: poses,
-    entities.PROPOSAL_EYE: poses,
-    entities.AROUND: poses,
+    entities.PROPOSAL_EYE: places,
     entities.PROPOSAL_SCAN: scans,
-    entities.ESS_VALUE: scalars,
-    entities.ESS_RESAMPLED: scalars,
-    entities.SPREAD: scalars,
-    entities.MATCHED: scalars,
-    entities.STAGES: scalars,
+    entities.ESS_VALUE: numbers,
+    entities.ESS_RESAMPLED: numbers,
+    entities.SPREAD: spreads,
+    entities.MATCHED: numbers,
+    entities.STAGES: numbers,
 }
 """How the rows of an entity become columns; those of the others are stated with the rows."""
 
@@ -153,11 +174,14 @@ class Columns:
     """How the rows of each entity become columns."""
     _rows: dict[str, tuple[list[tuple[float, int]], list[Values]]] = field(default_factory=dict)
 
-    def add(self, entity: str, *values: NDArray[Any], build: Build | None = None) -> None:
+    def add(self, entity: str, *values: NDArray[Any] | float | str, build: Build | None = None) -> None:
         """Keep one row of an entity that is in `build`, or is built by the argument of that name."""
         if build is not None:
             self.build[entity] = build
-        times, rows = self._rows.setdefault(entity, ([], []))
+        kept = self._rows.get(entity)
+        if kept is None:
+            kept = self._rows[entity] = ([], [])
+        times, rows = kept
         times.append(self.time)
         rows.append(values)
 

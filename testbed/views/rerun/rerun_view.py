@@ -37,7 +37,7 @@ from testbed.views.rerun.blueprints import blueprint
 from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
 from testbed.views.rerun.layers import comparison
 from testbed.views.rerun.layers.events import EventWatch
-from testbed.views.rerun.layers.loop_sizes import LoopSizes, spread_of
+from testbed.views.rerun.layers.loop_watch import LoopWatch
 from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
@@ -84,7 +84,7 @@ class RerunView:
         self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
         self._errors: list[ErrorColumns] = []  # of the position, of the heading
-        self._events, self._loops = EventWatch(), LoopSizes()
+        self._events, self._loops = EventWatch(), LoopWatch()
         self._images = ImagePool(MAX_WAITING)
         self._tiles, self._tree = MapTiles(self._images), ParticleTree()
         self._path = PathBlocks()
@@ -155,13 +155,14 @@ class RerunView:
         for number, (step, shown) in enumerate(zip(entities.FINAL_STEPS, (before, (path, grid)), strict=True)):
             if shown is None:
                 continue
+            image = grid_map(shown[1])
             line = styles.line_style(styles.ESTIMATE, 1.2)
             row = rr.LineStrips3D.from_fields(strips=strips([shown[0][:, :2]], Z_ESTIMATE))
             for base, static in ((f"{entities.FINAL}/{step}", True), (f"{entities.FINAL}/step", False)):
                 self._rec.reset_time()
                 self._rec.log(f"{base}/path", line, static=True)
                 self._rec.set_time(entities.FINAL_PASS_TIMELINE, sequence=number)
-                self._rec.log(f"{base}/map", grid_map(shown[1]), static=static)
+                self._rec.log(f"{base}/map", image, static=static)
                 self._rec.log(f"{base}/path", row, static=static)
         truth = self._visited[entities.TRUE_PATH].poses
         if len(truth):
@@ -179,7 +180,7 @@ class RerunView:
         last = self._last
         if last is not None:
             self._close_run(last)
-            if last.map is not None:
+            if last.map is not None and not self._refined:
                 self._fit_view(last.map(None))
             self._last = None
         self._send()
@@ -194,7 +195,9 @@ class RerunView:
         self._set_time(last)
         self._add_frame(last)
         self._add_map_and_paths(last, everything=True)
-        self._add_comparison(last)
+        self._add_comparison(last, everything=True)
+        for text in self._loops.end():
+            self._log(entities.EVENTS, rr.TextLog(text, level="INFO"))
 
     @contextmanager
     def _file_errors(self) -> Iterator[None]:
@@ -230,6 +233,7 @@ class RerunView:
         if first.truth is not None:
             T_world_first = first.truth
         self._T_world_odom = se2.compose(T_world_first, se2.inverse(first.odometry))
+        self._around = columns.world_places(self._T_world_map)
         self._errors = [ErrorColumns(self._T_world_map, self._T_world_odom, heading) for heading in (False, True)]
         for entity in (entities.SLAM, entities.COMPARE, entities.PROPOSAL, entities.FINAL):
             self._rec.log(entity, pose_transform(self._T_world_map), static=True)
@@ -280,12 +284,10 @@ class RerunView:
             add(entity, snapshot.truth, snapshot.estimate, snapshot.odometry, build=build)
 
     def _log_events(self, snapshot: Snapshot, died: int) -> None:
-        step, loop = snapshot.step, None
+        step, loops = snapshot.step, []
         if step is not None and step.updated:
-            self._loops.add(self._columns.time[0], self._travelled, step, died)
-            if step.loop_closed and snapshot.path is not None:
-                loop = self._loops.sentence(snapshot.path(None))
-        lines, states = self._events.update(snapshot, self._travelled, died, loop)
+            loops = self._loops.update(self._columns.time[0], self._travelled, step, died)
+        lines, states = self._events.update(snapshot, self._travelled, died, loops)
         for lane, state in states.items():
             self._log(lane, rr.StateChange(state=state))
         for level, text in lines:
@@ -311,15 +313,15 @@ class RerunView:
 
     def _add_filter(self, step: StepReport) -> None:
         """Add what the filter says of itself."""
-        add = self._columns.add
-        add(entities.ESS_VALUE, np.array([step.ess]))
+        add, seconds = self._columns.add, step.seconds
+        add(entities.ESS_VALUE, step.ess)
         if step.resampled:
-            add(entities.ESS_RESAMPLED, np.array([step.ess]))
-        add(entities.SPREAD, np.array([100.0 * spread_of(step)]))
-        add(entities.PROPOSAL_EYE, np.array([*step.pose[:2], 0.0]))
-        add(entities.AROUND, np.array([*se2.compose(self._T_world_map, step.pose)[:2], 0.0]))
-        add(entities.MATCHED, np.array([step.matched_share]))
-        add(entities.STAGES, np.array([1e3 * step.seconds.get(stage, 0.0) for stage in ("match", "map", "resample")]))
+            add(entities.ESS_RESAMPLED, step.ess)
+        add(entities.SPREAD, step.covariance)
+        add(entities.PROPOSAL_EYE, step.pose)
+        add(entities.AROUND, step.pose, build=self._around)
+        add(entities.MATCHED, step.matched_share)
+        add(entities.STAGES, *(1e3 * seconds.get(stage, 0.0) for stage in ("match", "map", "resample")))
         add(entities.COVARIANCE, step.pose, step.covariance)
 
     def _add_particles(self, snapshot: Snapshot) -> None:
@@ -404,7 +406,7 @@ class RerunView:
 
     # --- comparison of particles
 
-    def _add_comparison(self, snapshot: Snapshot) -> None:
+    def _add_comparison(self, snapshot: Snapshot, everything: bool = False) -> None:
         """Add weights, and map, path and pose of four particles."""
         if snapshot.weights is None or snapshot.poses is None or snapshot.path is None:
             return
@@ -413,11 +415,11 @@ class RerunView:
             return
         for slot, particle in zip(self._slots, comparison.chosen(snapshot), strict=True):
             if slot is not self._slots[0]:  # the best particle's map and path are there
-                self._add_squares(f"{slot.entity}/map", slot.tiles, snapshot, particle, everything=False)
+                self._add_squares(f"{slot.entity}/map", slot.tiles, snapshot, particle, everything)
                 self._add_path(f"{slot.entity}/path", slot.path.changes(snapshot.path(particle)))
             self._columns.add(f"{slot.entity}/robot", snapshot.poses[particle], build=columns.poses)
             label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}"
-            self._log(f"{slot.entity}/robot/label", rr.Points3D.from_fields(labels=label))
+            self._columns.add(f"{slot.entity}/robot/label", label, build=columns.labels)
 
     # --- layout
 

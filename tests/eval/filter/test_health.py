@@ -35,3 +35,22 @@ def test_health_counts_updates_only():
     assert filter_health(steps | {"updated": [False] * 4}) is None
     with pytest.raises(ValueError, match="no column 'ess'"):
         filter_health({key: value for key, value in steps.items() if key != "ess"})
+
+
+def test_the_largest_loop_is_the_longest_with_its_stamp():
+    steps = {
+        "updated": [True] * 4,
+        "stamp": [5.0, 6.0, 7.0, 8.0],
+        "particles": [10] * 4,
+        "ess": [10.0] * 4,
+        "resampled": [False] * 4,
+        "match_failures": [0] * 4,
+        "matched_share": [0.8] * 4,
+        "unique_ancestors": [10] * 4,
+        "loop_closed": [False, True, True, False],
+    }
+    found = filter_health(steps | {"loop_length": [0.0, 20.0, 64.0, 0.0]})
+    assert (found.largest_loop_m, found.largest_loop_stamp) == (64.0, 7.0)
+    for without in (steps, steps | {"loop_length": [0.0] * 4}):  # tables of older releases; no loop
+        found = filter_health(without)
+        assert (found.largest_loop_m, found.largest_loop_stamp) == (None, None)

@@ -30,3 +30,12 @@ def test_the_wall_distance_is_that_of_the_summary(tmp_path, exact, shown):
     found = verdict(read_run(run))
     assert f"true walls is {shown}" in " ".join(found.sentences)
     assert shown in [headline.value for headline in found.headlines]
+
+
+def test_the_largest_loop_closure_is_said_with_its_time(tmp_path):
+    run = write_run(tmp_path / "run")
+    metrics = json.loads((run / "metrics.json").read_text())
+    start = read_run(run).estimate.stamps[0]
+    metrics.setdefault("filter", {}).update(largest_loop_m=63.7, largest_loop_stamp=start + 129.72)
+    (run / "metrics.json").write_text(json.dumps(metrics))
+    assert "The largest loop closure: 129.7 s, after 64 m of driving." in verdict(read_run(run)).sentences

@@ -2,7 +2,8 @@
 """Messages of the console: a long job is not silent, a short one is."""
 
 import worlds
-from testbed.cli.shared.console import SlowProgress, announce_world
+from testbed.cli.shared import console
+from testbed.cli.shared.console import SlowProgress, announce_world, progress_line
 
 
 def test_a_long_job_prints_its_share_and_a_short_one_nothing(capsys):
@@ -19,3 +20,15 @@ def test_a_world_in_centimetres_is_questioned(capsys):
     announce_world(worlds.load("office"))
     (line,) = capsys.readouterr().err.splitlines()
     assert "is it in centimetres?" in line
+
+
+def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys, monkeypatch):
+    for period, expected in ((60.0, 0), (-1.0, 2)):
+        monkeypatch.setattr(console, "REPORT_PERIOD", period)
+        with progress_line() as line:
+            line.step(100.0, 0.0, None)
+            line.step(130.0, 0.25, 0.012)
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == expected
+    assert lines[-1].startswith("30.0 s")
+    assert lines[-1].endswith("error 0.012 m  25% done")

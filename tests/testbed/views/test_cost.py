@@ -39,7 +39,8 @@ class Cost:
     def __str__(self) -> str:
         per_ten_minutes = self.megabytes * 600.0 / self.seconds
         return (
-            f"{100 * self.share:.1f} % of the CPU time, {self.per_update_ms:.2f} ms an update, "
+            f"{100 * self.share:.1f} % of the whole run's CPU time (reading, filter, final pass and recording, "
+            f"with the threads that encode), {self.per_update_ms:.2f} ms an update, "
             f"{self.megabytes:.1f} MB, {per_ten_minutes:.0f} MB in ten minutes"
         )
 

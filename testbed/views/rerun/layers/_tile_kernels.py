@@ -59,6 +59,7 @@ def look(table, tiles, grey, touched, since, offset, coarse, looks):
     side = SIDE // coarse
     pixels = looks.images.shape[2]
     small = pixels // side
+    now = np.empty(side, np.uint8)
     for r in range(rows):
         for c in range(columns):
             at_row, at_column = r + offset[0], c + offset[1]
@@ -70,17 +71,21 @@ def look(table, tiles, grey, touched, since, offset, coarse, looks):
             bottom, left = pixels - 1 - at_row % small * side, at_column % small * side
             differ, of_other_kind = 0, 0
             for row in range(side):
-                line = image[bottom - row, left : left + side]
                 for column in range(side):
                     if coarse == 1:
-                        now = grey[tile[row * SIDE + column]]
+                        now[column] = grey[tile[row * SIDE + column]]
                     else:
-                        now = pixel_of(tile, grey, (row * SIDE + column) * coarse, coarse)
-                    before = line[column]
-                    line[column] = now
-                    differ += now != before
-                    of_other_kind += ((now >= FREE_FROM) != (before >= FREE_FROM)) | (
-                        (now <= OCCUPIED_TO) != (before <= OCCUPIED_TO)
+                        now[column] = pixel_of(tile, grey, (row * SIDE + column) * coarse, coarse)
+                line = image[bottom - row, left : left + side]
+                first = 0
+                while first < side and now[first] == line[first]:  # most rows look as before
+                    first += 1
+                for column in range(first, side):
+                    level, before = now[column], line[column]
+                    line[column] = level
+                    differ += level != before
+                    of_other_kind += ((level >= FREE_FROM) != (before >= FREE_FROM)) | (
+                        (level <= OCCUPIED_TO) != (before <= OCCUPIED_TO)
                     )
             looks.changed[at_row // small, at_column // small, 0] += differ
             looks.changed[at_row // small, at_column // small, 1] += of_other_kind

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -14,7 +15,7 @@ from slam import se2
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.views.rerun import entities
-from testbed.views.rerun.layers.loop_sizes import count_of
+from testbed.views.rerun.layers.loop_watch import count_of
 from testbed.views.view import Snapshot
 
 Level = Literal["INFO", "WARN", "ERROR"]
@@ -87,12 +88,12 @@ class EventWatch:
         return self._loss.lost
 
     def update(
-        self, snapshot: Snapshot, travelled: float, died: int, loop: str | None = None
+        self, snapshot: Snapshot, travelled: float, died: int, loops: Sequence[str] = ()
     ) -> tuple[list[Line], dict[str, str]]:
         """Lines for the event log, and the lanes whose state has changed.
 
         travelled: distance driven so far [m];  died: particles that this update killed
-        loop: a sentence about the loop that was closed, if one was
+        loops: sentences about loops that close
         """
         lines: list[Line] = [("WARN", note) for note in snapshot.notes]
         states: dict[str, str] = {}
@@ -104,7 +105,7 @@ class EventWatch:
                 lines.append(_loss_line(self._loss.lost, *change))
         step = snapshot.step
         if step is not None and step.updated:
-            lines += _filter_lines(step, died, loop)
+            lines += _filter_lines(step, died, loops)
             states[entities.MATCHING_STATE] = self._matching_state(step)
         if snapshot.localization is not None:
             states[entities.LOCALIZATION_STATE] = snapshot.localization
@@ -146,14 +147,13 @@ def _loss_line(lost: bool, metres: float, degrees: float) -> Line:
     return "INFO", "the estimate has come back to the truth"
 
 
-def _filter_lines(step: StepReport, died: int, loop: str | None) -> list[Line]:
+def _filter_lines(step: StepReport, died: int, loops: Sequence[str]) -> list[Line]:
     """What the filter did at an update."""
     lines: list[Line] = []
     if step.resampled:
         size = f"effective sample size {step.ess:.1f} of {step.particles}"
         lines.append(("INFO", f"resampled: {size}; {count_of(died)} died"))
-    if loop is not None:
-        lines.append(("INFO", loop))
+    lines += [("INFO", sentence) for sentence in loops]
     if step.match_failures:
         lines.append(("WARN", f"scan matching failed for {step.match_failures} of {step.particles} particles"))
     return lines

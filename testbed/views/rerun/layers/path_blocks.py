@@ -23,13 +23,16 @@ class PathBlocks:
         self._sent = np.zeros((0, 3))
 
     def changes(self, path: Pose) -> list[tuple[int, Pose]]:
-        """Number and poses (n, 3) of the blocks that have changed; empty ones are gone. path (updates, 3)"""
+        """Number and poses (n, 3) of the blocks that have changed; empty ones are gone.
+
+        path (updates, 3): kept until the next call, the caller must not change it
+        """
         common = min(len(path), len(self._sent))
-        different = np.flatnonzero((path[:common] != self._sent[:common]).any(axis=1))
-        first = int(different[0]) if len(different) else common
+        different = path[:common] != self._sent[:common]
+        first = int(np.argmax(different.any(axis=1))) if different.any() else common
         shrinks = len(path) < len(self._sent)
         longest = len(self._sent) + 1 if shrinks else len(path)  # the last pose sent may be alone in its block
-        self._sent = path.copy()
+        self._sent = path
         return [(number, path[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, longest)]
 
 
@@ -38,25 +41,26 @@ class GrowingPath:
 
     def __init__(self) -> None:
         """No pose has come yet."""
-        self._poses: list[Pose] = []
+        self._room = np.empty((BLOCK, 3))  # for the poses, and for those to come
+        self._count = 0
         self._sent = 0
 
     def append(self, pose: Pose) -> None:
         """Add a pose (3,)."""
-        self._poses.append(pose)
+        if self._count == len(self._room):
+            self._room = np.concatenate([self._room, np.empty_like(self._room)])
+        self._room[self._count] = pose
+        self._count += 1
 
     @property
     def poses(self) -> Pose:
         """All poses, (n, 3)."""
-        return np.array(self._poses).reshape(-1, 3)
+        return self._room[: self._count]
 
     def changes(self) -> list[tuple[int, Pose]]:
         """Number and poses (n, 3) of the blocks that have changed since the last call."""
-        first, self._sent = self._sent, len(self._poses)
-        return [
-            (number, np.array(self._poses[number * BLOCK : (number + 1) * BLOCK + 1]))
-            for number in _blocks(first, self._sent)
-        ]
+        first, self._sent, poses = self._sent, self._count, self.poses
+        return [(number, poses[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, self._sent)]
 
 
 def _blocks(first: int, end: int) -> range:

@@ -37,3 +37,20 @@ def test_the_reason_stands_beside_every_outcome_that_is_not_ok() -> None:
     for outcome in ("lost", "broken loop", "drift", "collided", "timeout", "interrupted", "unjudged"):
         assert "because" in printed({"outcome": outcome, "outcome_reason": "because"})
     assert "no scan" in printed({"outcome": "failed", "reason": "no scan"})
+
+
+def test_each_trajectory_error_names_its_path() -> None:
+    def lines(**metrics: object) -> list[list[str]]:
+        text = printed({"outcome": "ok", **metrics})
+        return [line.split("  ") for line in text.splitlines() if "ATE" in line]
+
+    final, own, online = ({"ate_rmse_m": error} for error in (0.004, 0.017, 0.026))
+    refined = lines(refined=True, trajectory=final, trajectory_filter=own, trajectory_online=online)
+    assert [(line[0], line[-1].strip()) for line in refined] == [
+        ("trajectory error (ATE), after the final pass", "0.004 m"),
+        ("trajectory error (ATE), the filter's own path", "0.017 m"),
+        ("trajectory error (ATE), while driving", "0.026 m"),
+    ]
+    plain = lines(refined=False, trajectory=own, trajectory_filter=own, trajectory_online=online)
+    assert [line[0].split(", ")[1] for line in plain] == ["the filter's own path", "while driving"]
+    assert [line[0] for line in lines(trajectory=own)] == ["trajectory error (ATE)"]
