@@ -50,6 +50,19 @@ testbed slam robot.log --truth mocap.tum --particles 50 --view
 testbed slam robot.log --map office.yaml --start 1.5,-2,90
 ```
 """,
+    "twin": """Make a simulated twin of a recorded log, to drive it again with other seeds.
+
+The log is mapped; the walls of the final map become a world, the refined path becomes the drive. Lidar and odometry get
+the settings that the log shows: noise, scale errors, slips. The twin is a directory with world.toml, robot.toml,
+lidar.toml, commands.csv and the config.toml that `testbed run` and `testbed simulate` take.
+
+```
+testbed twin intel.clf.gz --out twin
+testbed twin runs/intel-20250101-120000 --out twin
+testbed run --config twin/config.toml --seed 1
+testbed simulate --config twin/config.toml --count 20 --out twins
+```
+""",
     "score": """Score the output of any SLAM system with the measures of `testbed run`.
 
 The measures are printed as JSON, or written to `--out`.
