@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slam import se2
+from slam.motion.continuous_odometry import has_jumped
 from testbed.formats import LogError
 from testbed.frame_table import FrameTable
 from testbed.presets import LidarPreset, Mount
@@ -22,8 +24,8 @@ MAX_BEND = 0.08
 """Three neighbouring readings that are off a line by more than this are no wall [m]."""
 MAX_RANGE_RATIO = 1.1
 """Largest ratio of neighbouring ranges on a wall; at flatter angles the roughness of a wall counts as noise."""
-NOISE_SCANS = 400
-"""Scans, spread over the log, that the noise is taken from."""
+MAX_SCANS = 1000
+"""Readings are taken from this many scans, spread over the log."""
 NOISE_BINS = 8
 """Groups of ranges, near to far, whose noise is compared."""
 _SOURCE = "estimated from the log"
@@ -57,18 +59,18 @@ def estimate_lidar(table: FrameTable) -> TwinLidar:
     view, middle = float(angles[-1] - angles[0]), 0.5 * float(angles[0] + angles[-1])
     if abs(view + step - 2.0 * math.pi) < 0.5 * step:  # a full turn: the last beam lies one step before the first
         view, middle = 2.0 * math.pi, float(angles[0]) + math.pi
-    ranges: Floats = np.stack([np.asarray(table.scan(k).ranges) for k in scans.tolist()])
+    sample = scans[:: max(1, len(scans) // MAX_SCANS)]
+    ranges: Floats = np.stack([np.asarray(table.scan(k).ranges) for k in sample.tolist()])
     range_min, range_max = table.range_limits[scans[0]].tolist()
     hits = (ranges >= range_min) & (ranges > 0.0) & (ranges < range_max)
     lost = np.isnan(ranges) | (ranges <= 0.0)
-    rate = 1.0 / max(float(np.median(np.diff(np.sort(table.stamps[table.scan_rows[scans]])))), 1e-3)
     range_step = _range_step(ranges[hits])
     order = np.argsort(pattern.angles)
     floor, share = _noise(np.where(hits, ranges, np.nan)[:, order], step, range_step)
     values: dict[str, Any] = {
         "beams": beams,
         "field_of_view_deg": min(round(math.degrees(view), 6), 360.0),
-        "scan_rate": rate,
+        "scan_rate": _rate(table, scans),
         "range_min": max(range_min, 0.0),
         "range_max": range_max if math.isfinite(range_max) else float(np.max(ranges[hits], initial=1.0)) + 1.0,
         "noise_floor": floor,
@@ -106,6 +108,19 @@ def _notes(table: FrameTable, lidar: int, scans: int, angles: Floats, step: floa
     return tuple(notes)
 
 
+def _rate(table: FrameTable, scans: NDArray[np.int64]) -> float:
+    """Return how many scans a second there are [Hz] while the robot moves: many logs leave them out where it stands."""
+    rows = table.scan_rows[scans]
+    seconds, steps = np.diff(table.stamps[rows]), se2.between(table.odometry[rows[:-1]], table.odometry[rows[1:]])
+    moved = np.where(has_jumped(steps, seconds), 0.0, np.hypot(steps[:, 0], steps[:, 1]) + np.abs(steps[:, 2]))
+    order = np.argsort(seconds)
+    share = np.cumsum((moved * (seconds > 0.0))[order])
+    if share.size == 0 or share[-1] == 0.0:
+        return 1.0 / max(float(np.median(seconds)) if seconds.size else 1.0, 1e-3)
+    middle = order[np.searchsorted(share, 0.5 * share[-1])]
+    return 1.0 / max(float(seconds[middle]), 1e-3)
+
+
 def _range_step(ranges: Floats) -> float:
     """Return the largest step of which nearly all ranges (n,) are multiples [m]; 0 = none."""
     sample = ranges[:: max(1, ranges.size // 20_000)]
@@ -121,8 +136,7 @@ def _noise(ranges: Floats, step: float, range_step: float) -> tuple[float, float
     On a straight wall the inverse ranges of three neighbouring beams satisfy 1/a + 1/c = 2 cos(step) / b, whatever its
     direction; b differs by its own noise and half the variance of a and c.
     """
-    chosen = ranges[:: max(1, len(ranges) // NOISE_SCANS)]
-    a, b, c = chosen[:, :-2], chosen[:, 1:-1], chosen[:, 2:]
+    a, b, c = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
     bend = b - 2.0 * np.cos(step) / (1.0 / a + 1.0 / c)
     wall = (np.abs(bend) < MAX_BEND) & (np.maximum(a, c) < MAX_RANGE_RATIO * np.minimum(a, c))
     bend, b = bend[wall], b[wall]

@@ -20,12 +20,13 @@ testbed run --config runs/office-20250101-120000/config.toml
     "simulate": """Write synthetic datasets.
 
 Each dataset is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for
-byte. Datasets that exist already are kept, so that a job that was cut off can be started again. Each seed drives
-another route through its world, unless `--route fixed` is given. The default backend is `fast`. Several datasets also
-get an index (datasets.parquet) with splits by world, a card (README.md) and a picture of the drives.
+byte. Datasets that exist already are kept: a job that was cut off can be started again, and a larger `--count` adds to
+them. Each seed drives another route through its world, unless `--route fixed` is given. The default backend is `fast`.
+Several datasets also get an index (datasets.parquet) with splits by world, a card (README.md) and a picture of the
+drives.
 
 ```
-testbed simulate office,apartment --out data --count 10 --draw lidar=lds01,rplidar_a2 --workers 2
+testbed simulate office,apartment,lab --out data --count 10 --draw lidar=lds01,rplidar_a2 --workers 2
 testbed simulate 'generated:rooms*50' --out rooms --draw odometry.grade=good,poor --draw noise=0.5..2
 testbed simulate office --out paired --vary lidar=lds01,rplidar_a2
 testbed datasets info data
