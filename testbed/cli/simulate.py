@@ -30,6 +30,7 @@ from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
 from testbed.settings.comparison import changed_settings
 from testbed.settings.simulator import FAST_SIMULATOR, FastSimulatorOptions, SimulatorOptions
+from testbed.simulation import OdometryConfig
 from testbed.simulation.simulator import check_fits
 from testbed.toml import without_none
 from worlds import expand_names, label
@@ -172,6 +173,8 @@ def _is_kept(job: _Job) -> bool:
             raise ValueError(f"{job.path}: exists and is no dataset; choose another --out")
         return False
     there, wanted = settings_of(job.path), without_none(_settings(job))
+    # A dataset of an earlier version was made without the settings that came later, as by their defaults.
+    there = {**there, "odometry": asdict(OdometryConfig()) | there.get("odometry", {})}
     # The world is in the dataset's name: relative and absolute names of one file are the same.
     for key, found in changed_settings(there, wanted):
         if key != "world":
