@@ -49,7 +49,7 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     for trouble in ("collided", "stuck"):
         if count := sum(bool(row[trouble]) for row in collection.rows):
             results.print(f"{trouble}: {count}")
-    results.print("licence: CC-BY-4.0 (see README.md)")
+    results.print(f"licence: CC-BY-4.0{' (see README.md)' if (directory / 'README.md').is_file() else ''}")
 
 
 @app.command

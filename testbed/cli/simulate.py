@@ -22,7 +22,7 @@ from cyclopts import Parameter
 from eval.files.atomic_write import discard_unfinished
 from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, results
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
-from testbed.cli.shared.draws import Draw, drawn, parse_draws, with_each_choice
+from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
 from testbed.cli.shared.variants import variants
 from testbed.datasets.card import write_card, write_contact_sheet
 from testbed.datasets.index import datasets_in, settings_of, write_index
@@ -30,6 +30,7 @@ from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
 from testbed.settings.comparison import changed_settings
 from testbed.settings.simulator import FAST_SIMULATOR, FastSimulatorOptions, SimulatorOptions
+from testbed.simulation import OdometryConfig
 from testbed.simulation.simulator import check_fits
 from testbed.toml import without_none
 from worlds import expand_names, label
@@ -60,7 +61,7 @@ class DatasetOptions:
     be repeated, for all combinations."""
     draw: tuple[str, ...] = ()
     """KEY=A,B or KEY=LOW..HIGH: for each dataset a value of robot, lidar, beams, noise, clutter, odometry.… or layers.…
-    drawn at random; may be repeated."""
+    drawn at random, each dataset for itself, so that the values are not equally frequent; may be repeated."""
     shard: str | None = None
     """i/n: make only shard i of n (from 0); `testbed datasets index` combines the shards."""
     scheduler: str | None = None
@@ -172,6 +173,8 @@ def _is_kept(job: _Job) -> bool:
             raise ValueError(f"{job.path}: exists and is no dataset; choose another --out")
         return False
     there, wanted = settings_of(job.path), without_none(_settings(job))
+    # A dataset of an earlier version was made without the settings that came later, as by their defaults.
+    there = {**there, "odometry": asdict(OdometryConfig()) | there.get("odometry", {})}
     # The world is in the dataset's name: relative and absolute names of one file are the same.
     for key, found in changed_settings(there, wanted):
         if key != "world":
@@ -207,6 +210,7 @@ def _job(
     options: DatasetOptions,
 ) -> _Job:
     settings, values = drawn(simulator, draws, label(world), seed)
+    values = draws_of_config(options.config, settings, seed) | values
     return _Job(path, world, settings, seed, variant, values, options.format, options.compress)
 
 

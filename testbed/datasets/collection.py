@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 from testbed.datasets.index import INDEX, datasets_in, index_rows, read_index
 from testbed.datasets.loading import Dataset, open_dataset
 from testbed.formats import LogError
+from testbed.formats.checksums import CONFIG
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,6 +92,8 @@ def open_collection(path: str | Path) -> Collection:
     if not path.is_dir():
         raise LogError(f"{path}: no such directory")
     there = {found.name for found in datasets_in(path)}
+    if not there and (path / CONFIG).is_file():
+        raise LogError(f"{path}: is one dataset, expected a directory of datasets; use open_dataset for this one")
     rows = index_rows(path) if len(there) == 1 and not (path / INDEX).exists() else read_index(path)
     if missing := [row["dataset"] for row in rows if row["dataset"] not in there]:
         raise LogError(f"{path}: the index names {missing[0]}, which is not there; run testbed datasets index {path}")

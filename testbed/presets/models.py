@@ -58,6 +58,8 @@ class Mount(BaseModel):
     """Counter-clockwise rotation [degrees]."""
     height: Positive = 0.2
     """Height of the beams above the floor [m]."""
+    offset_x: Annotated[float, Field(strict=True, ge=-2.0, le=2.0)] = 0.0
+    """The lidar sits this far ahead of `x`, which nobody knows: neither the recording nor the estimator [m]."""
     error: NotNegative = 0.0
     """Standard deviation of x and y of the true mount about these numbers [m]."""
     error_deg: NotNegative = 0.0

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import tomllib
 import zlib
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,3 +86,15 @@ def drawn(
         simulator = with_value(simulator, draw.key, draw.value(world, seed), "--draw")
         values[draw.key] = value_of(simulator, draw.key)
     return simulator, values
+
+
+def draws_of_config(config: Path | None, simulator: SimulatorOptions, seed: int) -> dict[str, Any]:
+    """The values that were drawn for the dataset whose config.toml is used again, by key; those that the command line
+    or another seed replaces are no draws any more."""
+    if config is None or not config.is_file():
+        return {}
+    document = tomllib.loads(config.read_text(encoding="utf-8"))
+    if document.get("settings", {}).get("seed") != seed:
+        return {}
+    draws = document.get("draws", {})
+    return {key: value for key, value in draws.items() if key in DRAWN_KEYS and value_of(simulator, key) == value}

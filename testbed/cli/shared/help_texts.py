@@ -20,12 +20,13 @@ testbed run --config runs/office-20250101-120000/config.toml
     "simulate": """Write synthetic datasets.
 
 Each dataset is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for
-byte. Datasets that exist already are kept, so that a job that was cut off can be started again. Each seed drives
-another route through its world, unless `--route fixed` is given. The default backend is `fast`. Several datasets also
-get an index (datasets.parquet) with splits by world, a card (README.md) and a picture of the drives.
+byte. Datasets that exist already are kept: a job that was cut off can be started again, and a larger `--count` adds to
+them. Each seed drives another route through its world, unless `--route fixed` is given. The default backend is `fast`.
+Several datasets also get an index (datasets.parquet) with splits by world, a card (README.md) and a picture of the
+drives.
 
 ```
-testbed simulate office,apartment --out data --count 10 --draw lidar=lds01,rplidar_a2 --workers 2
+testbed simulate office,apartment,lab --out data --count 10 --draw lidar=lds01,rplidar_a2 --workers 2
 testbed simulate 'generated:rooms*50' --out rooms --draw odometry.grade=good,poor --draw noise=0.5..2
 testbed simulate office --out paired --vary lidar=lds01,rplidar_a2
 testbed datasets info data
@@ -48,6 +49,19 @@ a directory, as by `testbed run`.
 testbed slam intel.clf.gz --relations intel.relations
 testbed slam robot.log --truth mocap.tum --particles 50 --view
 testbed slam robot.log --map office.yaml --start 1.5,-2,90
+```
+""",
+    "twin": """Make a simulated twin of a recorded log, to drive it again with other seeds.
+
+The log is mapped; the walls of the final map become a world, the refined path becomes the drive. Lidar and odometry get
+the settings that the log shows: noise, scale errors, slips. The twin is a directory with world.toml, robot.toml,
+lidar.toml, commands.csv and the config.toml that `testbed run` and `testbed simulate` take.
+
+```
+testbed twin intel.clf.gz --out twin
+testbed twin runs/intel-20250101-120000 --out twin
+testbed run --config twin/config.toml --seed 1
+testbed simulate --config twin/config.toml --count 20 --out twins
 ```
 """,
     "score": """Score the output of any SLAM system with the measures of `testbed run`.

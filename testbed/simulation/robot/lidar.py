@@ -44,7 +44,7 @@ class LidarLayers:
     rounding: bool = True
     """Round ranges to whole steps (`range_step`)."""
     mounting: bool = True
-    """Add an error to the mount of the lidar (`Mount.error`, `Mount.error_deg`)."""
+    """Add an error to the mount of the lidar (`Mount.error`, `Mount.error_deg`, `Mount.offset_x`)."""
     dropout: bool = True
     """Lose beams at random (`dropout`)."""
 
@@ -96,6 +96,7 @@ def draw_device(preset: LidarPreset, mount: Mount, layers: LidarLayers, rng: Gen
     constant, scale = rng.uniform(-1.0, 1.0, 2) * layers.bias
     error = rng.standard_normal(3) * layers.mounting
     error *= [mount.error, mount.error, math.radians(mount.error_deg)]
+    error[0] += mount.offset_x * layers.mounting
     return np.array([preset.bias_floor * constant, 1.0 + preset.bias_share * scale, *(mount.pose + error)])
 
 

@@ -60,6 +60,12 @@ class OdometryConfig:
     """Mean distance that a slipping wheel spins ahead [m]."""
     lost_ticks: float = 0.0
     """Share of the wheel's motion that the encoders miss [1]."""
+    distance_scale: float = 1.0
+    """Metres that odometry counts for each metre driven; the errors of the grade come on top."""
+    rotation_scale: float = 1.0
+    """Radians that odometry counts for each radian turned; the errors of the grade come on top."""
+    drift: float = 0.0
+    """Heading that odometry gains for each metre driven straight on, as with unequal wheels [rad/m]."""
 
     def __post_init__(self) -> None:
         if self.grade not in GRADES:
@@ -67,6 +73,11 @@ class OdometryConfig:
         for name in ("random_translation", "random_rotation", "slip_rate", "slip_distance"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
+        for name in ("distance_scale", "rotation_scale"):
+            if not 0.5 <= getattr(self, name) <= 2.0:
+                raise ValueError(f"{name} must be 0.5 to 2, got {getattr(self, name)}")
+        if not abs(self.drift) <= 1.0:
+            raise ValueError(f"drift must be -1 to 1 rad/m, got {self.drift}")
         if not 0.0 <= self.lost_ticks < 1.0:
             raise ValueError(f"lost_ticks must be a share in [0, 1), got {self.lost_ticks}")
 
@@ -97,10 +108,11 @@ def believed_wheels(robot: RobotPreset, config: OdometryConfig, rng: Generator) 
     distance, rotation, unequal = rng.standard_normal(3)
     grade = GRADES[config.grade]
     scale = 1.0 if config.systematic else 0.0
-    size = 1.0 + scale * grade.distance * distance
-    half_difference = scale * 0.5 * _UNEQUAL_WHEELS * grade.distance * unequal
+    size = config.distance_scale * (1.0 + scale * grade.distance * distance)
+    turn = config.rotation_scale * (1.0 + scale * grade.rotation * rotation)
+    half_difference = scale * 0.5 * _UNEQUAL_WHEELS * grade.distance * unequal + 0.5 * config.drift * robot.track / turn
     radii = robot.wheel_radius * size * np.array([1.0 - half_difference, 1.0 + half_difference])
-    return np.append(radii, robot.track * size / (1.0 + scale * grade.rotation * rotation))
+    return np.append(radii, robot.track * size / turn)
 
 
 class Odometry:

@@ -4,6 +4,7 @@
 import json
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -245,8 +246,22 @@ def test_shards_make_the_same_datasets(made, tmp_path):
 def test_a_drawn_dataset_is_made_again_from_its_config(made, tmp_path):
     again = made / "office-0002" / "config.toml"
     assert call("simulate", "--config", again, "--out", tmp_path) == 0
-    for name in ("frames.parquet", "truth.tum", "world.toml"):
-        assert (tmp_path / "office-0002" / name).read_bytes() == (made / "office-0002" / name).read_bytes()
+    files = sorted(path.name for path in (made / "office-0002").iterdir())
+    assert files == sorted(path.name for path in (tmp_path / "office-0002").iterdir())
+    for name in files:
+        assert (tmp_path / "office-0002" / name).read_bytes() == (made / "office-0002" / name).read_bytes(), name
+
+
+def test_one_dataset_is_no_collection(made):
+    with pytest.raises(LogError, match="use open_dataset"):
+        open_collection(made / "office-0002")
+
+
+def test_a_value_that_is_given_again_is_no_draw(made, tmp_path):
+    again = made / "office-0002" / "config.toml"
+    assert call("simulate", "--config", again, "--noise", "1.5", "--duration", "1", "--out", tmp_path) == 0
+    draws = tomllib.loads((tmp_path / "office-0002" / "config.toml").read_text())["draws"]
+    assert set(draws) == {"lidar"}
 
 
 @pytest.mark.parametrize(

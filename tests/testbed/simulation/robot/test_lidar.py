@@ -138,3 +138,10 @@ def test_mount_error_is_drawn_once_and_not_reported():
     np.testing.assert_allclose(errors.std(axis=0), [0.01, 0.01, math.radians(1.0)], rtol=0.12)
     exact = Lidar(PRESET, mount, LidarLayers.none(), np.random.default_rng(0))
     assert tuple(exact.true_mount) == exact.mount
+
+
+def test_a_lidar_ahead_of_its_stated_place_is_not_reported():
+    mount = Mount(x=0.1, offset_x=0.09)
+    lidar = Lidar(PRESET, mount, dataclasses.replace(LidarLayers.none(), mounting=True), np.random.default_rng(0))
+    assert lidar.mount == (0.1, 0.0, 0.0)
+    assert lidar.true_mount == pytest.approx([0.19, 0.0, 0.0])

@@ -97,6 +97,14 @@ def test_lost_ticks_shorten_the_path():
     assert drive(dataclasses.replace(NONE, lost_ticks=0.1), 2.0, 0.0, 10)[0] == pytest.approx(1.8)
 
 
+def test_scales_and_drift_are_what_odometry_counts():
+    config = dataclasses.replace(NONE, distance_scale=1.04, rotation_scale=0.9, drift=0.02)
+    assert drive(config, 0.0, 2.0, 10)[2] == pytest.approx(1.8)
+    x, y, theta = drive(config, 3.0, 0.0, 10)
+    assert theta == pytest.approx(0.06)
+    assert math.hypot(x, y) == pytest.approx(2.0 * 3.12 / 0.06 * math.sin(0.03))
+
+
 def test_switching_one_layer_leaves_the_others_noise_alone():
     both = OdometryConfig(systematic=False, ticks=False)
     slipping = dataclasses.replace(both, slip_rate=1e-9)
@@ -104,7 +112,15 @@ def test_switching_one_layer_leaves_the_others_noise_alone():
 
 
 @pytest.mark.parametrize(
-    "bad", [{"grade": "perfect"}, {"slip_rate": -1.0}, {"lost_ticks": 1.0}, {"random_rotation": math.nan}]
+    "bad",
+    [
+        {"grade": "perfect"},
+        {"slip_rate": -1.0},
+        {"lost_ticks": 1.0},
+        {"random_rotation": math.nan},
+        {"drift": 2.0},
+        {"distance_scale": 0.0},
+    ],
 )
 def test_bad_settings_are_refused(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
