@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from eval.report.comparison import COLOURS
 from eval.report.plots import BAD, GOOD, QUIET, STYLE
-from eval.sweep.decision import TOLERANCE, median_over_last
+from eval.sweep.decision import median_over_last
+from eval.sweep.margin import Margin
 from eval.sweep.panels import Panel, panels
 from eval.sweep.results import CURVE_GRID, SweepTable
 from eval.sweep.statistics import bootstrap_interval, wilson_interval
@@ -57,7 +58,7 @@ def accuracy(summary: SweepSummary) -> Figure:
     limits = _error_limits([unit.factor * values for values in drawn])
 
     def draw(ax: Axes, panel: Panel) -> None:
-        _draw_zone(ax, panel.error[base, -1], unit.factor)
+        _draw_zone(ax, panel.error[base, -1], unit.factor, table.margin)
         for k, line in enumerate(table.lines):
             x = _shifted(table, k)
             _draw_units(ax, x, unit.factor * panel.error[k], _colour(k), limits)
@@ -270,13 +271,13 @@ def _draw_legend(figure: Figure, axes: Any, lines: int, columns: int) -> None:
     )
 
 
-def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float) -> None:
-    """Shade the errors that differ from the largest count's by less than the tolerance."""
+def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float, margin: Margin) -> None:
+    """Shade the errors that differ from the largest count's by less than the margin."""
     known = errors[np.isfinite(errors)]
     if not len(known):
         return
     median = float(np.median(known))
-    limit = TOLERANCE.of(median)
+    limit = margin.of(median)
     ax.axhspan(factor * (median - limit), factor * (median + limit), color=ZONE, lw=0, zorder=0)
     ax.fill_between([], [], color=ZONE, lw=0, label="no difference that matters")
 
