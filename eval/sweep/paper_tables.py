@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
-from eval.sweep.remarks import seeds_change
+from eval.sweep.remarks import described
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
@@ -76,15 +76,12 @@ def _caption(summary: SweepSummary) -> str:
         f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
         "95 % bootstrap interval in brackets, failed runs in parentheses where there are any.",
         f"Enough: with 95 % confidence at most {table.margin_words} worse than {table.counts[-1]} particles.",
-        f"{seeds_change(table).capitalize()}.",
     ]
     if int(table.ran.sum(axis=-1).min()) < fewest:
         sentences.append(
             f"{MARK} Fewer than {fewest} runs: the interval is rough, and no count can be shown to be enough."
         )
-    if table.conditions:
-        sentences.append(f"{table.conditions[0].upper()}{table.conditions[1:]}.")
-    return " ".join(sentences)
+    return " ".join([*sentences, described(table)])
 
 
 def _marked_runs(runs: NDArray[np.int64], level: float) -> str:

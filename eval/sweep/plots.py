@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from eval.report.comparison import COLOURS
 from eval.report.plots import BAD, GOOD, QUIET, STYLE
+from eval.sweep.answers import Answer
 from eval.sweep.decision import median_over_last
 from eval.sweep.margin import Margin
 from eval.sweep.panels import Panel, panels
@@ -58,6 +59,7 @@ def accuracy(summary: SweepSummary) -> Figure:
     limits = _error_limits([unit.factor * values for values in drawn])
 
     def draw(ax: Axes, panel: Panel) -> None:
+        _write_answer(ax, panel.answer)
         _draw_zone(ax, panel.error[base, -1], unit.factor, table.margin)
         for k, line in enumerate(table.lines):
             x = _shifted(table, k)
@@ -72,9 +74,8 @@ def accuracy(summary: SweepSummary) -> Figure:
         _count_axis(ax, table)
         _error_axis(ax, limits)
 
-    return _figure(
-        table, shown, draw, "particles", f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
-    )
+    words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
+    return _figure(table, shown, draw, "particles", words)
 
 
 def failures(summary: SweepSummary) -> Figure:
@@ -212,13 +213,14 @@ def _figure(
     left: float = 0.55,
     legend: bool = True,
 ) -> Figure:
-    """Panels with shared axes and axis labels, each titled with its answer, and one legend.
+    """Panels with shared axes and axis labels, each with its name as title, and one legend.
 
     height of a panel and left margin [inch]. All margins are lengths, so that panels and letters keep their size.
     """
     columns = min(len(WIDTHS), len(shown))
     rows = math.ceil(len(shown) / columns)
-    width, top = WIDTHS[columns - 1], 0.48 if legend else 0.24
+    width = WIDTHS[columns - 1]
+    top = (0.62 if columns == 1 else 0.48) if legend else 0.24  # above a single panel the legend may have two rows
     total = top + rows * height + (rows - 1) * _BETWEEN_ROWS + _BELOW
     with style():
         figure = Figure(figsize=(width, total))
@@ -252,12 +254,15 @@ def _figure(
 
 
 def _label(ax: Axes, panel: Panel, x: str, y: str) -> None:
-    """Title a panel with its name and its answer, and label its axes."""
-    answer = panel.answer
-    ax.set_title(answer.place, loc="left", fontweight="bold", pad=4.0)
-    ax.set_title(answer.short_with_noun, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
+    """Title a panel with its name and label its axes."""
+    ax.set_title(panel.answer.place, loc="left", fontweight="bold", pad=4.0)
     ax.set_xlabel(x)
     ax.set_ylabel(y)
+
+
+def _write_answer(ax: Axes, answer: Answer) -> None:
+    """Write the answer above the right end of a panel."""
+    ax.set_title(answer.short_with_noun, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
 
 
 def _draw_legend(figure: Figure, axes: Any, lines: int, columns: int) -> None:

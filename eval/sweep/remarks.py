@@ -24,6 +24,12 @@ def seeds_change(table: SweepTable) -> str:
     return "some filters drive another route with each seed" if "random" in routes else FIXED
 
 
+def described(table: SweepTable) -> str:
+    """What the runs of a sweep have in common, for captions: routes, robot, lidar, odometry and further settings."""
+    parts = filter(None, (seeds_change(table), table.conditions))
+    return " ".join(f"{part[0].upper()}{part[1:]}." for part in parts)
+
+
 def real_time(summary: SweepSummary) -> str:
     """How many times as fast as the drive the filter computes, for each count; empty if it is unknown.
 
@@ -55,7 +61,7 @@ def overconfidence(summary: SweepSummary) -> str:
     if largest is None or largest[0] >= MIN_INSIDE:
         return ""
     smallest = _ends(inside[:, 0])
-    least = "" if smallest is None or len(table.counts) == 1 else f"{_range(smallest)} with {table.counts[0]}, "
+    least = "" if smallest is None or len(table.counts) == 1 else f"{_range(smallest)} with {table.counts[0]} and at "
     by_world = ", by world" if len(table.places) > 1 else ""
     return (
         "The filter is overconfident: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "

@@ -21,7 +21,7 @@ from eval.sweep import plots as sweep_plots
 from eval.sweep.answers import Answer, answer_of_place, answers
 from eval.sweep.measure import Unit
 from eval.sweep.paper_tables import latex_table, markdown_table, runs_text
-from eval.sweep.remarks import overconfidence, real_time, seeds_change
+from eval.sweep.remarks import described, overconfidence, real_time, seeds_change
 from eval.sweep.results import SweepTable, read_sweep
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
@@ -136,8 +136,10 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
             with atomic_write(path) as temporary:
                 figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
-    note = real_time(summary) if drawing.name == "cost" else ""
-    return ShownFigure(drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())), note)
+    notes = {"accuracy": described(summary.table), "cost": real_time(summary)}
+    return ShownFigure(
+        drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())), notes.get(drawing.name, "")
+    )
 
 
 def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:

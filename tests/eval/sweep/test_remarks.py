@@ -25,7 +25,7 @@ def test_overconfidence_is_said_of_the_baseline_only(tmp_path):
     # 90 % inside for `improved`, 70 % for `motion`
     assert overconfidence(summarise(read_sweep(write_sweep(tmp_path / "a")))) == ""
     sure = summarise(read_sweep(write_sweep(tmp_path / "b", about={"baseline": "motion"})))
-    assert "it does at 70 % with 1, 70 % with 20 particles, by world." in overconfidence(sure)
+    assert "it does at 70 % with 1 and at 70 % with 20 particles, by world." in overconfidence(sure)
 
 
 def test_what_seeds_change_is_said(tmp_path):

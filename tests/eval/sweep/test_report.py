@@ -126,9 +126,9 @@ def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path)
     assert "| hall_a | 20 | 3 * |" in table
     assert "| hall_a | 5 | 10 |" in table
     assert "| cave | 20 | 10 |" in table
-    assert "at most 2 mm worse than 20 particles. Each seed drives another route" in table
+    assert "at most 2 mm worse than 20 particles." in table
     assert "* Fewer than 6 runs" in table
-    assert "Robot create3, lidar lds01." in table
+    assert "Each seed drives another route through the whole world. Robot create3, lidar lds01." in table
     assert "Fewer than" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
 
 
