@@ -127,9 +127,10 @@ def cost_against_accuracy(summary: SweepSummary) -> Figure:
             for c, (x, y) in enumerate(zip(panel.cost[k], error, strict=True)):
                 if np.isfinite(x + y):
                     points.append((float(x), float(y)))
+                    is_valley = 0 < c < len(error) - 1 and bool(y < min(error[c - 1], error[c + 1]))
                     ax.annotate(
-                        str(table.counts[c]), (x, y), xytext=(0, 4), textcoords="offset points", fontsize=6.5,
-                        ha="center", color=_colour(k),
+                        str(table.counts[c]), (x, y), xytext=(0, -4 if is_valley else 4), textcoords="offset points",
+                        fontsize=6.5, ha="center", va="top" if is_valley else "bottom", color=_colour(k),
                     )  # fmt: skip
         best = [points[row] for row in pareto_front(np.array(points).reshape(-1, 2))]
         ax.plot(

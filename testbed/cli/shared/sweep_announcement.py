@@ -93,4 +93,6 @@ def _extent(spec: SweepSpec) -> str:
     counts = ", ".join(map(str, spec.particles))
     bound = "up to " if spec.until else ""
     seeds = f"{bound}{len(spec.seeds)} seed{'' if len(spec.seeds) == 1 else 's'}"
-    return f"{', '.join(places)}; {seeds}{_routes(spec)}{lines}; {counts} particles"
+    return (
+        f"{', '.join(places)}; {seeds}{_routes(spec)}{lines}; {counts} particle{'' if spec.particles == (1,) else 's'}"
+    )
