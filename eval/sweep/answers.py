@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from eval.sweep.decision import MAX_UNITS, Decision, Kind
@@ -32,6 +32,8 @@ class Answer:
     """The figures behind it."""
     promise: str = ""
     """How far a count that is enough may be worse, and how often it may fail."""
+    scope: str = ""
+    """What the answer rests on: `10 routes`; empty for logs."""
 
     @property
     def mark(self) -> str:
@@ -46,8 +48,14 @@ class Answer:
 
     @property
     def sentence(self) -> str:
-        """All of it: `office: 5 particles are enough (2.4 cm; 30 give 2.2 cm).`"""
-        return f"{self.place}: {self.headline} ({self.detail})." if self.detail else f"{self.place}: {self.headline}."
+        """All of it: `office, 10 routes: 5 particles are enough (2.4 cm; 30 give 2.2 cm).`"""
+        detail = f" ({self.detail})" if self.detail else ""
+        return f"{self.name}: {self.headline}{detail}."
+
+    @property
+    def name(self) -> str:
+        """The world with what its answer rests on: `office, 10 routes`."""
+        return f"{self.place}, {self.scope}" if self.scope else self.place
 
 
 def answers(summary: SweepSummary, line: str) -> list[Answer]:
@@ -70,7 +78,7 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
     return _answer(
         summary,
         decision,
-        (place, line),
+        (place, line, _scope(summary.table, [place], line)),
         median=lambda count: summary.group(place, line, count).median.value,
         failed_of=failed_of,
         unit="seed",
@@ -89,7 +97,7 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
     return _answer(
         summary,
         summary.decision_of_family(family, line),
-        (f"{family}, {len(worlds)} worlds", line),
+        (f"{family}, {len(worlds)} worlds", line, _scope(table, worlds, line)),
         median=lambda count: summary.median_of_family(family, line, count),
         failed_of=failed_of,
         unit="world",
@@ -99,7 +107,7 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
 def _answer(
     summary: SweepSummary,
     decision: Decision,
-    names: tuple[str, str],
+    names: tuple[str, str, str],
     *,
     median: Callable[[int], float],
     failed_of: Callable[[int], tuple[int, int]],
@@ -107,6 +115,7 @@ def _answer(
 ) -> Answer:
     table = summary.table
     largest = table.counts[-1]
+    place, line, scope = names
 
     def gives(count: int) -> str:
         value = median(count)
@@ -130,7 +139,14 @@ def _answer(
     else:
         short, headline = "undecided", f"undecided with {_count(decision.units, unit)}"
         detail = _would_tell(decision, unit, table.level)
-    return Answer(*names, kind=kind, short=short, headline=headline, detail=detail, promise=promise)
+    return Answer(place, line, kind, short, headline, detail, promise, scope)
+
+
+def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
+    """How many routes the runs drove."""
+    if table.recorded:
+        return ""
+    return _count(table.routes([table.places.index(place) for place in places], table.lines.index(line)), "route")
 
 
 def particles(count: int) -> str:
@@ -150,11 +166,15 @@ def _below(decision: Decision, counts: tuple[int, ...], unit: str) -> str:
 
 
 def _margin(decision: Decision, table: SweepTable, error: float) -> str:
-    """How much worse than the largest count the one that is enough may be."""
+    """How much worse than the largest count the one that is enough may be; the part that decided comes first."""
     share = f"{100.0 * decision.limit / error:.0f} %"
-    if not table.measure.key.endswith("_m"):
-        return f"At most {share} worse"
-    return f"At most {1000.0 * decision.limit:.0f} mm ({share}) worse"
+    if table.measure.key.endswith("_m"):
+        millimetres = 1e3 * decision.limit
+        absolute = f"{millimetres:.0f} mm" if millimetres >= 10.0 else f"{millimetres:.2g} mm"
+    else:
+        absolute = f"{decision.limit:.2g}"
+    is_share = decision.limit > table.margin.floor
+    return f"At most {share} ({absolute}) worse" if is_share else f"At most {absolute} ({share}) worse"
 
 
 def _failed(failures: int, runs: int, level: float) -> str:

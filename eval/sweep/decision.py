@@ -11,30 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import bdtrc, stdtrit
 
+from eval.sweep.margin import MARGIN, Margin
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values, paired_difference
 
 State = Literal["good", "worse", "open"]
-"""A count compared with the largest one: not worse by more than the tolerance, worse by more, or not known."""
+"""A count compared with the largest one: not worse by more than the margin, worse by more, or not known."""
 Kind = Literal["enough", "more", "fails", "undecided"]
 MAX_UNITS = 200
 """More seeds or worlds than this are not suggested."""
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """The difference between two particle counts below which it does not matter."""
-
-    share: float = 0.1
-    """Relative to the median error of the largest count."""
-    floor: float = 0.005
-    """Smallest tolerance [m]: a tenth of a map cell."""
-
-    def of(self, error: float) -> float:
-        """Tolerance for an error of this size [m]."""
-        return max(self.share * error, self.floor)
-
-
-TOLERANCE = Tolerance()
 
 
 @dataclass(frozen=True)
@@ -62,20 +46,20 @@ def decide(
     errors: NDArray[np.float64],
     failures: NDArray[np.float64],
     *,
-    tolerance: Tolerance = TOLERANCE,
+    margin: Margin = MARGIN,
     level: float = LEVEL,
 ) -> Decision:
     """Decide which particle count is enough.
 
     counts ascending; errors (counts, units) in metres or the unit of the measure, smaller is better, NaN = no result;
     failures (counts, units), 1 = failed, 0 = not, NaN = not run; a unit is a seed. Rule: a count is enough if it, and
-    every tested count above it, is worse than the largest tested count by less than the tolerance with confidence
+    every tested count above it, is worse than the largest tested count by less than the margin with confidence
     `level` (median paired difference), and fails no more often. This is a test of non-inferiority: few seeds give wide
     intervals and no answer, fewer than `min_values(level)` none at all. Nothing is said about the largest count itself,
     since no larger one was tested.
     """
     differences = errors[:-1] - errors[-1]
-    return decide_by_differences(counts, differences, errors[-1], failures, tolerance=tolerance, level=level)
+    return decide_by_differences(counts, differences, errors[-1], failures, margin=margin, level=level)
 
 
 def decide_kind_of_building(
@@ -83,7 +67,7 @@ def decide_kind_of_building(
     errors: NDArray[np.float64],
     failures: NDArray[np.float64],
     *,
-    tolerance: Tolerance = TOLERANCE,
+    margin: Margin = MARGIN,
     level: float = LEVEL,
 ) -> Decision:
     """Decide which count is enough for a kind of building, with the world as the unit.
@@ -94,7 +78,7 @@ def decide_kind_of_building(
     """
     differences = median_over_last(errors[:, :-1] - errors[:, -1:]).T
     largest, rate = median_over_last(errors[:, -1]), _mean_over_last(failures).T
-    return decide_by_differences(counts, differences, largest, rate, tolerance=tolerance, level=level)
+    return decide_by_differences(counts, differences, largest, rate, margin=margin, level=level)
 
 
 def decide_by_differences(
@@ -103,12 +87,12 @@ def decide_by_differences(
     largest: NDArray[np.float64],
     failures: NDArray[np.float64],
     *,
-    tolerance: Tolerance,
+    margin: Margin,
     level: float,
 ) -> Decision:
     """`decide` from differences (counts - 1, units) to the errors `largest` (units,) of the largest count."""
     known = largest[np.isfinite(largest)]
-    limit = tolerance.of(float(np.median(known))) if len(known) else math.nan
+    limit = margin.of(float(np.median(known))) if len(known) else math.nan
     intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in differences]
     states = tuple(_state(interval, limit, failures[c], failures[-1], level) for c, interval in enumerate(intervals))
     open_counts = [c for c, state in enumerate(states) if state == "open"]

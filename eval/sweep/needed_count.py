@@ -29,7 +29,7 @@ from scipy.special import expit
 MAX_LOSS = 0.1
 """A count may hold in this share of the runs less often than the largest one."""
 MAX_RATIO = 1.1
-"""Its error may be larger by this factor, the tolerance of `eval.sweep.decision`."""
+"""Its error may be larger by this factor, the share of `eval.sweep.margin`."""
 MIN_HOLDING = 0.5
 """If the largest count holds less often than this, no tested count is said to be enough."""
 RESAMPLES = 300

@@ -8,59 +8,56 @@ from numpy.typing import NDArray
 
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
+from eval.sweep.remarks import described
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
+MARK = "*"
+"""Marks the number of runs where it is too small for an answer."""
+
 
 def markdown_table(summary: SweepSummary) -> str:
-    """Markdown table: one row per world (or kind of building) and line, one column per particle count."""
-    table = summary.table
-    several = len(table.lines) > 1
-    head = ["world", *(["filter"] if several else []), "enough", "runs", *map(str, table.counts)]
-    rows = [
-        [
-            panel.answer.place,
-            *([line] if several else []),
-            panel.enough[k],
-            runs_text(panel.runs[k]),
-            *(_cell(panel, k, c, summary.unit) for c in range(len(table.counts))),
-        ]
-        for panel in panels(summary)
-        for k, line in enumerate(table.lines)
-    ]
-    lines = ["| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows)]
+    """Markdown table; rows and columns as in `latex_table`."""
+    head, blocks = _content(summary)
+    rows = [head, ["---"] * len(head), *(row for block in blocks for row in block)]
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
     return f"{_caption(summary)}\n\n" + "\n".join(lines) + "\n"
 
 
 def latex_table(summary: SweepSummary) -> str:
-    """LaTeX table (package booktabs): one row per world and particle count, one column per line.
+    """LaTeX table (package booktabs): one row per world and particle count and one for the answer, one column per line.
 
     Seven particle counts side by side would be wider than a page.
     """
-    table = summary.table
-    head = ["world", "particles", "runs", *(table.lines if len(table.lines) > 1 else ["error"])]
-    blocks = [
-        "\n".join(
-            _latex_row(
-                [
-                    panel.answer.place,
-                    str(count),
-                    runs_text(panel.runs[:, c]),
-                    *(_cell(panel, k, c, summary.unit) for k in range(len(table.lines))),
-                ]
-            )
-            for c, count in enumerate(table.counts)
-        )
-        for panel in panels(summary)
-    ]
-    body = "\n\\addlinespace\n".join(blocks)
+    head, blocks = _content(summary)
+    body = "\n\\addlinespace\n".join("\n".join(map(_latex_row, block)) for block in blocks)
     return (
         "\\begin{table}\n  \\centering\\footnotesize\n"
         f"  \\caption{{{_escaped(_caption(summary))}}}\n"
-        f"  \\begin{{tabular}}{{lrr{'r' * len(table.lines)}}}\n\\toprule\n"
+        f"  \\begin{{tabular}}{{lrr{'r' * len(summary.table.lines)}}}\n\\toprule\n"
         f"{_latex_row(head)}\n\\midrule\n{body}\n\\bottomrule\n"
         "  \\end{tabular}\n\\end{table}\n"
     )
+
+
+def _content(summary: SweepSummary) -> tuple[list[str], list[list[list[str]]]]:
+    """The head of the table, and for each world (or kind of building) its rows."""
+    table = summary.table
+    head = ["world", "particles", "runs", *(table.lines if len(table.lines) > 1 else ["error"])]
+    blocks = []
+    for panel in panels(summary):
+        place = panel.answer.place
+        rows = [
+            [
+                place,
+                str(count),
+                _marked_runs(panel.runs[:, c], table.level),
+                *(_cell(panel, k, c, summary.unit) for k in range(len(table.lines))),
+            ]
+            for c, count in enumerate(table.counts)
+        ]
+        blocks.append([*rows, [place, "enough", "", *panel.enough]])
+    return head, blocks
 
 
 def _latex_row(cells: list[str]) -> str:
@@ -74,17 +71,21 @@ def _caption(summary: SweepSummary) -> str:
     over = "the runs (one per seed)"
     if table.family_names():
         over += ", over the worlds for a kind of building"
-    few = (
-        ""
-        if int(table.ran.sum(axis=-1).max()) >= min_values(table.level)
-        else (
-            f" Fewer than {min_values(table.level)} runs give rough intervals and cannot show that a count is enough."
-        )
-    )
-    return (
+    fewest = min_values(table.level)
+    sentences = [
         f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
-        f"95 % bootstrap interval in brackets, failed runs in parentheses where there are any.{few}"
-    )
+        "95 % bootstrap interval in brackets, failed runs in parentheses where there are any.",
+        f"Enough: with 95 % confidence at most {table.margin_words} worse than {table.counts[-1]} particles.",
+    ]
+    if int(table.ran.sum(axis=-1).min()) < fewest:
+        sentences.append(
+            f"{MARK} Fewer than {fewest} runs: the interval is rough, and no count can be shown to be enough."
+        )
+    return " ".join([*sentences, described(table)])
+
+
+def _marked_runs(runs: NDArray[np.int64], level: float) -> str:
+    return runs_text(runs) + (f" {MARK}" if int(np.min(runs)) < min_values(level) else "")
 
 
 def runs_text(runs: NDArray[np.int64]) -> str:

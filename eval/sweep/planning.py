@@ -7,7 +7,8 @@ import math
 
 from scipy.special import stdtrit
 
-from eval.sweep.decision import MAX_UNITS, TOLERANCE
+from eval.sweep.decision import MAX_UNITS
+from eval.sweep.margin import MARGIN, Margin
 from eval.sweep.statistics import LEVEL, POWER, min_values
 
 TYPICAL_DEVIATION = 0.25
@@ -31,16 +32,16 @@ def detectable_share(seeds: int, *, level: float = LEVEL) -> float:
     return quantiles * _MEDIAN * TYPICAL_DEVIATION / math.sqrt(seeds)
 
 
-def typical_seeds(*, level: float = LEVEL) -> int:
+def typical_seeds(*, level: float = LEVEL, margin: Margin = MARGIN) -> int:
     """How many seeds show with probability `POWER` that a count is enough if it is as good as the largest one."""
-    limit = TOLERANCE.of(TYPICAL_ERROR) / TYPICAL_ERROR
+    limit = margin.of(TYPICAL_ERROR) / TYPICAL_ERROR
     fewest = min_values(level)
     return next((n for n in range(fewest, MAX_UNITS) if detectable_share(n, level=level) < limit), MAX_UNITS)
 
 
-def foresight(units: int, unit: str = "seed", *, level: float = LEVEL) -> str:
+def foresight(units: int, unit: str = "seed", *, level: float = LEVEL, margin: Margin = MARGIN) -> str:
     """What so many seeds (or worlds) will be able to tell, in a sentence or two."""
-    typical, fewest = typical_seeds(level=level), min_values(level)
+    typical, fewest = typical_seeds(level=level, margin=margin), min_values(level)
     name = unit if units == 1 else f"{unit}s"
     usual = f"about {typical} usually do" if typical > fewest else ""
     if units < fewest:

@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 
 from eval.report.comparison import COLOURS
 from eval.report.plots import BAD, GOOD, QUIET, STYLE
-from eval.sweep.decision import TOLERANCE, median_over_last
+from eval.sweep.answers import Answer
+from eval.sweep.decision import median_over_last
+from eval.sweep.margin import Margin
 from eval.sweep.panels import Panel, panels
 from eval.sweep.results import CURVE_GRID, SweepTable
 from eval.sweep.statistics import bootstrap_interval, wilson_interval
@@ -57,7 +59,8 @@ def accuracy(summary: SweepSummary) -> Figure:
     limits = _error_limits([unit.factor * values for values in drawn])
 
     def draw(ax: Axes, panel: Panel) -> None:
-        _draw_zone(ax, panel.error[base, -1], unit.factor)
+        _write_answer(ax, panel.answer)
+        _draw_zone(ax, panel.error[base, -1], unit.factor, table.margin)
         for k, line in enumerate(table.lines):
             x = _shifted(table, k)
             _draw_units(ax, x, unit.factor * panel.error[k], _colour(k), limits)
@@ -71,9 +74,8 @@ def accuracy(summary: SweepSummary) -> Figure:
         _count_axis(ax, table)
         _error_axis(ax, limits)
 
-    return _figure(
-        table, shown, draw, "particles", f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
-    )
+    words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
+    return _figure(table, shown, draw, "particles", words)
 
 
 def failures(summary: SweepSummary) -> Figure:
@@ -125,9 +127,10 @@ def cost_against_accuracy(summary: SweepSummary) -> Figure:
             for c, (x, y) in enumerate(zip(panel.cost[k], error, strict=True)):
                 if np.isfinite(x + y):
                     points.append((float(x), float(y)))
+                    is_valley = 0 < c < len(error) - 1 and bool(y < min(error[c - 1], error[c + 1]))
                     ax.annotate(
-                        str(table.counts[c]), (x, y), xytext=(0, 4), textcoords="offset points", fontsize=6.5,
-                        ha="center", color=_colour(k),
+                        str(table.counts[c]), (x, y), xytext=(0, -4 if is_valley else 4), textcoords="offset points",
+                        fontsize=6.5, ha="center", va="top" if is_valley else "bottom", color=_colour(k),
                     )  # fmt: skip
         best = [points[row] for row in pareto_front(np.array(points).reshape(-1, 2))]
         ax.plot(
@@ -211,13 +214,14 @@ def _figure(
     left: float = 0.55,
     legend: bool = True,
 ) -> Figure:
-    """Panels with shared axes and axis labels, each titled with its answer, and one legend.
+    """Panels with shared axes and axis labels, each with its name as title, and one legend.
 
     height of a panel and left margin [inch]. All margins are lengths, so that panels and letters keep their size.
     """
     columns = min(len(WIDTHS), len(shown))
     rows = math.ceil(len(shown) / columns)
-    width, top = WIDTHS[columns - 1], 0.48 if legend else 0.24
+    width = WIDTHS[columns - 1]
+    top = (0.62 if columns == 1 else 0.48) if legend else 0.24  # above a single panel the legend may have two rows
     total = top + rows * height + (rows - 1) * _BETWEEN_ROWS + _BELOW
     with style():
         figure = Figure(figsize=(width, total))
@@ -251,12 +255,15 @@ def _figure(
 
 
 def _label(ax: Axes, panel: Panel, x: str, y: str) -> None:
-    """Title a panel with its name and its answer, and label its axes."""
-    answer = panel.answer
-    ax.set_title(answer.place, loc="left", fontweight="bold", pad=4.0)
-    ax.set_title(answer.short_with_noun, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
+    """Title a panel with its name and label its axes."""
+    ax.set_title(panel.answer.place, loc="left", fontweight="bold", pad=4.0)
     ax.set_xlabel(x)
     ax.set_ylabel(y)
+
+
+def _write_answer(ax: Axes, answer: Answer) -> None:
+    """Write the answer above the right end of a panel."""
+    ax.set_title(answer.short_with_noun, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
 
 
 def _draw_legend(figure: Figure, axes: Any, lines: int, columns: int) -> None:
@@ -270,13 +277,13 @@ def _draw_legend(figure: Figure, axes: Any, lines: int, columns: int) -> None:
     )
 
 
-def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float) -> None:
-    """Shade the errors that differ from the largest count's by less than the tolerance."""
+def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float, margin: Margin) -> None:
+    """Shade the errors that differ from the largest count's by less than the margin."""
     known = errors[np.isfinite(errors)]
     if not len(known):
         return
     median = float(np.median(known))
-    limit = TOLERANCE.of(median)
+    limit = margin.of(median)
     ax.axhspan(factor * (median - limit), factor * (median + limit), color=ZONE, lw=0, zorder=0)
     ax.fill_between([], [], color=ZONE, lw=0, label="no difference that matters")
 

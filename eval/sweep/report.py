@@ -19,9 +19,9 @@ from eval.files.atomic_write import atomic_write
 from eval.report.page import render
 from eval.sweep import plots as sweep_plots
 from eval.sweep.answers import Answer, answer_of_place, answers
-from eval.sweep.decision import TOLERANCE
 from eval.sweep.measure import Unit
 from eval.sweep.paper_tables import latex_table, markdown_table, runs_text
+from eval.sweep.remarks import described, overconfidence, real_time, seeds_change
 from eval.sweep.results import SweepTable, read_sweep
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
@@ -50,7 +50,7 @@ DRAWINGS = (
         "Accuracy against particle count",
         sweep_plots.accuracy,
         "Line: median. Band: 95 % interval of the median. Faint dots: single runs (triangle: above the axis). "
-        "Green zone: within 10 % (or 5 mm) of the largest count, where more particles do not matter. "
+        "Green zone: the margin around the largest count, within which more particles do not matter. "
         "Filled marker: shown to be as good as the largest count; cross: shown to be worse; hollow: undecided. "
         "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter.",
         is_first=True,
@@ -103,6 +103,8 @@ class ShownFigure:
     """`data:` address."""
     width: int
     """Width on the page [px]."""
+    note: str
+    """A sentence with figures of this sweep, below the caption; often empty."""
 
 
 def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
@@ -134,7 +136,10 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
             with atomic_write(path) as temporary:
                 figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
-    return ShownFigure(drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())))
+    notes = {"accuracy": described(summary.table), "cost": real_time(summary)}
+    return ShownFigure(
+        drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())), notes.get(drawing.name, "")
+    )
 
 
 def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
@@ -150,16 +155,15 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "without_result": int((table.columns["status"].astype(str) == "failed").sum()),
         "failed": int(table.failed.sum()),
         "runs": int(table.ran.sum()),
-        "routes": _routes(table),
+        "routes": seeds_change(table),
         "seeds": runs_text(table.ran.any(axis=(1, 2)).sum(axis=-1)),
-        "scope": _scope(table),
         "extend": _extend(summary, folder),
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
         "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
         "level": LEVEL,
         "power": POWER,
         "min_seeds": min_values(table.level),
-        "tolerance": TOLERANCE,
+        "confidence": overconfidence(summary),
     }
 
 
@@ -181,24 +185,6 @@ def _single_worlds(summary: SweepSummary) -> list[Answer]:
         for place, family in zip(table.places, table.families, strict=True)
         if family in families
     ]
-
-
-def _routes(table: SweepTable) -> str:
-    """What distinguishes the runs of different seeds."""
-    routes = {str(route) for route in table.columns.get("setting.route", np.array(["fixed"], dtype=object)).ravel()}
-    if table.recorded:
-        return "seeds change the random numbers of the filter only"
-    if routes == {"random"}:
-        return "each seed drives another route through the whole world"
-    return "all seeds drive the same route, with other noise"
-
-
-def _scope(table: SweepTable) -> str:
-    """What the answer of a single world is about, if that is less than the world."""
-    if table.recorded:
-        return ""
-    routes = {str(route) for route in table.columns.get("setting.route", np.array(["fixed"], dtype=object)).ravel()}
-    return "" if routes == {"random"} else ", one route"
 
 
 def _extend(summary: SweepSummary, folder: Path) -> str:

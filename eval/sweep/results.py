@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from eval.report.verdict import OUTCOME_SENTENCES
+from eval.sweep.margin import Margin, parse_margin
 from eval.sweep.measure import Measure
 from eval.sweep.statistics import LEVEL
 
@@ -51,10 +52,14 @@ class SweepTable:
     """The kind of building that each place is a sample of, such as `rooms`; None for single worlds and logs."""
     level: float
     """Confidence level of the decisions: higher than 0.95 where the sweep was looked at several times."""
+    margin: Margin
+    """How much larger an error may be than that of the largest count before it matters."""
     recorded: bool
     """Whether the places are recorded logs."""
     command: str
     """The command that repeats the sweep."""
+    conditions: str
+    """Robot, lidar, odometry and other settings of all runs, in words; empty in tables of versions up to 0.1."""
     columns: dict[str, NDArray[Any]]
     """Arrays by column; texts are objects, None if there is none."""
     curves: dict[str, NDArray[np.float64]]
@@ -104,6 +109,18 @@ class SweepTable:
         """1 for each run that failed, 0 for the others, NaN where none was computed."""
         return np.where(self.ran, self.failed.astype(np.float64), np.nan)
 
+    def routes(self, places: Iterable[int], line: int) -> int:
+        """How many routes the computed runs of one line in these places drove: with fixed routes one per place."""
+        unknown = np.full(self.shape, None, dtype=object)
+        is_random = np.isin(self.columns.get("setting.route", unknown).astype(str), ("random",))
+        seeds_that_ran = self.ran[:, line].any(axis=1).sum(axis=-1)
+        return sum(int(seeds_that_ran[p] if is_random[p, line].any() else min(seeds_that_ran[p], 1)) for p in places)
+
+    @property
+    def margin_words(self) -> str:
+        """The margin in words."""
+        return self.margin.words(is_length=self.measure.key.endswith("_m"))
+
     def family_names(self) -> list[str]:
         """Kinds of buildings of which there are several worlds."""
         names = [family for family in self.families if family is not None]
@@ -142,8 +159,10 @@ def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
         seeds=tuple(axes[3]),
         families=_families(runs, axes[0]),
         level=float(about.get("level", LEVEL)),
+        margin=parse_margin(str(about.get("margin", ""))),
         recorded=bool(about.get("recorded", False)),
         command=str(about.get("command", "")),
+        conditions=str(about.get("conditions", "")),
         columns=columns,
         curves=_curves(curves, row_of, where, shape),
     )

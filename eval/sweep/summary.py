@@ -78,14 +78,16 @@ class SweepSummary:
         """Which particle count is enough in one world, see `eval.sweep.decision.decide`."""
         t = self.table
         p, k = t.places.index(place), t.lines.index(line)
-        return decide(t.counts, t.error[p, k], t.failures[p, k], level=t.level)
+        return decide(t.counts, t.error[p, k], t.failures[p, k], margin=t.margin, level=t.level)
 
     @lru_cache(maxsize=512)  # noqa: B019
     def decision_of_family(self, family: str, line: str) -> Decision:
         """Which particle count is enough in a kind of building, with the world as the unit."""
         t = self.table
         worlds, k = [p for p, name in enumerate(t.families) if name == family], t.lines.index(line)
-        return decide_kind_of_building(t.counts, t.error[worlds, k], t.failures[worlds, k], level=t.level)
+        return decide_kind_of_building(
+            t.counts, t.error[worlds, k], t.failures[worlds, k], margin=t.margin, level=t.level
+        )
 
     def median_of_family(self, family: str, line: str, count: int) -> float:
         """Median over the worlds of a family of the median error over seeds, in the unit of the measure."""

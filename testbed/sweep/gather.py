@@ -18,6 +18,7 @@ from eval.report.page import flat
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.command import command_of
+from testbed.sweep.spec.conditions import conditions
 from testbed.sweep.store import SweepDirectory
 from worlds import family
 
@@ -91,6 +92,8 @@ def gather(directory: SweepDirectory, absent: Mapping[str, str] | None = None) -
         "code": directory.manifest.code,
         "command": command_of(spec),
         "level": spec.level,
+        "margin": spec.margin,
+        "conditions": conditions(spec),
         "recorded": bool(spec.logs),
     }
     for name, table in zip(TABLES, (rows, curves, timings), strict=True):

@@ -192,7 +192,7 @@ def _write_lock_owner(file: TextIOWrapper) -> None:
     file.flush()
 
 
-_QUESTIONS = ("title", "measure", "baseline", "until")
+_QUESTIONS = ("title", "measure", "margin", "baseline", "until")
 """Parts of a specification that decide no result."""
 _LISTS = ("worlds", "logs", "seeds", "particles")
 """Parts to which more may be added."""

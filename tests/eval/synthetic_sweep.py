@@ -29,8 +29,10 @@ def write_sweep(
     missing: frozenset[tuple[int, int, int, int]] = frozenset(),
     measure: str = "trajectory_filter.ate_rmse_m",
     families: tuple[str | None, ...] | None = None,
+    route: str = "fixed",
+    about: dict | None = None,
 ) -> Path:
-    """Write the three tables into `folder`; families: of each place."""
+    """Write the three tables into `folder`; families: of each place; about: further facts of the sweep."""
     folder.mkdir(exist_ok=True)
     rows, curves, timings = [], [], []
     for index in np.ndindex(len(PLACES), len(LINES), len(COUNTS), seeds):
@@ -39,6 +41,7 @@ def write_sweep(
         row = {"place": PLACES[p], "line": LINES[k], "particles": COUNTS[c], "seed": s, "key": key}
         row["family"] = None if families is None else families[p]
         absent = index in missing
+        row["setting.route"] = route
         row |= {"status": "missing" if absent else "done", "reason": None}
         row |= {
             "outcome_filter": None if absent else outcome(*index),
@@ -47,6 +50,7 @@ def write_sweep(
             measure: None if absent else error(*index),
             "trajectory.ate_rmse_m": None if absent else 0.2 * error(*index),
             "filter.updates": None if absent else 100,
+            "duration_s": None if absent else 10.0 * (p + 1),
             "filter.consistency.inside_share": None if absent else 0.9 - 0.2 * k,
             "filter.consistency.nees_mean": None if absent else 4.0 + k,
         }
@@ -61,8 +65,8 @@ def write_sweep(
             timings.append(
                 {"key": key, "filter_s": seconds, "cell_s": seconds + 0.5, "us_per_update_per_particle": 1.0}
             )
-    about = {"title": "", "measure": measure, "baseline": LINES[0], "code": "0123456789abcdef"}
+    facts = {"title": "", "measure": measure, "baseline": LINES[0], "code": "0123456789abcdef"} | (about or {})
     for name, table in (("sweep", rows), ("curves", curves), ("timings", timings)):
-        arrow = pa.Table.from_pylist(table).replace_schema_metadata({"sweep": json.dumps(about)})
+        arrow = pa.Table.from_pylist(table).replace_schema_metadata({"sweep": json.dumps(facts)})
         pq.write_table(arrow, folder / f"{name}.parquet")
     return folder

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from eval.sweep.margin import parse_margin
 from eval.sweep.planning import foresight
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.sweep_options import Execution
@@ -57,11 +58,14 @@ def _time(spec: SweepSpec, costs: Costs, cells: Sequence[Cell], execution: Execu
 
 def _foresight(spec: SweepSpec) -> list[str]:
     """What the seeds, and the worlds of each kind of building, will be able to tell."""
+    margin = parse_margin(spec.margin)
     kinds = Counter(kind for kind in map(family, spec.worlds) if kind is not None)
     sampled = {kind: number for kind, number in kinds.items() if number > 1}
-    sentences = [f"{kind}: {foresight(number, 'world', level=spec.level)}" for kind, number in sampled.items()]
+    sentences = [
+        f"{kind}: {foresight(number, 'world', level=spec.level, margin=margin)}" for kind, number in sampled.items()
+    ]
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
-        sentences.insert(0, foresight(len(spec.seeds), level=spec.level))
+        sentences.insert(0, foresight(len(spec.seeds), level=spec.level, margin=margin))
     return sentences
 
 
@@ -72,6 +76,16 @@ def _duration(seconds: float) -> str:
     return f"{max(seconds, 10.0):.0f} s"
 
 
+def _routes(spec: SweepSpec) -> str:
+    """How many routes the answer for a world will rest on; nothing for logs."""
+    routes = {str(line.settings.get("route", "fixed")) for line in spec.lines()}
+    if spec.logs or len(routes) > 1:
+        return ""
+    number = len(spec.seeds) if routes == {"random"} else 1
+    each = " in each world" if len(spec.worlds) > 1 else ""
+    return f" ({'one route' if number == 1 else f'{number} routes'}{each})"
+
+
 def _extent(spec: SweepSpec) -> str:
     places = [*grouped(spec.worlds), *(log.name for log in spec.logs)]
     names = [line.name for line in spec.lines()]
@@ -79,4 +93,6 @@ def _extent(spec: SweepSpec) -> str:
     counts = ", ".join(map(str, spec.particles))
     bound = "up to " if spec.until else ""
     seeds = f"{bound}{len(spec.seeds)} seed{'' if len(spec.seeds) == 1 else 's'}"
-    return f"{', '.join(places)}; {seeds}{lines}; {counts} particles"
+    return (
+        f"{', '.join(places)}; {seeds}{_routes(spec)}{lines}; {counts} particle{'' if spec.particles == (1,) else 's'}"
+    )

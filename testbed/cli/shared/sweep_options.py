@@ -40,10 +40,13 @@ class SweepOptions:
     """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10."""
     route: Literal["fixed", "random"] | None = None
     """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
-    direction from another start. Default: fixed."""
+    direction from another start. Default: random, unless a file or preset says otherwise."""
     measure: str | None = None
     """What accuracy is measured by: online (the pose reported at each scan), filter (the best particle's path at the
     end), refined (after the final pass), or any key of metrics.json of which less is better. Default: filter."""
+    margin: str | None = None
+    """How much larger an error may be than that of the largest count before it matters: a share such as 10%, a length
+    such as 2mm, or both, of which the larger counts. Default: 10%,5mm."""
     refine: Literal["ends", "all", "none"] | None = None
     """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
     all where the measure needs it."""
@@ -68,6 +71,8 @@ class SweepOptions:
             flags["seeds"] = self.seeds
         if self.measure is not None:
             flags["measure"] = self.measure
+        if self.margin is not None:
+            flags["margin"] = self.margin
         if self.until is not None:
             flags |= {"until": self.until, "seeds": self.seeds or MAX_SEEDS_UNTIL_DECIDED}
         if self.filter is not None:
@@ -85,7 +90,8 @@ class SweepOptions:
         if self.preset is not None:
             return self._with_flags(read_preset(self.preset), f"preset {self.preset}", Path())
         if self.worlds is None and out is not None and (self == SweepOptions() or (out / MANIFEST).is_file()):
-            return self._with_flags(SweepDirectory.open(out).manifest.spec.document(), str(out / MANIFEST), out)
+            document = SweepDirectory.open(out).manifest.spec.document()
+            return self._with_flags(document, str(out / MANIFEST), out, is_new=False)
         return self._with_flags({}, "command line", Path())
 
     def own_settings(self) -> dict[str, Any]:
@@ -93,9 +99,12 @@ class SweepOptions:
         settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
         return settings if self.route is None else settings | {"route": self.route}
 
-    def _with_flags(self, document: dict[str, Any], source: str, folder: Path) -> SweepSpec:
+    def _with_flags(self, document: dict[str, Any], source: str, folder: Path, *, is_new: bool = True) -> SweepSpec:
+        """The document with the flags; is_new: where it says nothing about routes, each seed gets one of its own."""
         spec = parse_spec(document | self.document(), source, folder)
         settings = self.own_settings()
+        if is_new and spec.worlds and not spec.names_route:
+            settings = {"route": "random"} | settings
         if self.refine in ("all", "none"):
             settings["refine"] = self.refine == "all"
         shared = {name: value for name, value in spec.settings.items() if name != "refine" or self.refine != "ends"}

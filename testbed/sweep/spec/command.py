@@ -18,12 +18,16 @@ def command_of(spec: SweepSpec) -> str:
     words += ["--particles", ",".join(map(str, spec.particles)), "--seeds", _seeds(spec.seeds)]
     if spec.measure:
         words += ["--measure", spec.measure]
+    if spec.margin:
+        words += ["--margin", spec.margin]
+    if not spec.names_route:
+        words += ["--route", "fixed"]
     if spec.until:
         words += ["--until", spec.until]
     for name, values in spec.axes.items():
         words += ["--axis", f"{name}={','.join(map(_text, values))}"]
     for name, value in spec.settings.items():
-        words += ["--set", f"{name}={_text(value)}"]
+        words += ["--route", str(value)] if name == "route" else ["--set", f"{name}={_text(value)}"]
     return shlex.join(words)
 
 

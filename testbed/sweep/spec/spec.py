@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from eval.sweep.margin import parse_margin
 from eval.sweep.statistics import LEVEL, min_values
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
@@ -99,7 +100,9 @@ class SweepSpec(BaseModel):
     """Key of `metrics.json` by which accuracy is measured, smaller is better; or one of the words `online`, `filter`,
     `refined`, which stand for the main measure of that estimate. Default: `filter`, which shows what the particles
     do (`trajectory_filter.ate_rmse_m` for worlds, `relations_filter.trans_mean_m` for logs)."""
-
+    margin: str = ""
+    """How much larger an error may be than that of the largest count before it matters: a share such as "10%", a length
+    such as "2mm", or both, of which the larger counts. Default: "10%,5mm"."""
     until: Literal["", "decided"] = ""
     """decided: the seeds are an upper bound, and worlds whose answer is known get no more (`testbed.sweep.looks`)."""
 
@@ -112,6 +115,12 @@ class SweepSpec(BaseModel):
             return seeds_of_count(value)
         if not isinstance(value, list | tuple):
             raise ValueError(f"expected a number of seeds such as 10, or a list such as [0, 1, 2], got {value!r}")
+        return value
+
+    @field_validator("margin")
+    @classmethod
+    def _readable_margin(cls, value: str) -> str:
+        parse_margin(value)
         return value
 
     @field_validator("worlds", mode="before")
@@ -213,6 +222,11 @@ class SweepSpec(BaseModel):
             return bool(line.settings["refine"])
         head = self.key_measure.partition(".")[0]
         return head in FINAL or particles in (self.particles[0], self.particles[-1])
+
+    @property
+    def names_route(self) -> bool:
+        """Whether the specification says which routes are driven."""
+        return any("route" in table for table in (self.settings, self.axes, *self.variants.values()))
 
     def lines(self) -> list[Line]:
         """All combinations of variants and values of axes; raises SweepError for wrong or repeated settings."""

@@ -18,29 +18,29 @@ def level(*errors):
 
 def test_a_count_that_is_enough_stands_with_its_error(tmp_path):
     assert sentences(tmp_path, error=level(0.05, 0.0241, 0.022)) == [
-        "hall_a: 5 particles are enough (2.4 cm; 20 give 2.2 cm).",
-        "cave: 5 particles are enough (2.4 cm; 20 give 2.2 cm).",
+        "hall_a, 1 route: 5 particles are enough (2.4 cm; 20 give 2.2 cm).",
+        "cave, 1 route: 5 particles are enough (2.4 cm; 20 give 2.2 cm).",
     ]
     assert sentences(tmp_path, error=level(0.022, 0.022, 0.022))[0] == (
-        "hall_a: 1 particle is enough (2.2 cm; 20 give 2.2 cm)."
+        "hall_a, 1 route: 1 particle is enough (2.2 cm; 20 give 2.2 cm)."
     )
 
 
 def test_more_and_undecided_are_different_answers(tmp_path):
     assert sentences(tmp_path, error=level(0.5, 0.2, 0.1))[0] == (
-        "hall_a: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
+        "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a: undecided with 3 seeds (about 6 seeds would probably tell; fewer than 6 cannot)."
+        "hall_a, 1 route: undecided with 3 seeds (about 6 seeds would probably tell; fewer than 6 cannot)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a: undecided with 1 seed (about 6 seeds would probably tell; fewer than 6 cannot)."
+        "hall_a, 1 route: undecided with 1 seed (about 6 seeds would probably tell; fewer than 6 cannot)."
     )
 
 
 def test_a_world_in_which_all_counts_fail_says_so(tmp_path):
     lost = sentences(tmp_path, outcome=lambda p, k, c, s: "lost" if p == 0 else "ok")
-    assert lost[0] == "hall_a: no tested count works, up to 20 particles (20 fail in 10 of 10 runs)."
+    assert lost[0] == "hall_a, 1 route: no tested count works, up to 20 particles (20 fail in 10 of 10 runs)."
     assert "enough" in lost[1]
 
 
@@ -54,17 +54,39 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     families = (*["rooms"] * 8, None)
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
-        "rooms, 8 worlds: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office: undecided with 2 seeds (about 6 seeds would probably tell; fewer than 6 cannot).",
+        "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+        "office, 1 route: undecided with 2 seeds (about 6 seeds would probably tell; fewer than 6 cannot).",
     ]
     assert len(COUNTS) == 3
+
+
+def test_the_answer_says_on_how_many_routes_it_rests(tmp_path):
+    same = level(0.022, 0.022, 0.022)
+    missing = frozenset((0, 0, c, 9) for c in range(len(COUNTS)))
+    random = sentences(tmp_path / "random", error=same, route="random", missing=missing)
+    assert [sentence.partition(":")[0] for sentence in random] == ["hall_a, 9 routes", "cave, 10 routes"]
+    logs = sentences(tmp_path / "logs", error=same, about={"recorded": True})
+    assert logs[0].startswith("hall_a: ")
+
+
+def test_a_smaller_margin_changes_the_answer_and_stands_with_it(tmp_path):
+    errors = level(0.0251, 0.0221, 0.022)
+    assert "1 particle is enough" in sentences(tmp_path / "usual", error=errors)[0]
+    write_sweep(tmp_path / "small", error=errors, about={"margin": "2mm"})
+    summary = summarise(read_sweep(tmp_path / "small"))
+    answer = answers(summary, summary.table.baseline)[0]
+    assert answer.headline == "5 particles are enough"
+    assert answer.promise.startswith("At most 2 mm (9 %) worse")
+    write_sweep(tmp_path / "share", error=errors, about={"margin": "20%"})
+    summary = summarise(read_sweep(tmp_path / "share"))
+    assert answers(summary, summary.table.baseline)[0].promise.startswith("At most 20 % (4.4 mm) worse")
 
 
 def test_what_enough_promises_stands_with_it(tmp_path):
     write_sweep(tmp_path, error=level(0.022, 0.022, 0.022), outcome=lambda p, k, c, s: "lost" if s == 3 else "ok")
     summary = summarise(read_sweep(tmp_path))
     promise = answers(summary, summary.table.baseline)[0].promise
-    # the tolerance of 5 mm is 23 % of 2.2 cm; Wilson's interval of 1 in 10 ends at 40 %
+    # the margin of 5 mm is 23 % of 2.2 cm; Wilson's interval of 1 in 10 ends at 40 %
     assert promise == "At most 5 mm (23 %) worse; 1 of 10 runs failed (a rate up to 40 % is possible)"
     undecided = summarise(read_sweep(write_sweep(tmp_path / "few", seeds=3)))
     assert answers(undecided, undecided.table.baseline)[0].promise == ""

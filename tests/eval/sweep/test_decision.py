@@ -4,10 +4,9 @@
 import math
 
 import numpy as np
-import pytest
 
-from eval.sweep.decision import TOLERANCE, Tolerance, decide, decide_kind_of_building, units_to_decide
-from eval.sweep.statistics import LEVEL, min_values, paired_difference
+from eval.sweep.decision import decide, decide_kind_of_building, units_to_decide
+from eval.sweep.statistics import min_values, paired_difference
 
 COUNTS = (1, 2, 5, 10, 20, 50)
 FLAT = [0.1] * 6
@@ -76,7 +75,7 @@ def test_a_dip_at_a_small_count_is_not_taken_for_enough():
 
 
 def test_a_wrong_enough_is_rare():
-    """The errors of 20 are a fifth above those of 50, twice the tolerance: of 200 sweeps hardly any may overlook it."""
+    """The errors of 20 are a fifth above those of 50, twice the margin: of 200 sweeps hardly any may overlook it."""
     levels = [0.5, 0.4, 0.3, 0.2, 0.12, 0.1]
     wrong = sum(decide(COUNTS, sweep(levels, 0.3, seed=seed), NONE).kind == "enough" for seed in range(200))
     assert wrong <= 10
@@ -121,9 +120,3 @@ def test_each_world_counts_once_whatever_its_seeds():
     errors[1, 0] = math.nan
     decision = decide_kind_of_building((1, 5), errors, np.zeros((7, 2, 3)))
     assert (decision.kind, decision.count, decision.units) == ("enough", 1, 7)
-
-
-def test_the_tolerance_is_a_share_but_not_below_its_floor():
-    assert TOLERANCE.of(1.0) == pytest.approx(0.1)
-    assert Tolerance(share=0.1, floor=0.005).of(0.01) == 0.005
-    assert LEVEL == 0.95

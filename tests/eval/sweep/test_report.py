@@ -107,13 +107,29 @@ def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
     summary = summarise(read_sweep(tmp_path))
     m = summary.group("hall_a", "motion", 1).median
     cell = f"{100 * m.value:.1f} [{100 * m.low:.1f}, {100 * m.high:.1f}] (3/10)"
-    rows = [line.split(" | ") for line in markdown_table(summary).splitlines() if line.startswith("| hall_a | motion")]
-    assert rows[0][2:5] == ["more than 5", "10", cell]
-    latex = latex_table(summary)
-    row = next(line.split(" & ") for line in latex.splitlines() if line.startswith(r"hall\_a & 1 &"))
-    assert row[2] == "10"
-    assert row[3 + LINES.index("motion")].removesuffix(r" \\") == cell
-    assert latex.count("&") == (3 + len(LINES) - 1) * (1 + len(PLACES) * len(COUNTS))
+    column = 3 + LINES.index("motion")
+    markdown = [line.strip("| ").split(" | ") for line in markdown_table(summary).splitlines() if line.startswith("|")]
+    (first,) = [row for row in markdown if row[:2] == ["hall_a", "1"]]
+    assert (first[2], first[column]) == ("10", cell)
+    (answer,) = [row for row in markdown if row[:2] == ["hall_a", "enough"]]
+    assert answer[column] == "more than 5"
+    latex = [line.removesuffix(r" \\").replace("\\", "") for line in latex_table(summary).splitlines() if "&" in line]
+    assert [row.split(" & ") for row in latex] == [row for row in markdown if row[0] != "---"]
+    assert len(latex) == 1 + len(PLACES) * (len(COUNTS) + 1)
+
+
+def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path):
+    missing = frozenset((0, k, 2, s) for k in range(2) for s in range(7))
+    facts = {"conditions": "robot create3, lidar lds01", "margin": "2mm"}
+    summary = summarise(read_sweep(write_sweep(tmp_path, missing=missing, about=facts, route="random")))
+    table = markdown_table(summary)
+    assert "| hall_a | 20 | 3 * |" in table
+    assert "| hall_a | 5 | 10 |" in table
+    assert "| cave | 20 | 10 |" in table
+    assert "at most 2 mm worse than 20 particles." in table
+    assert "* Fewer than 6 runs" in table
+    assert "Each seed drives another route through the whole world. Robot create3, lidar lds01." in table
+    assert "Fewer than" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex (Debian: texlive-latex-recommended)")

@@ -14,6 +14,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from eval.sweep.paper_tables import markdown_table
+from eval.sweep.results import read_sweep
+from eval.sweep.summary import summarise
 from testbed.cli.shared.sweep_options import SweepOptions
 from testbed.sweep.execute import prepare
 from testbed.sweep.execution import dask_cluster as cluster
@@ -103,7 +106,7 @@ def test_all_counts_and_variants_of_a_seed_get_the_same_data(swept):
 
 
 def test_a_cell_gives_what_testbed_run_gives(swept, world, tmp_path):
-    options = ["--backend", "fast", "--seed", "1", "--particles", "3", "--no-refine"]
+    options = ["--backend", "fast", "--seed", "1", "--particles", "3", "--no-refine", "--route", "random"]
     assert call("run", world, *options, "--filter.proposal.kind", "motion", "--out", tmp_path / "run") == 0
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
     rows = pq.read_table(swept / "sweep.parquet").to_pylist()
@@ -372,6 +375,16 @@ def test_a_directory_alone_says_which_sweep_gets_more_seeds(copied):
     rows = pq.read_table(copied / "sweep.parquet").to_pylist()
     assert len(rows) == 12
     assert {row["line"] for row in rows} == {"improved", "motion"}
+
+
+def test_another_margin_is_another_question_to_the_same_runs(copied):
+    before = {cell.name: (cell / "timing.json").read_bytes() for cell in (copied / "cells").iterdir()}
+    assert call("sweep", "--out", copied, "--margin", "2mm", "--no-worst") == 0
+    assert {cell.name: (cell / "timing.json").read_bytes() for cell in (copied / "cells").iterdir()} == before
+    table = markdown_table(summarise(read_sweep(copied)))
+    assert "at most 2 mm worse than 3 particles" in table
+    assert "Each seed drives another route" in table
+    assert "Robot create3, lidar" in table
 
 
 @pytest.mark.parametrize("fewer", [{"seeds": "1"}, {"particles": "1"}, {"set": "refine=true"}])

@@ -22,6 +22,7 @@ from testbed.sweep.spec.spec import parse_spec
             "seeds": [1, 5],
             "axes": {"odometry.grade": ["good", "poor"], "layers.motion": [True]},
         },
+        {"worlds": ["office"], "axes": {"route": ["fixed", "random"]}, "margin": "5%,2mm"},
         {"worlds": ["office"], "settings": {"filter.gate.distance": 0.3}, "until": "decided", "seeds": 40},
     ],
 )
@@ -33,7 +34,31 @@ def test_the_command_gives_the_same_specification(document):
     for name, value in zip(words[::2], words[1::2], strict=True):
         key = name.removeprefix("--")
         options[key] = (*options.get(key, ()), value) if key in ("axis", "set") else value
-    assert SweepOptions(**options).specification(None, None).document() == spec.document()
+    expected = spec.document()
+    if "route" not in document.get("axes", {}):  # the command is exact where the specification leaves the default
+        expected["settings"] = {"route": "fixed"} | expected.get("settings", {})
+    assert SweepOptions(**options).specification(None, None).document() == expected
+
+
+def test_each_seed_has_a_route_of_its_own_unless_something_else_is_said(tmp_path):
+    def route(file: str = "", **flags):
+        (tmp_path / "spec.toml").write_text(file)
+        spec = SweepOptions(**flags).specification(tmp_path / "spec.toml" if file else None, None)
+        return spec.settings.get("route")
+
+    assert route(worlds="office") == "random"
+    assert route(worlds="office", route="fixed") == "fixed"
+    assert route('worlds = ["office"]') == "random"
+    assert route('worlds = ["office"]\nsettings.route = "fixed"') == "fixed"
+    assert route('worlds = ["office"]\naxes.route = ["fixed", "random"]') is None
+    assert route('[[logs]]\nlog = "a.log"') is None
+    assert route(preset="gate") == "fixed"
+
+
+def test_the_route_of_a_sweep_that_is_there_stays(tmp_path):
+    manifest = 'code = "0"\n[spec]\nworlds = ["office"]\nseeds = [0]\nparticles = [1]\n'
+    (tmp_path / "sweep.toml").write_text(manifest)
+    assert SweepOptions(seeds="3").specification(None, tmp_path).settings == {}
 
 
 def test_a_sweep_that_needs_a_file_names_it():
