@@ -79,7 +79,7 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         self.maps.integrate_scan(particles.poses, taken.rays)
-        self._loops.begin()
+        self._loops.update(se2.transform_points(particles.poses[0], taken.hits), 0.0)
         clock.end_stage("map")
         particles.ancestry.add(particles.poses)
         pose, used = particles.poses[self.best].copy(), self.maps.bytes_in_use
@@ -91,7 +91,6 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         result = self._propose(taken)
-        last_seen = self.maps.last_seen(se2.transform_points(result.pose[self.best], taken.hits))
         clock.end_stage("match")
 
         self.maps.integrate_scan(result.pose, taken.rays)  # may refuse: before anything else has changed
@@ -109,7 +108,7 @@ class GMapping:
             resampled=resampled,
             unique_ancestors=self.ancestry.unique_ancestors,
             map_bytes=self.maps.bytes_in_use,
-            loop_length=self._loops.update(last_seen, taken.distance),
+            loop_length=self._loops.update(se2.transform_points(pose, taken.hits), taken.distance),
             seconds=clock.seconds,
         )
 

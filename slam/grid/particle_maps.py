@@ -91,7 +91,6 @@ class ParticleMaps:
         self.touched: NDArray[np.int64] = np.zeros((0, 0), np.int64)
         """Number of the last scan, counted from 1, that has changed each tile in any map, (rows, columns) of the table;
         0 = none has yet."""
-        self._last_hit: NDArray[np.int64] = np.zeros((0, 0), np.int64)  # the same of fine tiles in which a beam ended
 
     @property
     def _pools(self) -> tuple[TilePool, TilePool, TilePool]:
@@ -132,7 +131,6 @@ class ParticleMaps:
         self.threads.run(request_scan_tiles, particles, self.grids, poses, rays, crossed, ended)
         self.scans += 1
         self.touched[np.maximum.reduce(crossed.seen, axis=0).reshape(self.touched.shape) != 0] = self.scans
-        self._last_hit[np.maximum.reduce(ended.seen, axis=0).reshape(self._last_hit.shape) != 0] = self.scans
         self._counts.copy_on_write(self.threads)
         self._surface.copy_on_write(self.threads)
         room = 512 + 2 * len(rays.hit)
@@ -143,18 +141,6 @@ class ParticleMaps:
         )
         self._field.copy_on_write(self.threads)
         self.threads.run(update_fields, particles, self.grids, changes, self._offsets)
-
-    def last_seen(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Number of the last scan of which a beam ended about each point in any map, (n,); 0 = none has yet.
-
-        points (n, 2) in the map's frame [m]; about a point: in its fine tile, of 8 x 8 cells
-        """
-        column, row = ((points / self.config.cell - self._corner) / FINE_SIDE).T
-        rows, columns = self._last_hit.shape
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        seen = np.zeros(len(points), np.int64)
-        seen[inside] = self._last_hit[row[inside].astype(np.int64), column[inside].astype(np.int64)]
-        return seen
 
     def _make_room(self, poses: se2.Pose, rays: Rays) -> None:
         """Extend the tables to all ends of the rays from poses (particles, 3), and to the fields about them."""
@@ -188,8 +174,6 @@ class ParticleMaps:
         for pool, per_tile in zip(self._pools, (1, SIDE // FINE_SIDE, 1), strict=True):
             pool.extend(below * per_tile, above * per_tile, left * per_tile, right * per_tile)
         self.touched = np.pad(self.touched, ((below, above), (left, right)))
-        fine = SIDE // FINE_SIDE
-        self._last_hit = np.pad(self._last_hit, ((fine * below, fine * above), (fine * left, fine * right)))
         self._corner = new_first.astype(np.int64) << SHIFT
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
@@ -203,7 +187,6 @@ class ParticleMaps:
             "map_corner": self._corner,
             "map_scans": np.array(self.scans),
             "map_touched": self.touched,
-            "map_last_hit": self._last_hit,
             **self._counts.state("counts"),
             **self._surface.state("surface"),
             **self._field.state("field"),
@@ -216,7 +199,6 @@ class ParticleMaps:
         self._surface.restore("surface", state)
         self._field.restore("field", state)
         self.scans, self.touched = int(state["map_scans"]), state["map_touched"]
-        self._last_hit = state["map_last_hit"]
 
     def occupancy(self, particle: int) -> OccupancyGrid:
         """The map of one particle, cut to what was observed."""

@@ -11,42 +11,56 @@ from numpy.typing import NDArray
 
 
 class LoopDetector:
-    """Detects loops by how far the robot has driven since the walls that it sees were last seen; it closes none."""
+    """Detects loops by how far the robot had driven since walls were last seen when it saw them again; it closes none.
+
+    Coming back, a robot sees the first of the old walls from afar, and more of them with each scan: a wall counts as
+    found again until it has been out of sight for `LOOP` metres once more.
+    """
 
     LOOP = 15.0
     """Distance driven since walls were last seen that makes seeing them again a loop [m]."""
     SHARE = 0.25
     """Share of the hits on such walls with which a loop closes: a few beams through a door do not close one."""
+    SQUARE = 0.4
+    """Side of the squares in which walls are remembered [m]."""
 
     def __init__(self) -> None:
-        self._travelled = [0.0]  # at each scan that was counted into the maps, which are numbered from 1
+        self._seen: dict[
+            tuple[int, int], tuple[float, float]
+        ] = {}  # distance at the last sight, length of its loop [m]
+        self._travelled = 0.0
         self._last_return = -self.LOOP
 
-    def begin(self) -> None:
-        """Note that the first scan was counted into the maps."""
-        self._travelled.append(0.0)
-
-    def update(self, last_seen: NDArray[np.int64], distance: float) -> float:
+    def update(self, hits: NDArray[np.float64], distance: float) -> float:
         """Length of the loop that a scan closes [m]; 0 where it closes none.
 
-        last_seen (hits,): number of the scan by which the map last changed about each end point, 0 = by none
-        distance: driven since the scan before [m]. A loop is reported once: not again until the robot has driven `LOOP`
-        metres without such a return.
+        hits (n, 2) end points in the map's frame [m];  distance: driven since the scan before [m]
+        A loop is reported once: not again until the robot has driven `LOOP` metres without such a return.
         """
-        now = self._travelled[-1] + distance
-        self._travelled.append(now)
-        ago = now - np.array(self._travelled)[last_seen]
-        old = (last_seen > 0) & (ago >= self.LOOP)
-        if len(last_seen) == 0 or np.mean(old) < self.SHARE:
+        self._travelled += distance
+        squares, counts = np.unique(np.floor(hits / self.SQUARE).astype(np.int64), axis=0, return_counts=True)
+        loops = np.array([self._see((column, row)) for column, row in squares.tolist()])
+        old = loops > 0.0
+        if len(loops) == 0 or counts[old].sum() < self.SHARE * counts.sum():
             return 0.0
-        new = now - self._last_return >= self.LOOP
-        self._last_return = now
-        return float(np.median(ago[old])) if new else 0.0
+        new = self._travelled - self._last_return >= self.LOOP
+        self._last_return = self._travelled
+        return float(np.median(loops[old])) if new else 0.0
+
+    def _see(self, square: tuple[int, int]) -> float:
+        """Note that a wall in a square is seen; length of the loop by which it was found again [m], 0 = by none."""
+        last, loop = self._seen.get(square, (self._travelled, 0.0))
+        gone = self._travelled - last
+        loop = gone if gone >= self.LOOP else loop
+        self._seen[square] = self._travelled, loop
+        return loop
 
     def state(self) -> dict[str, Any]:
         """Everything remembered, as plain values."""
-        return {"travelled": self._travelled, "last_return": self._last_return}
+        seen = [[*square, *values] for square, values in self._seen.items()]
+        return {"seen": seen, "travelled": self._travelled, "last_return": self._last_return}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
-        self._travelled, self._last_return = list(state["travelled"]), state["last_return"]
+        self._seen = {(column, row): (last, loop) for column, row, last, loop in state["seen"]}
+        self._travelled, self._last_return = state["travelled"], state["last_return"]

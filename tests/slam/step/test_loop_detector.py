@@ -7,48 +7,61 @@ import pytest
 from slam import FilterConfig, GMapping
 from slam.config import GateConfig
 from slam.step.loop_detector import LoopDetector
-from tests.slam.rooms import drive, empty_maps, rays, scan_at
+from tests.slam.rooms import drive, scan_at
 
 
-def lengths(last_seen_of_scans, distance=1.0):
-    """What the detector returns for the scans after the first, `distance` [m] apart."""
+def around(x, count=10):
+    """End points on the walls about a place, in squares that no other place shares."""
+    return np.column_stack([np.full(count, x + 0.1), 0.4 * np.arange(count) + 0.1])
+
+
+def lengths(places, distance=1.0):
+    """What the detector returns for scans `distance` [m] apart, each of the walls about a place."""
     detector = LoopDetector()
-    detector.begin()
-    return [detector.update(np.asarray(seen), distance) for seen in last_seen_of_scans]
+    return [
+        detector.update(place if isinstance(place, np.ndarray) else around(float(place)), distance) for place in places
+    ]
 
 
 def test_a_loop_is_as_long_as_the_way_since_its_walls_were_last_seen():
-    """Twenty scans of new walls each, then the walls of the second scan: the robot drove 20 m since."""
-    onward = [np.full(10, scan) for scan in range(1, 21)]
-    found = lengths([*onward, np.full(10, 2), np.full(10, 3)])
+    """Twenty scans of new walls each, then the walls of the second scan again: the robot drove 19 m since."""
+    found = lengths([*range(20), 1, 2])
     assert found[:20] == [0.0] * 20
-    assert found[20] == pytest.approx(20.0)
+    assert found[20] == pytest.approx(19.0)
     assert found[21] == 0.0  # the same loop is reported once
 
 
-def test_few_beams_and_walls_never_seen_close_no_loop():
-    onward = [np.full(10, scan) for scan in range(1, 21)]
-    assert not any(lengths([*onward, np.array([2, 2] + 8 * [21])]))
-    assert any(lengths([*onward, np.array([2, 2, 2] + 7 * [21])]))
-    assert not any(lengths([*onward, np.zeros(10, np.int64), np.zeros(0, np.int64)]))
+def test_walls_that_come_into_sight_one_by_one_close_a_loop_together():
+    """The robot sees a tenth of the old walls more with each scan: each was seen a moment ago but for the first."""
+    old = around(0.0)
+    onward = [around(float(x)) for x in range(1, 20)]
+    closing = [np.concatenate([old[:k], around(20.0, 10)[k:]]) for k in range(1, 6)]
+    found = np.array(lengths([old, *onward, *closing]))
+    np.testing.assert_array_equal(np.flatnonzero(found), [22])  # three tenths
+    assert found[22] == pytest.approx(20.0, abs=2.0)
+
+
+def test_few_beams_and_no_beams_close_no_loop():
+    few = np.concatenate([around(1.0)[:2], around(30.0)[:8]])
+    assert not any(lengths([*range(20), few]))
+    assert not any(lengths([*range(20), np.zeros((0, 2))]))
 
 
 def test_a_second_loop_counts_after_the_robot_has_left_the_first():
-    onward = [np.full(10, scan) for scan in range(1, 21)]
-    again = [np.full(10, scan) for scan in range(2, 21)]
-    away = [np.full(10, 21 + scan) for scan in range(19, 39)]
-    found = np.array(lengths([*onward, *again, *away, np.full(10, 30)]))
+    found = np.array(lengths([*range(20), *range(1, 20), *range(40, 60), 50]))
+    np.testing.assert_array_equal(np.flatnonzero(found), [20])
+    found = np.array(lengths([*range(20), *range(1, 20), *range(40, 60), 41]))
     np.testing.assert_array_equal(np.flatnonzero(found), [20, 59])
 
 
-def test_maps_know_which_scan_has_last_seen_a_wall():
-    """A beam that ends there sees it, a beam that passes does not."""
-    maps = empty_maps()
-    near, far = np.array([(1.0, 0.0)]), np.array([(9.0, 0.0)])
-    maps.integrate_scan(np.zeros((1, 3)), rays(near))
-    maps.integrate_scan(np.zeros((1, 3)), rays(far))
-    points = np.concatenate([near, far, [(0.0, 5.0)], [(1e6, -1e6)]])
-    np.testing.assert_array_equal(maps.last_seen(points), [1, 2, 0, 0])
+def test_the_state_goes_on_where_it_was():
+    places = [*range(20), 1, 2, 3]
+    first, second = LoopDetector(), LoopDetector()
+    for place in places[:15]:
+        first.update(around(float(place)), 1.0)
+    second.restore(first.state())
+    found = [second.update(around(float(place)), 1.0) for place in places[15:]]
+    assert found == lengths(places)[15:]
 
 
 def test_a_robot_that_stays_in_one_room_closes_no_loop():
