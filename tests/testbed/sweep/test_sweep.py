@@ -234,7 +234,7 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
-    assert f"6 jobs: {world}; 3 seeds; 1, 3 particles\nThat takes some seconds." in said
+    assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThat takes some seconds." in said
     assert "3 seeds cannot show that a count is enough; 6 can" in said
     assert list(tmp_path.iterdir()) == []
 
