@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -91,10 +92,13 @@ def _map_a_room() -> None:
     mapper = GMapping(config)
     for pose in odometry:
         mapper.process(pose, scan)
+    path = mapper.path()
+    turned = replace(scan, ranges=np.roll(ranges, 10))  # of which the wheels say nothing: the search becomes wide
+    mapper.process(odometry[-1] + (0.2, 0.0, 0.0), turned)
     for coarse in (1, COARSE):
         MapTiles(ImagePool(0), coarse).changes(map_cells(mapper.maps, mapper.best))
     most_different(map_cells(mapper.maps, mapper.best), mapper.best)
-    refine(odometry, [scan] * len(odometry), mapper.path(), config)
+    refine(odometry, [scan] * len(odometry), path, config)
     for start in (odometry[0], None):
         Localization(mapper.map(), config, start=start).process(odometry[0], scan)
     _explore(mapper, scan)

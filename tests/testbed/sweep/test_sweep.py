@@ -246,7 +246,8 @@ def test_a_larger_plan_is_measured(capsys):
     )
     said = capsys.readouterr().out
     assert re.search(
-        r"16 jobs: apartment; 8 seeds; 1, 3 particles\nExpected: about \d+ (s|minutes) with 2 workers", said
+        r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\nExpected: about \d+ (s|minutes) with 2 workers",
+        said,
     )
 
 
