@@ -66,13 +66,15 @@ class GMapping:
             ValueError: the odometry or the twist is not three finite numbers, or the map would grow beyond all
                 bounds; poses, weights and maps are then as they were before.
         """
-        taken = self._intake.take(odometry, scan, twist, self._surprises)
+        surprises = self._surprises if self.config.motion.jump_share > 0.0 else None
+        taken = self._intake.take(odometry, scan, twist, surprises)
         if taken.rays is None:
             pose = se2.compose(self._particles.poses[self.best], taken.motion)
-            return report_state(self._particles, taken.counts, pose=pose, map_bytes=self.maps.bytes_in_use)
-        report = self._begin(taken) if taken.first else self._update(taken)
-        self._intake.accept(taken)
-        return report
+            report = report_state(self._particles, taken.counts, pose=pose, map_bytes=self.maps.bytes_in_use)
+        else:
+            report = self._begin(taken) if taken.first else self._update(taken)
+            self._intake.accept(taken)
+        return replace(report, odometry_jumped=taken.jumped)
 
     def _begin(self, taken: TakenScan) -> StepReport:
         """Draw the first scan into the maps of all particles, which start at the origin."""
@@ -117,17 +119,19 @@ class GMapping:
 
         motion (3,) since the last used scan;  hits (K, 2) [m]
         """
-        cfg, particle = self.config, self.best
-        pose = se2.compose(self._particles.poses[particle], motion)
-        scan_and_prior = ScanAndPrior(
-            np.ascontiguousarray(hits), make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion)
-        )
-        return shows_a_jump(self.maps, particle, pose, scan_and_prior, self._matched)
+        pose = se2.compose(self._particles.poses[self.best], motion)
+        scan_and_prior = self._scan_and_prior(motion, np.ascontiguousarray(hits))
+        return shows_a_jump(self.maps, self.best, pose, scan_and_prior, self._matched)
+
+    def _scan_and_prior(self, motion: se2.Pose, hits: NDArray[np.float64]) -> ScanAndPrior:
+        """By what new poses are judged after a displacement (3,), with the hits (K, 2) of a scan [m]."""
+        cfg = self.config
+        return ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
 
     def _propose(self, taken: TakenScan) -> ProposalResult:
         """Match, sample, fit, draw and weight for all particles: lines 4 to 21 of Algorithm 1."""
         cfg, motion, hits = self.config, taken.motion, taken.hits
-        scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
+        scan_and_prior = self._scan_and_prior(motion, hits)
         settings = make_match_settings(motion, hits, cfg)
         guesses = se2.compose(self._particles.poses, motion)
         return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=self.weights)

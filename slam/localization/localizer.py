@@ -120,10 +120,10 @@ class Localization:
         """
         taken = self._intake.take(odometry, scan, twist)
         if taken.rays is None:
-            return self._report_between(taken)
+            return replace(self._report_between(taken), odometry_jumped=taken.jumped)
         self._report = self._in_map(self._update(taken))
         self._intake.accept(taken)
-        return self._report
+        return replace(self._report, odometry_jumped=taken.jumped)
 
     def _report_between(self, taken: TakenScan) -> StepReport:
         """The last state, moved on by odometry, for a scan that is not used."""

@@ -33,6 +33,8 @@ class TakenScan:
     """Readings by kind."""
     rays: Rays | None
     """The readings in the robot's frame; None where the filter does not use the scan."""
+    jumped: bool
+    """Whether the odometry has jumped since the scan before, as where it starts again."""
 
     @property
     def hits(self) -> NDArray[np.float64]:
@@ -61,11 +63,6 @@ class ScanIntake:
         self._odometry: se2.Pose | None = None  # joined, at the last scan that was used
         self._stamp = 0.0
 
-    @property
-    def odometry_jumps(self) -> int:
-        """How often the odometry has jumped so far, as where it starts again."""
-        return self._track.jumps
-
     def take(
         self,
         odometry: ArrayLike,
@@ -83,6 +80,7 @@ class ScanIntake:
         """
         given = checked_odometry(odometry, twist)
         scans = [scan] if isinstance(scan, Scan) else list(scan)
+        jumps = self._track.jumps
         now = self._track.update(scans[0].stamp, given)
         counts = count_beams(scans)
         self.scans += 1
@@ -101,7 +99,15 @@ class ScanIntake:
                 rays = None  # a scan that hit nothing carries no information about the pose
             elif not opens and surprises is not None and not surprises(motion, rays.ends[rays.hit]):
                 rays = None
-        return TakenScan(odometry=now, stamp=scans[0].stamp, motion=motion, first=first, counts=counts, rays=rays)
+        return TakenScan(
+            odometry=now,
+            stamp=scans[0].stamp,
+            motion=motion,
+            first=first,
+            counts=counts,
+            rays=rays,
+            jumped=self._track.jumps > jumps,
+        )
 
     def accept(self, taken: TakenScan) -> None:
         """Note that the filter has used a scan: later displacements count from it."""

@@ -47,6 +47,8 @@ class StepReport:
     """Memory of all maps [bytes]."""
     loop_length: float = 0.0
     """Length of the loop that this scan closes: driven since the walls that it sees were last seen [m]; 0 = none."""
+    odometry_jumped: bool = False
+    """Whether the odometry has jumped since the scan before; it is then joined (`slam.motion.continuous_odometry`)."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall time of the stages: match (proposal), map, resample (with weights)."""
     proposed: ProposalResult | None = None

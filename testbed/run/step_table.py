@@ -18,7 +18,7 @@ from slam.sensor.rays import BeamCounts
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
 
-FLAGS = ("updated", "resampled", "loop_closed")
+FLAGS = ("updated", "resampled", "loop_closed", "odometry_jumped")
 COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *BeamCounts._fields)
 TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
 
@@ -63,6 +63,7 @@ class StepTable:
             "map_bytes": report.map_bytes,
             "loop_closed": report.loop_closed,
             "loop_length": report.loop_length,
+            "odometry_jumped": report.odometry_jumped,
             "filter_s": filter_seconds,
             **{f"{stage}_s": report.seconds.get(stage, 0.0) for stage in ("match", "sample", "map", "resample")},
         }

@@ -53,6 +53,14 @@ def test_the_state_goes_on_where_it_was():
     assert second.jumps == whole.jumps == 1
 
 
+def test_a_jump_is_reported_once():
+    poses, mapper = np.concatenate([drive(12), drive(3)]), GMapping(FilterConfig(particles=2), seed=0, threads=1)
+    reports = [
+        mapper.process(pose, scan_at(pose, stamp=stamp)) for stamp, pose in zip(stamps_of(poses), poses, strict=True)
+    ]
+    assert [report.odometry_jumped for report in reports] == [k == 13 for k in range(len(poses))]
+
+
 @pytest.mark.parametrize("restart", [False, True])
 def test_a_filter_follows_a_robot_whose_driver_starts_again(restart):
     truth, rng = drive(12), np.random.default_rng(0)

@@ -104,6 +104,8 @@ class EventWatch:
             if change is not None:
                 lines.append(_loss_line(self._loss.lost, *change))
         step = snapshot.step
+        if step is not None and step.odometry_jumped:
+            lines.append(("WARN", "the odometry has jumped, as where its driver starts again: it goes on from there"))
         if step is not None and step.updated:
             lines += _filter_lines(step, died, loops)
             states[entities.MATCHING_STATE] = self._matching_state(step)
