@@ -13,6 +13,8 @@ from slam.config.motion import FrameMotionConfig
 class RefineConfig:
     """The final pass over a recording; never used inside the filter."""
 
+    close_loops: bool = True
+    """Close the loops that the filter left open first (`slam.loops`)."""
     rounds: int = 6
     """Number of rounds; each finds the walls again."""
     hit_sigma: float = 0.02

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam._threads import Threads
 from slam.config import MapConfig
-from slam.grid.particle_maps import ParticleMaps
+from slam.grid.wall_maps import maps_of_walls
 from slam.occupancy import OccupancyGrid
-from slam.sensor.rays import Rays
 
 TABLES = 64
 """Particles that are matched at a time: each reads the one map through a tile table of its own."""
@@ -84,15 +83,6 @@ def wall_faces(grid: OccupancyGrid) -> NDArray[np.float64]:
             near_free |= free[below : below + rows, left : left + columns]
     faces = grid.occupied & near_free
     return _centres(faces if faces.any() else grid.occupied, grid.resolution)
-
-
-def maps_of_walls(points: NDArray[np.float64], config: MapConfig, threads: Threads) -> ParticleMaps:
-    """Maps of one particle in which a beam has ended once at each of the points (n, 2) [m] and none has passed."""
-    centre = np.append(0.5 * (points.min(axis=0) + points.max(axis=0)), 0.0)
-    ends = points - centre[:2]
-    maps = ParticleMaps(1, config, threads)
-    maps.integrate_scan(centre[None], Rays(origins=ends, ends=ends, hit=np.ones(len(ends), np.bool_)))
-    return maps
 
 
 def _centres(mask: NDArray[np.bool_], resolution: float) -> NDArray[np.float64]:

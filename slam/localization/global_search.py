@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.config import FilterConfig, LocalizationConfig
 from slam.grid.distance_field import MAX_RADIUS
-from slam.localization.fixed_map import FixedMap, free_cells, maps_of_walls, wall_faces
+from slam.grid.wall_maps import maps_of_walls
+from slam.localization.fixed_map import FixedMap, free_cells, wall_faces
 from slam.matching.likelihood import BeamModel, log_likelihoods
 from slam.motion.odometry_model import sample_motion
 from slam.particles.kld import bins_of, count_by_kld

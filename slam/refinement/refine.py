@@ -2,16 +2,15 @@
 """The final pass over a recording: the whole trajectory and the walls that it saw, estimated together.
 
 The filter decides once and for all at every scan; after the run the chosen trajectory can be re-estimated with all
-scans in view. Two steps alternate: short pieces of wall (surfels) are found where end points of many scans lie; then
-all poses make one Gauss-Newton step towards the optimum of
+scans in view. Loops that it left open are closed first (`slam.loops`). Then two steps alternate: short pieces of wall
+(surfels) are found where end points of many scans lie; then all poses make one Gauss-Newton step towards the optimum of
 
     min_{x,o}  1/2 sum_i rho((n_e . p_i(x) - o_e)^2 / sigma_i^2)  -  sum_t log p(x_t+1 | x_t, u_t),
 
 end points p_i against the offsets o_e of their surfels, which follow, under a bounded loss rho, and odometry between
 neighbours. Beams count as independent: odometry only decides where they say nothing. Holding the
 walls while the poses move, and the poses while the walls are drawn, would get to the same place in many more rounds.
-Poses of frames without a scan take part through their odometry, so the result has a pose at every frame. It is a
-local refinement: loops that the filter left open stay open.
+Poses of frames without a scan take part through their odometry, so the result has a pose at every frame.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from slam import se2
 from slam._threads import Threads
 from slam.config import FilterConfig
+from slam.loops import LoopClosing, close_loops
 from slam.occupancy import OccupancyGrid
 from slam.refinement.bundle_adjustment import Adjustment
 from slam.refinement.redraw_map import max_snap_distance, redraw_map
@@ -41,6 +41,8 @@ class Refined:
     """Poses of all frames in the map's frame, (frames, 3)."""
     map: OccupancyGrid
     """Map of all scans, each at its refined pose."""
+    closing: LoopClosing | None
+    """The loops that were found before the adjustment; None where they were not looked for."""
 
 
 def refine(
@@ -82,7 +84,8 @@ def refine(
     workers, settings = Threads(threads), config.refine
     cloud = make_cloud(list(seen.values()), settings.max_points)
     adjustment = Adjustment(odometry, cloud, np.fromiter(seen, np.int64), settings, workers)
-    poses = np.array(initial, dtype=np.float64)
+    closing = close_loops(odometry, initial, seen, config, workers) if settings.close_loops else None
+    poses = np.array(initial if closing is None else closing.path, dtype=np.float64)
     for passed in range(settings.rounds):
         poses += adjustment.step(poses, max(settings.first_gate * settings.gate_decay**passed, settings.last_gate))
         poses[:, 2] = se2.wrap_angle(poses[:, 2])
@@ -91,4 +94,4 @@ def refine(
     cells, _, surfels = adjustment.walls(
         transform_cloud(cloud, poses[adjustment.with_scan], workers), max_snap_distance(settings)
     )
-    return Refined(poses=poses, map=redraw_map(poses, rays, (cells, surfels), config, workers))
+    return Refined(poses=poses, map=redraw_map(poses, rays, (cells, surfels), config, workers), closing=closing)

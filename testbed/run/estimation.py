@@ -22,7 +22,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
-from testbed.run.dense_path import interpolate_with_odometry
+from slam.motion.interpolation import interpolate_with_odometry
 from testbed.run.known_map import KnownMap
 from testbed.run.step_table import StepTable
 from testbed.seeds import Stream

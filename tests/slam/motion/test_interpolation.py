@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam import se2
-from testbed.run.dense_path import interpolate_with_odometry
+from slam.motion.interpolation import interpolate_with_odometry
 
 
 def walk(seed: int, frames: int) -> np.ndarray:

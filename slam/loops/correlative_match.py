@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: MIT
+"""Matching two local maps: every displacement and heading of a window is searched, the best is refined and judged.
+
+The search is correlative (Olson, "Real-Time Correlative Scan Matching", ICRA 2009), by branch and bound over a coarse
+copy of the map; Gauss-Newton on the distance field of the other's walls follows. How well two maps agree is counted in
+both directions: walls of one that lie on walls of the other, against walls that lie where the other saw free space.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam._threads import Threads
+from slam.config import FilterConfig
+from slam.grid.wall_maps import maps_of_walls
+from slam.loops._correlative_kernels import MAX_SCORE, pool_maxima, search
+from slam.loops.local_maps import LocalMap
+from slam.matching._scan_matching_kernels import match_particles
+from slam.matching.likelihood import ScanAndPrior, make_beam_model
+from slam.matching.scan_matching import MatchSettings, empty_matches
+from slam.motion.odometry_model import MotionPrior
+
+COARSE = 2
+"""Side of a cell of the search in cells of the map."""
+LEVELS = 5
+"""Levels of branch and bound: the coarsest node stands for 16 x 16 displacements."""
+MAX_POINTS = 300
+"""Points of a map that are searched with, at most: walls of 30 m, one in 10 cm."""
+SCORES = (MAX_SCORE, 1, -1)
+"""Score of a point on a wall or next to it, two cells away, and in free space."""
+SAME_PLACE, SAME_HEADING = 1.0, 0.2
+"""A second optimum lies farther than this from the first [m, rad]."""
+NEAR = 2
+"""Walls of two maps agree up to this many cells of the map from each other: what bent maps and noise make of one."""
+PRIOR_SIGMA = (0.5, 0.5, 0.1)
+"""Standard deviation of the pose about the result of the search [m, m, rad] in the refinement; it decides nothing but
+directions in which the walls say nothing."""
+
+
+class SearchMap(NamedTuple):
+    """A local map prepared for matching."""
+
+    walls: NDArray[np.float64]
+    """Centres of the wall cells, seen from the anchor [m], (n, 2)."""
+    points: NDArray[np.float64]
+    """Some of them, evenly chosen, at most `MAX_POINTS`, (k, 2)."""
+    origin: se2.Pose
+    """Pose of the corner of cell (0, 0), seen from the anchor, (3,)."""
+    cell: float
+    """Side of a cell of the map [m]."""
+    near: NDArray[np.bool_]
+    """Cells at most `NEAR` cells from a wall, (rows, columns)."""
+    free: NDArray[np.bool_]
+    """Free cells that are not near a wall, (rows, columns)."""
+    levels: NDArray[np.int8]
+    """Scores of coarse cells and their maxima, see `pool_maxima`."""
+
+
+class Agreement(NamedTuple):
+    """How well two maps agree at a relative pose, counted in both directions."""
+
+    overlap: int
+    """Wall cells of one map near walls of the other, the smaller of both directions."""
+    share: float
+    """Share of these among the wall cells that lie in what the other map has seen."""
+
+
+class MapMatch(NamedTuple):
+    """The result of a search."""
+
+    pose: se2.Pose
+    """Pose of the second map's anchor, seen from the first's, (3,)."""
+    rivalry: float
+    """Score of the best other place in the window, as a share of the best score."""
+
+
+def prepare(local: LocalMap, cell: float) -> SearchMap:
+    """Prepare a local map with cells of `cell` [m]."""
+    walls = local.states == 1
+    near = walls
+    for _ in range(NEAR):
+        near = _grown(near)
+    coarse_cell = COARSE * cell
+    _, chosen = np.unique(np.floor(local.walls / coarse_cell), axis=0, return_index=True)
+    thinned = local.walls[np.sort(chosen)]
+    scores = _scores(local.states)
+    levels = np.zeros((LEVELS, *scores.shape), np.int8)
+    pool_maxima(scores, levels)
+    every_kth = thinned[:: max(1, -(-len(thinned) // MAX_POINTS))]
+    return SearchMap(local.walls, every_kth, local.origin, cell, near, (local.states == -1) & ~near, levels)
+
+
+def _scores(states: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Scores (rows, columns) of coarse cells, from states (rows, columns) of the map's cells."""
+    rows, columns = (-(-n // COARSE) for n in states.shape)
+    padded = np.zeros((rows * COARSE, columns * COARSE), np.int8)
+    padded[: states.shape[0], : states.shape[1]] = states
+    blocks = padded.reshape(rows, COARSE, columns, COARSE).swapaxes(1, 2).reshape(rows, columns, COARSE**2)
+    wall, free = (blocks == 1).any(axis=-1), 2 * (blocks == -1).sum(axis=-1) >= COARSE**2
+    next_to = _grown(wall)
+    two_away = _grown(next_to)
+    scores = np.zeros((rows, columns), np.int8)
+    scores[free & ~two_away] = SCORES[2]
+    scores[two_away] = SCORES[1]
+    scores[next_to] = SCORES[0]
+    return scores
+
+
+def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask (rows, columns) with the eight neighbours of its cells."""
+    wide = mask.copy()
+    wide[:, 1:] |= mask[:, :-1]
+    wide[:, :-1] |= mask[:, 1:]
+    grown = wide.copy()
+    grown[1:] |= wide[:-1]
+    grown[:-1] |= wide[1:]
+    return grown
+
+
+def search_window(
+    first: SearchMap, second: SearchMap, guess: se2.Pose, distance: float, heading: float
+) -> MapMatch | None:
+    """The best pose of the second map in a window about a guess (3,), of half widths [m] and [rad]; None where the
+    maps nowhere overlap."""
+    cell = COARSE * first.cell
+    reach = max(float(np.percentile(np.hypot(*second.points.T), 75)), 1.0)
+    step = cell / reach
+    turns = step * np.arange(-np.ceil(heading / step), np.ceil(heading / step) + 1)
+    x, y, theta = se2.between(first.origin, guess)
+    points = np.stack([se2.transform_points((x, y, theta + turn), second.points) for turn in turns])
+    cells, half = np.floor(points / cell).astype(np.int64), int(np.ceil(distance / cell))
+    best, nowhere = np.zeros(3, np.int64), np.array([0, 0, 0, -1, -1])
+    score = search(first.levels, cells, half, 0, nowhere, best)
+    if score <= 0:
+        return None
+    other, here = np.zeros(3, np.int64), np.array([*best, round(SAME_PLACE / cell), round(SAME_HEADING / step)])
+    rival = search(first.levels, cells, half, score // 2, here, other)
+    found = (x + best[0] * cell, y + best[1] * cell, theta + turns[best[2]])
+    return MapMatch(se2.compose(first.origin, found), float(rival / score))
+
+
+def refine_pose(
+    first: SearchMap, second: SearchMap, pose: se2.Pose, config: FilterConfig, threads: Threads
+) -> tuple[se2.Pose, NDArray[np.float64]]:
+    """The pose (3,) of the second map, from a start (3,) near it, and its covariance (3, 3) along the first's axes."""
+    maps = maps_of_walls(first.walls, config.map, threads)
+    sigma = np.array(PRIOR_SIGMA)
+    wide = MotionPrior(np.tile(sigma**-2.0, (3, 1)), np.array([0.0, -np.inf, -np.inf]), np.array([1.0, 0.0, 0.0]))
+    beams = make_beam_model(config.match, config.map)
+    none = MatchSettings(config.match.iterations, np.empty((0, 3)), beams, second.points)
+    out = empty_matches(1)
+    match_particles(0, 1, maps.grids, pose[None], ScanAndPrior(second.walls, beams, wide), none, out)
+    inverse = np.linalg.inv(np.tril(out.factor[0]))
+    return out.optimum[0].copy(), inverse.T @ inverse
+
+
+def agreement(first: SearchMap, second: SearchMap, pose: se2.Pose) -> Agreement:
+    """How well two maps agree with the second at a pose (3,) seen from the first."""
+    near_a, free_a = _count(first, second.walls, pose)
+    near_b, free_b = _count(second, first.walls, se2.inverse(pose))
+    near, free = near_a + near_b, free_a + free_b
+    return Agreement(min(near_a, near_b), near / max(near + free, 1))
+
+
+def _count(seen: SearchMap, walls: NDArray[np.float64], pose: se2.Pose) -> tuple[int, int]:
+    """How many wall cells of another map, which lies at a pose (3,), are near walls and how many in free space."""
+    cells = np.floor(se2.transform_points(se2.between(seen.origin, pose), walls) / seen.cell).astype(np.int64)
+    rows, columns = seen.near.shape
+    inside = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
+    x, y = cells[inside].T
+    return int(seen.near[y, x].sum()), int(seen.free[y, x].sum())
