@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from eval.wording import length
 from slam.se2 import Pose, between, compose
 
 Rows = NDArray[np.intp]
+Numbers = Any
+"""A number or an array (n,)."""
 
 BAD_M, BAD_DEG = 0.15, 5.0
 """A metre of path is bad if the estimate's motion over it is wrong by more than either."""
@@ -172,9 +175,8 @@ def _first_fit(matched: Association, begin: int, after: Rows, aligned: Rows, nex
     path, true, estimated = matched.reference.distance, matched.reference.poses, matched.estimate.poses
     T_truth_estimate = _mean_alignment(true[aligned], estimated[aligned])
     miss = between(true[after], compose(T_truth_estimate, estimated[after]))
-    since = np.minimum(path[after] - path[begin], HEAL_DRIFT_PATH)
-    near = np.hypot(miss[:, 0], miss[:, 1]) <= HEAL_M + HEAL_DRIFT_M * since
-    good = near & (np.degrees(np.abs(miss[:, 2])) <= HEAL_DEG + HEAL_DRIFT_DEG * since)
+    metres, degrees = np.hypot(miss[:, 0], miss[:, 1]), np.degrees(np.abs(miss[:, 2]))
+    good = np.asarray(has_come_back(metres, degrees, path[after] - path[begin]))
     needed = min(HEAL_PATH, float(path[-1] - path[after[0]])) - 1e-6
     for run in np.split(np.arange(len(good)), np.flatnonzero(np.diff(good.astype(np.int8))) + 1):
         first, last = after[run[0]], after[run[-1]]
@@ -183,6 +185,13 @@ def _first_fit(matched: Association, begin: int, after: Rows, aligned: Rows, nex
         if good[run[0]] and path[last] - path[first] >= enough:
             return int(first)
     return None
+
+
+def has_come_back(metres: Numbers, degrees: Numbers, driven: Numbers) -> Numbers:
+    """Whether an estimate that is off by so much [m], [deg] fits the truth again, so much of the path [m] after it had
+    left it: the rule of `HEAL_M`, for numbers or arrays (n,)."""
+    since = min(driven, HEAL_DRIFT_PATH) if isinstance(driven, float) else np.minimum(driven, HEAL_DRIFT_PATH)
+    return (metres <= HEAL_M + HEAL_DRIFT_M * since) & (degrees <= HEAL_DEG + HEAL_DRIFT_DEG * since)
 
 
 def _mean_alignment(true: Pose, estimated: Pose) -> Pose:
