@@ -51,6 +51,11 @@ class Blip:
     degrees: float
     """The worst error of the motion over a metre of path in it."""
 
+    @property
+    def severity(self) -> float:
+        """The larger of its errors in units of what makes a metre bad."""
+        return max(self.metres / BAD_M, self.degrees / BAD_DEG)
+
 
 @dataclass(frozen=True, eq=False)
 class Failure:
