@@ -128,12 +128,11 @@ class EventWatch:
 def _loss_line(change: Change, since: Time) -> Line | None:
     if change.kind in ("drifted", "close"):
         return None
-    amount = f"{change.metres:.2f} m and {change.degrees:.0f} degrees"
+    amount = f"{change.metres:.2f} m and {change.degrees:.0f}°"
     if change.kind == "found":
-        text = f"found again: within {amount} of the truth, and for {MIN_HEAL_PATH:.0f} m of driving to come"
-        return Line("INFO", text, since)
-    begin = "lost" if change.kind == "lost" else "still lost, and thrown further off"
-    return Line("ERROR", f"{begin}: the motion over the metre before is wrong by {amount}", since)
+        return Line("INFO", f"found again: {amount} off; it fits the truth over {MIN_HEAL_PATH:.0f} m from here", since)
+    begin = "lost" if change.kind == "lost" else "thrown further off"
+    return Line("ERROR", f"{begin}: wrong by {amount} over the metre before", since)
 
 
 def _filter_lines(step: StepReport, died: int, loops: Sequence[str]) -> list[Line]:

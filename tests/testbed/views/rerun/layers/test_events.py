@@ -41,7 +41,7 @@ def test_a_loss_and_its_end_are_said_at_the_time_when_they_happened() -> None:
         ("ERROR", "lost", (10.0, 100)),
         ("INFO", "found again", (20.0, 200)),
     ]
-    assert "0.90 m and 0 degrees" in lines[0].text
+    assert "0.90 m and 0°" in lines[0].text
     lane = [(change.state, change.at) for change in states if change.lane == entities.ESTIMATE_STATE]
     assert lane == [("follows the truth", None), ("lost", (10.0, 100)), ("follows the truth", (20.0, 200))]
 
