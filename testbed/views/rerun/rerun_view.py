@@ -323,7 +323,7 @@ class RerunView:
         """Mark the error where the estimate moves because another particle became the best."""
         if snapshot.truth is None or step.proposed is None or before.best == step.best:
             return
-        if before.poses is None or len(before.poses) != len(step.proposed.pose):  # it started again
+        if snapshot.localization is not None:  # whose numbers of particles do not go on from update to update
             return
         if math.dist(step.proposed.pose[before.best][:2], step.pose[:2]) > MIN_STEP_M:
             row = snapshot.truth, snapshot.estimate, snapshot.odometry
