@@ -33,6 +33,15 @@ def seconds_for_seeds(table: SweepTable, places: Iterable[str], seeds: int, work
     return work / workers + REPORT_SECONDS
 
 
+def range_words(low: float, high: float) -> str:
+    """Two times in words: `about 14 to 94 minutes`, `about 50 s to 6 minutes`."""
+    first, last = duration_words(low), duration_words(high)
+    number, _, unit = first.partition(" ")
+    if first == last:
+        return f"about {first}"
+    return f"about {number if last.endswith(f' {unit}') else first} to {last}"
+
+
 def duration_words(seconds: float) -> str:
     """`10 s`, `8 minutes`, `3 hours`, `2 days`."""
     for unit, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from eval.sweep.advice import chances
@@ -142,16 +143,17 @@ def _foresight(work: Work, times: JobTimes | None, execution: Execution) -> list
         f"{kind}: {foresight(number, 'world', level=spec.level, margin=margin)}" for kind, number in sampled.items()
     ]
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
-        all_seconds = None if times is None else times.total(work.all_cells, execution.worker_count)
-
-        def cost(seeds: int) -> str:
-            return "" if all_seconds is None else f"about {duration_words(all_seconds * seeds / len(spec.seeds))}"
-
-        said = foresight(len(spec.seeds), level=spec.level, margin=margin, cost=cost)
+        seconds = None if times is None else partial(_seconds_of_seeds, work, times, execution.worker_count)
+        said = foresight(len(spec.seeds), level=spec.level, margin=margin, seconds=seconds)
         if not spec.until:
             said += " --until decided looks at the results in between and stops where the answer is known."
         sentences.insert(0, said)
     return sentences
+
+
+def _seconds_of_seeds(work: Work, times: JobTimes, workers: int, seeds: int) -> float:
+    """Time that a sweep of so many seeds takes [s]."""
+    return times.total(work.all_cells, workers) * seeds / len(work.spec.seeds)
 
 
 def _routes(spec: SweepSpec) -> str:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What is said before a sweep about what it can tell."""
 
+from eval.sweep.job_times import range_words
 from eval.sweep.outlook import typical_outlook
 from eval.sweep.planning import foresight
 from eval.sweep.statistics import min_values
@@ -20,7 +21,13 @@ def test_enough_seeds_get_their_chance():
 
 
 def test_each_number_of_seeds_stands_with_its_cost():
-    said = foresight(3, cost=lambda seeds: f"about {seeds} minutes")
+    said = foresight(3, seconds=lambda seeds: 60.0 * seeds)
     assert "at least 6 are needed (about 6 minutes)" in said
     outlook = typical_outlook()
-    assert f"(about {outlook.low} minutes to about {outlook.high} minutes)" in said
+    assert f"(about {outlook.low} to {outlook.high} minutes)" in said
+
+
+def test_two_times_share_their_unit():
+    assert range_words(840.0, 5640.0) == "about 14 to 94 minutes"
+    assert range_words(50.0, 360.0) == "about 50 s to 6 minutes"
+    assert range_words(600.0, 610.0) == "about 10 minutes"
