@@ -69,22 +69,29 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
     going_on = [place for place in open_answers if not table.given_up([place], table.baseline)]
     status = table.columns["status"].astype(str)
     if np.isin(status, ("missing", "later")).any() and going_on:
-        cost = duration_words(seconds_for_seeds(table, going_on, bound, workers))
-        most = "at most about" if table.is_sequential else "about"
+        text = _cost_of_looks(table, going_on, bound, workers) if table.is_sequential else ""
+        text = text or f"In about {duration_words(seconds_for_seeds(table, going_on, bound, workers))}."
         chance = _chances({place: open_answers[place] for place in going_on}, bound)
-        return [Advice("Go on", shlex.join(words), f"{most} {cost} for all {bound} seeds. {chance}")]
+        return [Advice("Go on", shlex.join(words), f"{text} {chance}")]
     wanted = _wanted(open_answers, table)
     if wanted is None or wanted <= bound or table.seeds != tuple(range(bound)):
         return []
-    looks = looks_for(wanted)
-    all_places = [place for place, d in open_answers.items() if _chance(d, wanted) >= SOME or not _is_known(d)]
-    first = next((look for look in looks if look > bound), wanted)
-    cost_first, cost = (duration_words(seconds_for_seeds(table, all_places, n, workers)) for n in (first, wanted))
-    text = (
-        f"the first look, with {first} seeds, in about {cost_first}; it stops where the answer is known or out of "
-        f"reach, after at most about {cost}. {_chances(open_answers, wanted)}"
-    )
+    places = [place for place, d in open_answers.items() if _chance(d, wanted) >= SOME or not _is_known(d)]
+    text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(open_answers, wanted)}"
     return [Advice("Add seeds", shlex.join([*words, "--seeds", str(wanted), "--until", "decided"]), text)]
+
+
+def _cost_of_looks(table: SweepTable, places: Sequence[str], bound: int, workers: int) -> str:
+    """Time to the next look of `--until decided` with so many seeds at most, and to the last one."""
+    there = min(int(table.ran[table.places.index(place)].any(axis=(0, 1)).sum()) for place in places)
+    looks = [look for look in looks_for(bound) if look > there]
+    if not looks:
+        return ""
+    first, most = (duration_words(seconds_for_seeds(table, places, n, workers)) for n in (looks[0], bound))
+    return (
+        f"The next look, with {looks[0]} seeds, is there in about {first}; the sweep stops where the answer is known "
+        f"or out of reach, after at most about {most}."
+    )
 
 
 def _is_known(decision: Decision) -> bool:
@@ -134,7 +141,7 @@ def _ways_out(
             ways.append(Advice(f"{place} stays undecided", "", report.removeprefix("Or ").capitalize()))
             continue
         margin, headline = wider
-        text = f"nothing is computed; by these seeds {headline} then. {report}"
+        text = f"Nothing is computed; by these seeds {headline} then. {report}"
         ways.append(Advice(f"{place}: a wider margin", shlex.join([*words, "--margin", margin]), text))
     return ways
 

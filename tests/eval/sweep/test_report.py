@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from matplotlib.collections import PolyCollection
 
 from eval.sweep.advice import advice
+from eval.sweep.job_times import REPORT_SECONDS, duration_words
 from eval.sweep.measure import Measure
 from eval.sweep.paper_tables import latex_table, markdown_table
 from eval.sweep.plots import accuracy, pareto_front
@@ -227,8 +228,10 @@ def noise(spread, gain=0.0):
 def test_few_seeds_are_followed_by_a_sweep_that_stops_by_itself(tmp_path):
     (more,) = advised(tmp_path, error=noise(0.003), seeds=3)
     assert more.command == "testbed sweep --out OUT --seeds 40 --until decided"
-    # 3 seeds of a world take 3 * 2 lines * (2 * 0.5 + 26 * 0.1 + ...) s: see the synthetic times
-    assert more.text.startswith("the first look, with 8 seeds, in about ")
+    # a job takes 0.5 s and 0.1 s (0.05 s for the second line) a particle: 6.9 s for each seed of a world
+    words = [duration_words(2 * 6.9 * seeds / 2 + REPORT_SECONDS) for seeds in (5, 37)]
+    assert more.text.startswith(f"The next look, with 8 seeds, is there in about {words[0]}; ")
+    assert f"at most about {words[1]}." in more.text
     page = write_sweep_report(tmp_path).read_text()
     assert f"testbed sweep --out {tmp_path} --seeds 40 --until decided" in page
 
@@ -260,7 +263,7 @@ def test_an_unfinished_sweep_is_gone_on_with_if_that_helps(tmp_path):
     missing = frozenset((p, k, c, 9) for p in range(2) for k in range(2) for c in range(3))
     (go_on,) = advised(tmp_path, error=noise(0.006, gain=0.001), missing=missing)
     assert go_on.command == "testbed sweep --out OUT"
-    assert "for all 10 seeds" in go_on.text
+    assert go_on.text.startswith(f"In about {duration_words(2 * 6.9 / 2 + REPORT_SECONDS)}.")
 
 
 def test_few_runs_have_a_range_instead_of_a_band_and_an_interval(tmp_path):
