@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
-from eval.sweep.answers import answers
 from eval.sweep.report import write_sweep_report
-from eval.sweep.results import read_sweep
-from eval.sweep.summary import summarise
 from testbed.cli.shared.console import console
+from testbed.cli.shared.sweep_answers import say_answers
 from testbed.sweep.gather import gather
 from testbed.sweep.looks import statuses
 from testbed.sweep.spec.cell import Cell
@@ -17,8 +16,6 @@ from testbed.sweep.store import SweepDirectory
 
 Duration = Callable[[Sequence[Cell]], str]
 """How long jobs take, in words; empty if it is unknown."""
-MAX_LINES = 20
-"""At most so many worlds and lines are named after a look."""
 
 
 def say_look(
@@ -30,15 +27,8 @@ def say_look(
     """
     gather(directory, statuses(directory))
     page = write_sweep_report(directory.path).resolve()
-    summary = summarise(read_sweep(directory.path))
-    table = summary.table
-    found = [(answer, line) for line in table.lines for answer in answers(summary, line)]
     console.print(f"Looked at the results; the page is written: {page}", soft_wrap=True, markup=False)
-    for answer, line in found[:MAX_LINES]:
-        name = "" if len(table.lines) == 1 else f"{line}, "
-        console.print(f"  {name}{answer.sentence}", soft_wrap=True, markup=False)
-    if len(found) > MAX_LINES:
-        console.print("  … and more, on the page")
+    say_answers(directory.path, partial(console.print, soft_wrap=True, markup=False))
     soon, most = duration(cells), duration(rest)
     soon, most = f", in about {soon}" if soon else "", f" and about {most}" if most else ""
     console.print(

@@ -287,8 +287,10 @@ def test_each_look_writes_the_page_and_says_what_it_has_shown(world, tmp_path, m
     out = tmp_path / "sweep"
     grid = ["--worlds", world, "--particles", "2,3", "--until", "decided", "--seeds", "16", "--refine", "none"]
     assert call("sweep", *grid, "--no-worst", "--out", out) == 0
-    said = " ".join(capsys.readouterr().err.split())
+    printed = capsys.readouterr()
+    said = " ".join(printed.err.split())
     assert written == [out]
+    assert "  room, 16 routes: undecided with 16 seeds" in printed.out  # at the end
     assert re.search(r"room, 8 routes: undecided with 8 seeds \(.*2 against 3: [+-]\d\.\d\d cm \[", said)
     assert re.search(r"Next look with 16 seeds, 16 jobs, in about \d+ s; at most 16 jobs and about \d+ s in all", said)
     assert said.count("Looked at the results") == 1  # after the last look the page of the whole sweep follows
