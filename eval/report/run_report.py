@@ -36,6 +36,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
     failure = context.failure
     return {
         "name": run.name,
+        "title": _title(run),
         "verdict": verdict(run),
         "metrics": run.metrics,
         "command": run.config.get("command", ""),
@@ -55,6 +56,14 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "settings": dict(flat(run.config.get("settings", {}))),
         "all_metrics": {key: _number(value) for key, value in flat(run.metrics) if not isinstance(value, list)},
     }
+
+
+def _title(run: RunFiles) -> str:
+    """The log or world of the run, and the name of its directory where that does not name it."""
+    settings = run.config.get("settings", {})
+    source = Path(str(settings.get("log") or settings.get("world") or "")).name
+    subject = source.split(".")[0] if settings.get("log") else source.removesuffix(".toml").removesuffix(".yaml")
+    return run.name if subject in run.name else f"{subject} ({run.name})"
 
 
 def _spaced(piece: str) -> str:
