@@ -74,13 +74,18 @@ class Collection(Sequence[Dataset]):
         return f"no dataset has {' and '.join(f'{name} {value}' for name, value in values.items())} at the same time."
 
     def split_advice(self) -> str:
-        """What to do where a split is empty; empty text where none is."""
+        """Why a split is empty and what to do; an empty text where none is."""
         splits, worlds = self.totals()["splits"], len({row["world"] for row in self.rows})
-        missing = [name for name in SPLITS if not splits[name]]
-        if not missing:
+        missing = " and ".join(name for name in SPLITS if not splits[name])
+        if not missing or len(self.rows) == 1:
             return ""
-        needed = f"add worlds ({len(SPLITS)} are enough for all splits)" if worlds < len(SPLITS) else "choose others"
-        return f"Nothing for {' and '.join(missing)}: {needed}, see `testbed datasets index --help`."
+        if worlds == 1:
+            return f"Nothing for {missing}: there is one world, and three or more give all splits."
+        if worlds == 2 and splits["train"] and splits["test"]:
+            return f"Nothing for {missing}: there are two worlds, and three or more give all splits."
+        return (
+            f"Nothing for {missing}: the splits were chosen; `testbed datasets index --help` says how to change them."
+        )
 
     def to_pandas(self) -> pd.DataFrame:
         """The index as a table, a row a dataset."""

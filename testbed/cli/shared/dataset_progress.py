@@ -28,13 +28,14 @@ class DatasetProgress:
         self._seconds = self._bytes = 0.0
         self._reported = 0.0
         self._last = self._stage = ""
+        self._stage_began = 0.0
         self._first: tuple[float, float] | None = None
         """Time and simulated time [s] when the first dataset was finished: how long the start takes says nothing of how
         long the others take."""
 
     def stage(self, text: str) -> None:
         """Name what is done now, until the next dataset is finished."""
-        self._stage = text
+        self._stage, self._stage_began = text, time.monotonic()
 
     def done(self, name: str, seconds: float, size: int) -> None:
         """A dataset is finished: its name, simulated time [s] and size [bytes]."""
@@ -50,13 +51,14 @@ class DatasetProgress:
 
     def line(self) -> str:
         """The state of the job in one line."""
+        stage = f"{self._stage} ({time.monotonic() - self._stage_began:.0f} s)" if self._stage else ""
         if not self._count:
-            return self._stage
+            return stage
         parts = [f"{self._done} of {self._count} datasets"]
         if self._done:
             parts.append(f"{self._bytes / 1e6:.0f} MB")
-        if self._stage:
-            return ", ".join([*parts, self._stage])
+        if stage:
+            return ", ".join([*parts, stage])
         if self._first is not None and self._done > 1:
             elapsed = max(time.monotonic() - self._first[0], 1e-9)
             left = timedelta(seconds=round(elapsed * (self._count - self._done) / (self._done - 1)))

@@ -15,14 +15,15 @@ def test_the_start_of_the_workers_does_not_count(monkeypatch):
     monkeypatch.setattr(dataset_progress.time, "monotonic", lambda: now[0])
     progress = DatasetProgress(10)
     progress.stage("starting 2 workers")
-    assert progress.line() == "0 of 10 datasets, starting 2 workers"
+    now[0] = 4.2
+    assert progress.line() == "0 of 10 datasets, starting 2 workers (4 s)"
     for now[0] in (100.0, 101.0, 102.0):
         progress.done("office-0003", 60.0, 5_000_000)
     assert progress.line() == (
         "3 of 10 datasets, 15 MB, 60 simulated s per s, 0:00:07 left, last finished: office-0003"
     )
     progress.stage("writing index")
-    assert progress.line() == "3 of 10 datasets, 15 MB, writing index"
+    assert progress.line() == "3 of 10 datasets, 15 MB, writing index (0 s)"
 
 
 def test_kinds_are_measured_in_turn_until_time_is_over():

@@ -200,8 +200,10 @@ def test_a_choice_without_datasets_is_a_warning(made, tmp_path):
         assert len(collection.where(lidar="lds1")) == 0
     with pytest.warns(UserWarning, match="no dataset has world loop and seed 7|no dataset has seed 7, only 0, 1, 2"):
         collection.where(world="loop", seed=7)
-    shutil.copytree(made / "loop-0000", tmp_path / "loop-0000")
-    with pytest.warns(UserWarning, match="only train. Nothing for validation and test: add worlds"):
+    for name in ("loop-0000", "loop-0001"):
+        shutil.copytree(made / name, tmp_path / name)
+    assert call("datasets", "index", tmp_path) == 0
+    with pytest.warns(UserWarning, match="only train. Nothing for validation and test: there is one world"):
         open_collection(tmp_path).split("test")
 
 
@@ -225,7 +227,7 @@ def test_the_card_names_maps_that_have_a_licence_of_their_own(made, tmp_path):
     common = ("--duration", "2", "--format", "parquet", "--out", tmp_path, "--count", "2")
     assert call("simulate", f"{plan},loop", *common) == 0
     text = (tmp_path / "README.md").read_text()
-    assert "(`truth_map`): the licence of each map applies" in text
+    assert "The map of `truth_map` is from a file" in " ".join(text.split())
     assert "license: other\n" in text
     assert "license: cc-by-4.0\n" in (made / "README.md").read_text()
 
