@@ -23,6 +23,9 @@ import slam
 from slam._jit import cache_folder, kernel_files
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from slam.config import FilterConfig
     from slam.gmapping import GMapping
     from slam.scan import Scan
 
@@ -99,9 +102,24 @@ def _map_a_room() -> None:
         MapTiles(ImagePool(0), coarse).changes(map_cells(mapper.maps, mapper.best))
     most_different(map_cells(mapper.maps, mapper.best), mapper.best)
     refine(odometry, [scan] * len(odometry), path, config)
+    _match_local_maps(odometry, scan, config)
     for start in (odometry[0], None):
         Localization(mapper.map(), config, start=start).process(odometry[0], scan)
     _explore(mapper, scan)
+
+
+def _match_local_maps(odometry: NDArray[np.float64], scan: Scan, config: FilterConfig) -> None:
+    """Match a local map to itself, as is done to find loops."""
+    from slam._threads import Threads
+    from slam.loops.correlative_match import prepare, refine_pose, search_window
+    from slam.loops.local_maps import track_locally
+    from slam.sensor.rays import make_rays
+
+    threads, rays = Threads(1), make_rays([scan], usable_range=config.map.usable_range)
+    local = track_locally(odometry, odometry, dict.fromkeys(range(len(odometry)), rays), config, threads).maps[0]
+    searched = prepare(local, config.map.cell)
+    search_window(searched, searched, np.zeros(3), 0.5, 0.1)
+    refine_pose(searched, searched, np.zeros(3), config, threads)
 
 
 def _explore(mapper: GMapping, scan: Scan) -> None:

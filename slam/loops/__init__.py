@@ -3,5 +3,6 @@
 
 from slam.loops.close_loops import LoopClosing, close_loops
 from slam.loops.find_loops import Loop
+from slam.loops.pose_graph import Edges
 
-__all__ = ["Loop", "LoopClosing", "close_loops"]
+__all__ = ["Edges", "Loop", "LoopClosing", "close_loops"]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from slam import se2
 from slam._threads import Threads
 from slam.config import FilterConfig
-from slam.loops.find_loops import FoundLoops, Loop, find_loops
+from slam.loops.find_loops import FoundLoops, Loop, edges_of, find_loops
 from slam.loops.local_maps import Track, track_locally
-from slam.loops.pose_graph import TRUNCATION, Edges, squared_distances
+from slam.loops.pose_graph import TRUNCATION, Edges, join, squared_distances
 from slam.motion.interpolation import interpolate_with_odometry
 from slam.sensor.rays import Rays
 
@@ -37,6 +37,11 @@ class LoopClosing:
     """All matches between local maps, in the order in which they were found."""
     accepted: NDArray[np.bool_]
     """Whether each match agrees with the robot's motion and the others, (loops,)."""
+
+    @property
+    def accepted_edges(self) -> Edges:
+        """The edges of the graph whose least squares estimate the nodes are: the chain and the accepted loops."""
+        return join(self.chain, edges_of([loop for loop, sure in zip(self.loops, self.accepted, strict=True) if sure]))
 
 
 def close_loops(

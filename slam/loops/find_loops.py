@@ -65,6 +65,8 @@ class Loop(NamedTuple):
     """Covariance of the pose, seen from the second, (3, 3)."""
     agreement: Agreement
     """How well the maps agree there."""
+    overlap: float
+    """Length of the walls that both maps show [m]."""
     was_closed: bool
     """Whether they agree at the relative pose of the given path, too."""
 
@@ -181,10 +183,15 @@ class _Search:
         turn = np.eye(3)
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turn[:2, :2] = [[c, s], [-s, c]]
-        return Loop(i, j, pose, turn @ covariance @ turn.T + np.diag(np.square(BENT)), agreed, was_closed)
+        covariance = turn @ covariance @ turn.T + np.diag(np.square(BENT))
+        return Loop(i, j, pose, covariance, agreed, self._overlap(agreed), was_closed)
 
     def _is_match(self, agreed: Agreement) -> bool:
-        return agreed.overlap * self._config.map.cell >= MIN_OVERLAP_LENGTH and agreed.share >= MIN_SHARE
+        return self._overlap(agreed) >= MIN_OVERLAP_LENGTH and agreed.share >= MIN_SHARE
+
+    def _overlap(self, agreed: Agreement) -> float:
+        """Length of the walls that two maps both show [m]."""
+        return agreed.overlap * self._config.map.cell
 
 
 def _spread(pairs: Iterable[_Pair]) -> list[_Pair]:

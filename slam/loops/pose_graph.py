@@ -26,6 +26,8 @@ TRUNCATION = 16.27
 of freedom)."""
 GNC_FACTOR = 1.4
 """Growth of the control parameter from round to round (Yang et al. 2020, remark 5)."""
+MAX_CONTROL = 100.0
+"""Where the control parameter has come to this, the weights are 0 or 1 but for a hundredth about the truncation."""
 
 
 class Edges(NamedTuple):
@@ -38,7 +40,7 @@ class Edges(NamedTuple):
     measured: NDArray[np.float64]
     """Pose of the second seen from the first, (edges, 3)."""
     covariance: NDArray[np.float64]
-    """Covariance of the error, seen from the second, (edges, 3, 3)."""
+    """Covariance of the error, a twist seen from the second, (edges, 3, 3)."""
 
 
 def join(*parts: Edges) -> Edges:
@@ -46,19 +48,38 @@ def join(*parts: Edges) -> Edges:
     return Edges._make(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
-def errors(poses: se2.Pose, edges: Edges) -> NDArray[np.float64]:
-    """Errors of the edges at poses (n, 3), seen from the second node, (edges, 3)."""
-    predicted = se2.between(poses[edges.first], poses[edges.second])
-    return se2.between(edges.measured, predicted)
-
-
 def squared_distances(poses: se2.Pose, edges: Edges) -> NDArray[np.float64]:
     """Squared Mahalanobis distances of the edges at poses (n, 3), (edges,)."""
-    error = errors(poses, edges)
+    error, _ = _logarithms(_deviations(poses, edges))
     distances: NDArray[np.float64] = np.einsum(
         "ei,ei->e", error, np.linalg.solve(edges.covariance, error[..., None])[..., 0]
     )
     return distances
+
+
+def _deviations(poses: se2.Pose, edges: Edges) -> se2.Pose:
+    """Poses of the second nodes seen from where they were measured, (edges, 3)."""
+    return se2.between(edges.measured, se2.between(poses[edges.first], poses[edges.second]))
+
+
+def _logarithms(deviations: se2.Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Logarithms of deviations (edges, 3), and their Jacobians (edges, 3, 3).
+
+    The error of an edge is the twist that leads from the measured pose to the actual one (Sola, Deray, Atchuthan, "A
+    micro Lie theory for state estimation in robotics", 2018, equations 158 and 162), as in GTSAM.
+    """
+    x, y, angle = deviations.T
+    half = 0.5 * angle
+    small = np.abs(half) < 1e-4
+    safe = np.where(small, 1.0, half)
+    stretch = np.where(small, 1.0 - half**2 / 3.0, safe / np.tan(safe))
+    slope = np.where(small, -half / 3.0, 0.5 * (1.0 / np.tan(safe) - safe / np.sin(safe) ** 2))
+    logs = np.stack([stretch * x + half * y, stretch * y - half * x, angle], axis=-1)
+    J = np.zeros((len(logs), 3, 3))
+    J[:, 0, 0] = J[:, 1, 1] = stretch
+    J[:, 0, 1], J[:, 1, 0], J[:, 2, 2] = half, -half, 1.0
+    J[:, 0, 2], J[:, 1, 2] = slope * x + 0.5 * y, slope * y - 0.5 * x
+    return logs, J
 
 
 class _Normal(NamedTuple):
@@ -72,33 +93,27 @@ class _Normal(NamedTuple):
 
 def _normal_equations(poses: se2.Pose, edges: Edges, weights: NDArray[np.float64]) -> _Normal:
     """Gauss-Newton equations at poses (n, 3) with weights (edges,)."""
-    error = errors(poses, edges)
+    error, J = _logarithms(_deviations(poses, edges))
+    to_second = _rotations(poses[edges.first, 2] + edges.measured[:, 2])
+    apart = (poses[edges.second] - poses[edges.first])[:, :2]
+    to_first = -to_second
+    to_first[:, :2, 2] += np.einsum("eij,ej->ei", to_second[:, :2, :2], np.column_stack([apart[:, 1], -apart[:, 0]]))
+    sides = (edges.first, J @ to_first), (edges.second, J @ to_second)
     information = weights[:, None, None] * np.linalg.inv(edges.covariance)
-    turn = _rotations(poses[edges.first, 2] + edges.measured[:, 2])  # into the frame of the measured second pose
-    delta = (poses[edges.second] - poses[edges.first])[:, :2]
-    J2 = turn
-    J1 = -turn
-    across = np.stack([-delta[:, 1], delta[:, 0], np.zeros(len(delta))], axis=-1)
-    J1 = J1.copy()
-    J1[:, :, 2] -= np.einsum("eij,ej->ei", turn, across)
-    blocks, rows, columns = [], [], []
-    gradient = np.zeros((len(poses), 3))
-    sides = ((edges.first, J1), (edges.second, J2))
+    gradient, blocks, rows, columns = np.zeros((len(poses), 3)), [], [], []
     for i, Ji in sides:
-        projected = np.einsum("eki,ekl->eil", Ji, information)
+        projected = Ji.swapaxes(1, 2) @ information
         np.add.at(gradient, i, np.einsum("eil,el->ei", projected, error))
         for j, Jj in sides:
-            blocks.append(projected @ Jj)
+            blocks.append((projected @ Jj).ravel())
             row, column = np.broadcast_arrays(
                 3 * i[:, None, None] + np.arange(3)[:, None], 3 * j[:, None, None] + np.arange(3)
             )
-            rows.append(row)
-            columns.append(column)
+            rows.append(row.ravel())
+            columns.append(column.ravel())
     size = 3 * len(poses)
-    stacked = (np.concatenate(x).ravel() for x in (blocks, rows, columns))
-    values, row, column = stacked
-    H = coo_matrix((values, (row, column)), shape=(size, size)).tocsc()[3:, 3:]
-    return _Normal(splu(H), gradient.ravel()[3:])
+    entries = np.concatenate(blocks), (np.concatenate(rows), np.concatenate(columns))
+    return _Normal(splu(coo_matrix(entries, shape=(size, size)).tocsc()[3:, 3:]), gradient.ravel()[3:])
 
 
 def _rotations(angle: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -124,22 +139,27 @@ def optimise(poses: se2.Pose, edges: Edges, weights: NDArray[np.float64]) -> se2
 
 
 def optimise_robustly(poses: se2.Pose, chain: Edges, loops: Edges) -> tuple[se2.Pose, NDArray[np.float64]]:
-    """Poses (n, 3), and weights (loops,) in [0, 1] of loops of which some are wrong."""
+    """Poses (n, 3), and which loops agree with them: weights (loops,) of 0 or 1.
+
+    The chain has full weight. The loss of a loop begins as a convex one and becomes a truncated square bit by bit.
+    """
     edges, ones = join(chain, loops), np.ones(len(chain.first))
-    weights = np.ones(len(loops.first))
-    poses = optimise(poses, edges, np.concatenate([ones, weights]))
+    poses = optimise(poses, edges, np.ones(len(edges.first)))
     squares = squared_distances(poses, loops)
-    mu = TRUNCATION / max(2.0 * float(squares.max(initial=0.0)) - TRUNCATION, 1e-9)
-    while squares.max(initial=0.0) > TRUNCATION:
-        low, high = mu / (mu + 1.0) * TRUNCATION, (mu + 1.0) / mu * TRUNCATION
-        between = np.sqrt(TRUNCATION * mu * (mu + 1.0) / np.maximum(squares, 1e-12)) - mu
-        weights = np.where(squares <= low, 1.0, np.where(squares >= high, 0.0, between))
+    mu = TRUNCATION / max(2.0 * float(squares.max(initial=0.0)) - TRUNCATION, TRUNCATION)
+    while squares.max(initial=0.0) > TRUNCATION and mu < MAX_CONTROL:
+        weights = _truncated_weights(squares, mu)
         poses = optimise(poses, edges, np.concatenate([ones, weights]))
         squares = squared_distances(poses, loops)
         mu *= GNC_FACTOR
-        if np.all((weights < 1e-3) | (weights > 1.0 - 1e-3)) and np.all((squares > TRUNCATION) == (weights < 0.5)):
-            break
-    return poses, weights
+    weights = (squares <= TRUNCATION).astype(np.float64)
+    return optimise(poses, edges, np.concatenate([ones, weights])), weights
+
+
+def _truncated_weights(squares: NDArray[np.float64], mu: float) -> NDArray[np.float64]:
+    """Weights (loops,) of the surrogate of the truncated square (Yang et al. 2020, equation 14)."""
+    between = np.sqrt(TRUNCATION * mu * (mu + 1.0) / np.maximum(squares, 1e-12)) - mu
+    return np.clip(between, 0.0, 1.0)
 
 
 class Marginals:

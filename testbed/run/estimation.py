@@ -15,14 +15,15 @@ from slam import se2
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from slam.localization import Localization
+from slam.loops import LoopClosing
 from slam.motion.continuous_odometry import join_odometry
+from slam.motion.interpolation import interpolate_with_odometry
 from slam.occupancy import OccupancyGrid
 from slam.refinement import refine
 from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
-from slam.motion.interpolation import interpolate_with_odometry
 from testbed.run.known_map import KnownMap
 from testbed.run.step_table import StepTable
 from testbed.seeds import Stream
@@ -38,6 +39,8 @@ class Estimate:
     """Indices of the frames with a scan, (scans,)."""
     map: OccupancyGrid
     """The map that belongs to the poses."""
+    closing: LoopClosing | None = None
+    """The loops that the final pass found; None where none were looked for."""
 
     @property
     def at_scans(self) -> Trajectory:
@@ -141,7 +144,7 @@ class Estimation:
         twists = [frame.twist for frame in self.frames]
         result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
         dense = Trajectory(self.stamps, result.poses)
-        return Estimate(dense=dense, scan_frames=estimate.scan_frames, map=result.map)
+        return Estimate(dense=dense, scan_frames=estimate.scan_frames, map=result.map, closing=result.closing)
 
 
 def _seen_from(frame: Frame, odometry: Pose, scan: Scan) -> Scan:

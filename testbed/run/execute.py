@@ -16,8 +16,10 @@ import numpy as np
 from eval.estimates import PathAndMap, named, score_estimate
 from eval.failure_cause import find_cause
 from eval.files.failure_json import write_failure
+from eval.files.g2o import write_g2o
 from eval.first_failure import find_failure
 from eval.map.lidar_view import LidarView
+from eval.metrics_json import loops_json
 from eval.scoring import Reference, score
 from slam.gmapping import GMapping
 from slam.localization import Localization
@@ -113,6 +115,8 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     directory.write_trajectory("online.tum", estimation.online())
     if estimate is not filtered:
         directory.write_trajectory("filter.tum", filtered.at_scans)
+    if estimate.closing is not None:
+        write_g2o(directory / "graph.g2o", estimate.closing.nodes, estimate.closing.accepted_edges)
     for name in ("odometry", "truth"):
         trajectory = estimation.trajectory_at_scans(name)
         if trajectory is not None:
@@ -206,6 +210,8 @@ def metrics_of(
     else:
         path = PathAndMap(at_scans=filtered.at_scans, dense=filtered.dense, map=filtered.map if scores_map else None)
         metrics |= score_estimate("filter", path, reference, ended)
+    if estimate.closing is not None:
+        metrics["loops"] = loops_json(estimate.closing, filtered.dense)
     if job.known_map is None:
         return metrics
     metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]

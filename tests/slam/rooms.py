@@ -16,19 +16,25 @@ CORNERS = se2.transform_points(
     (0.0, 0.0, 0.3), np.array([(-2.0, -1.5), (4.0, -1.5), (4.0, 1.5), (1.5, 1.5), (1.5, 3.5), (-2.0, 3.5)])
 )
 """An L of 6 m by 5 m about the origin, turned by 0.3 rad."""
-WALLS = np.hstack([CORNERS, np.roll(CORNERS, -1, axis=0)])
 
+
+def closed(corners):
+    """Walls (n, 4) through corners (n, 2) and back to the first."""
+    return np.hstack([corners, np.roll(corners, -1, axis=0)])
+
+
+WALLS = closed(CORNERS)
 
 MOUNT = (0.1237, 0.0271, 0.05)
 """Where the lidar sits on the robot: off the corners of cells, where it is a matter of taste what a beam crosses."""
 
 
-def scan_at(pose, *, beams=60, mount=MOUNT, stamp=0.0, noise=0.0, rng=None):
+def scan_at(pose, *, beams=60, mount=MOUNT, stamp=0.0, noise=0.0, rng=None, walls=WALLS):
     """Scan of the room by a robot at `pose` (3,), all around; `noise` [m] is the standard deviation of the ranges."""
     angles = np.linspace(-np.pi, np.pi, beams, endpoint=False) + 0.013
     lidar = se2.compose(pose, mount)
     direction = np.stack([np.cos(lidar[2] + angles), np.sin(lidar[2] + angles)], axis=-1)[:, None]
-    along, away = WALLS[:, 2:] - WALLS[:, :2], WALLS[:, :2] - lidar[:2]
+    along, away = walls[:, 2:] - walls[:, :2], walls[:, :2] - lidar[:2]
     cross = direction[..., 0] * along[:, 1] - direction[..., 1] * along[:, 0]
     distance = (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / cross
     share = (away[:, 0] * direction[..., 1] - away[:, 1] * direction[..., 0]) / cross
