@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from slam import se2
 from slam._threads import Threads
@@ -36,6 +37,11 @@ SAME_PLACE, SAME_HEADING = 1.0, 0.2
 """A second optimum lies farther than this from the first [m, rad]."""
 NEAR = 2
 """Walls of two maps agree up to this many cells of the map from each other: what bent maps and noise make of one."""
+FACING_SIGMA = 1.5
+"""Standard deviation of the window in which the side of a wall is looked for [cells]."""
+MIN_COSINE = 0.3
+"""Walls face the same way where the cosine between their directions is above this, and opposite ways below its
+negative; corners and posts do neither."""
 PRIOR_SIGMA = (0.5, 0.5, 0.1)
 """Standard deviation of the pose about the result of the search [m, m, rad] in the refinement; it decides nothing but
 directions in which the walls say nothing."""
@@ -52,8 +58,12 @@ class SearchMap(NamedTuple):
     """Pose of the corner of cell (0, 0), seen from the anchor, (3,)."""
     cell: float
     """Side of a cell of the map [m]."""
+    facing: NDArray[np.float64]
+    """Unit vectors from the walls towards where they were seen from, seen from the anchor, (n, 2)."""
     near: NDArray[np.bool_]
     """Cells at most `NEAR` cells from a wall, (rows, columns)."""
+    nearest: NDArray[np.int64]
+    """Number of the wall cell that is nearest to each cell, (rows, columns)."""
     free: NDArray[np.bool_]
     """Free cells that are not near a wall, (rows, columns)."""
     levels: NDArray[np.int8]
@@ -64,9 +74,9 @@ class Agreement(NamedTuple):
     """How well two maps agree at a relative pose, counted in both directions."""
 
     overlap: int
-    """Wall cells of one map near walls of the other, the smaller of both directions."""
+    """Wall cells of one map that agree with the other, the smaller of both directions."""
     share: float
-    """Share of these among the wall cells that lie in what the other map has seen."""
+    """Share of these among the wall cells that agree or contradict."""
 
 
 class MapMatch(NamedTuple):
@@ -80,10 +90,10 @@ class MapMatch(NamedTuple):
 
 def prepare(local: LocalMap, cell: float) -> SearchMap:
     """Prepare a local map with cells of `cell` [m]."""
-    walls = local.states == 1
-    near = walls
-    for _ in range(NEAR):
-        near = _grown(near)
+    is_wall = local.states == 1
+    distance, (y, x) = distance_transform_edt(~is_wall, return_indices=True)
+    near = distance <= NEAR
+    number = np.cumsum(is_wall).reshape(is_wall.shape) - 1  # walls are listed row by row
     coarse_cell = COARSE * cell
     _, chosen = np.unique(np.floor(local.walls / coarse_cell), axis=0, return_index=True)
     thinned = local.walls[np.sort(chosen)]
@@ -91,7 +101,19 @@ def prepare(local: LocalMap, cell: float) -> SearchMap:
     levels = np.zeros((LEVELS, *scores.shape), np.int8)
     pool_maxima(scores, levels)
     every_kth = thinned[:: max(1, -(-len(thinned) // MAX_POINTS))]
-    return SearchMap(local.walls, every_kth, local.origin, cell, near, (local.states == -1) & ~near, levels)
+    free = (local.states == -1) & ~near
+    facing = _facing(local)
+    return SearchMap(local.walls, every_kth, local.origin, cell, facing, near, number[y, x], free, levels)
+
+
+def _facing(local: LocalMap) -> NDArray[np.float64]:
+    """Unit vectors (n, 2) from the walls towards the free space next to them, seen from the anchor; 0 where none is."""
+    free = (local.states == -1).astype(np.float64)
+    towards = [gaussian_filter(free, FACING_SIGMA, order=order, mode="constant") for order in ((0, 1), (1, 0))]
+    vectors = np.stack(towards, axis=-1)[local.states == 1]
+    length = np.hypot(vectors[:, 0], vectors[:, 1])
+    unit = vectors / np.maximum(length, 1e-9)[:, None]
+    return se2.transform_points((0.0, 0.0, local.origin[2]), unit)
 
 
 def _scores(states: NDArray[np.int8]) -> NDArray[np.int8]:
@@ -160,16 +182,25 @@ def refine_pose(
 
 def agreement(first: SearchMap, second: SearchMap, pose: se2.Pose) -> Agreement:
     """How well two maps agree with the second at a pose (3,) seen from the first."""
-    near_a, free_a = _count(first, second.walls, pose)
-    near_b, free_b = _count(second, first.walls, se2.inverse(pose))
-    near, free = near_a + near_b, free_a + free_b
-    return Agreement(min(near_a, near_b), near / max(near + free, 1))
+    agree_a, contradict_a = _count(first, second, pose)
+    agree_b, contradict_b = _count(second, first, se2.inverse(pose))
+    agree, contradict = agree_a + agree_b, contradict_a + contradict_b
+    return Agreement(min(agree_a, agree_b), agree / max(agree + contradict, 1))
 
 
-def _count(seen: SearchMap, walls: NDArray[np.float64], pose: se2.Pose) -> tuple[int, int]:
-    """How many wall cells of another map, which lies at a pose (3,), are near walls and how many in free space."""
-    cells = np.floor(se2.transform_points(se2.between(seen.origin, pose), walls) / seen.cell).astype(np.int64)
+def _count(seen: SearchMap, other: SearchMap, pose: se2.Pose) -> tuple[int, int]:
+    """How many walls of another map, which lies at a pose (3,), agree with a map and how many contradict it.
+
+    They agree near a wall that was seen from the same side. They contradict in free space, and near a wall that was
+    seen from the other side: two faces of a thin wall are not the same wall.
+    """
+    there = se2.between(seen.origin, pose)
+    cells = np.floor(se2.transform_points(there, other.walls) / seen.cell).astype(np.int64)
     rows, columns = seen.near.shape
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
     x, y = cells[inside].T
-    return int(seen.near[y, x].sum()), int(seen.free[y, x].sum())
+    facing = se2.transform_points((0.0, 0.0, pose[2]), other.facing[inside])
+    cosine = np.einsum("wi,wi->w", facing, seen.facing[seen.nearest[y, x]])
+    near = seen.near[y, x]
+    agree, opposite = near & (cosine > MIN_COSINE), near & (cosine < -MIN_COSINE)
+    return int(agree.sum()), int((seen.free[y, x] | opposite).sum())

@@ -37,7 +37,9 @@ MIN_WINDOW, MAX_WINDOW = (0.5, 0.1), (15.0, 1.0)
 MIN_OVERLAP_LENGTH = 10.0
 """Length of the walls that both maps must show [m]."""
 MIN_SHARE = 0.85
-"""Smallest share of the walls within the other map's sight that the other map shows too."""
+"""Smallest share of walls that agree, among those that agree or contradict, at a pose found by the search."""
+MIN_CLOSED_SHARE = 0.75
+"""The same at the pose that the given path says: it need not be told from all others in a window."""
 MAX_RIVALRY = 0.8
 """A match does not count where another place in the window reaches this share of its score."""
 BENT = (0.05, 0.05, 0.01)
@@ -116,7 +118,8 @@ class _Search:
         self._poses = se2.compose(se2.compose(path[0], se2.inverse(start[0])), start)
         self._loops: list[Loop] = []
         self._weights = np.ones(0)
-        self._tried: dict[tuple[int, int], float] = {}
+        self._tried = np.full((len(self._maps), len(self._maps)), np.inf)
+        """Smallest standard deviation of position with which each pair or a neighbour of it was tried [m]."""
 
     def run(self) -> FoundLoops:
         """Try pairs until none is left that is uncertain and may overlap."""
@@ -140,8 +143,7 @@ class _Search:
         wanted = apart - WINDOW_SIGMAS * position < reach
         wanted &= (position > KNOWN_POSITION) | (heading > KNOWN_HEADING)
         wanted &= (WINDOW_SIGMAS * position <= MAX_WINDOW[0]) & (WINDOW_SIGMAS * heading <= MAX_WINDOW[1])
-        tried = [self._tried.get(pair, np.inf) for pair in zip(first.tolist(), second.tolist(), strict=True)]
-        wanted &= position < RETRY_FACTOR * np.array(tried)
+        wanted &= position < RETRY_FACTOR * self._tried[first, second]
         order = np.flatnonzero(wanted)
         order = order[np.argsort(apart[order] / reach[order] + position[order], kind="stable")]
         return _spread(
@@ -161,10 +163,11 @@ class _Search:
     def _try(self, pair: _Pair) -> Loop | None:
         """Match two local maps: first where the given path has them, then in the whole window."""
         i, j = pair.first, pair.second
-        self._tried[i, j] = pair.position_sigma
+        around = self._tried[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
+        np.minimum(around, pair.position_sigma, out=around)
         first, second = self._maps[i], self._maps[j]
         given = se2.between(self._path[i], self._path[j])
-        if self._is_match(agreement(first, second, given)):
+        if self._is_match(agreement(first, second, given), MIN_CLOSED_SHARE):
             return self._loop(i, j, given, was_closed=True)
         distance = max(WINDOW_SIGMAS * pair.position_sigma, MIN_WINDOW[0])
         heading = max(WINDOW_SIGMAS * pair.heading_sigma, MIN_WINDOW[1])
@@ -178,7 +181,7 @@ class _Search:
         first, second = self._maps[i], self._maps[j]
         pose, covariance = refine_pose(first, second, pose, self._config, self._threads)
         agreed = agreement(first, second, pose)
-        if not self._is_match(agreed):
+        if not self._is_match(agreed, MIN_CLOSED_SHARE if was_closed else MIN_SHARE):
             return None
         turn = np.eye(3)
         c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -186,8 +189,8 @@ class _Search:
         covariance = turn @ covariance @ turn.T + np.diag(np.square(BENT))
         return Loop(i, j, pose, covariance, agreed, self._overlap(agreed), was_closed)
 
-    def _is_match(self, agreed: Agreement) -> bool:
-        return self._overlap(agreed) >= MIN_OVERLAP_LENGTH and agreed.share >= MIN_SHARE
+    def _is_match(self, agreed: Agreement, share: float) -> bool:
+        return self._overlap(agreed) >= MIN_OVERLAP_LENGTH and agreed.share >= share
 
     def _overlap(self, agreed: Agreement) -> float:
         """Length of the walls that two maps both show [m]."""
