@@ -35,9 +35,9 @@ LOST_SUM = 0.5
 """An estimate is lost from this sum on [scans]."""
 MIN_COMPARED = 20
 """A scan of which fewer beams were compared counts for less than a scan."""
-JUMP_M, JUMP_RAD = 0.4, 0.2
+JUMP_M, JUMP_RAD = 0.5, 0.35
 """The estimate jumps if a scan moves it by more than either from where the wheels predict it."""
-NEEDLESS_SHARE = 0.1
+NEEDLESS_SHARE = 0.05
 """A jump is needless if fewer of the beams than this share contradict the map at the predicted pose."""
 
 

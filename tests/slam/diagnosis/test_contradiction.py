@@ -104,8 +104,8 @@ def test_a_lost_stretch_is_the_reason_before_a_jump():
 
 def test_what_a_jump_is():
     assert not is_jump(np.array([0.3, 0.2, -0.1]))
-    assert is_jump(np.array([0.3, -0.3, 0.0]))
-    assert is_jump(np.array([0.0, 0.0, -0.3]))
+    assert is_jump(np.array([0.4, -0.4, 0.0]))
+    assert is_jump(np.array([0.0, 0.0, -0.4]))
 
 
 def test_a_jump_is_needless_where_the_map_did_not_contradict():
