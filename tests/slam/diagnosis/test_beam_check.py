@@ -63,11 +63,13 @@ def test_an_end_within_the_clearance_of_a_wall_meets_it():
     assert compare(maps, ends) == BeamEvidence(met=2, through=1, short=1, unknown=0)
 
 
-def test_a_beam_that_grazes_a_wall_does_not_cross_it():
-    """It ends 25 cm behind the line of the wall, two metres along it."""
+@pytest.mark.parametrize(("start", "end"), [((2.5, -1.4), (3.2, 1.8)), ((2.9, -0.5), (3.5, 1.3))])
+def test_a_beam_that_grazes_a_wall_does_not_cross_it(start, end):
+    """It ends 20 cm behind the line of the wall, or starts 10 cm before it, and crosses it far from its ends."""
     maps = wall_at(3.0)
-    found = check_beams(maps, 0, HERE, rays([(3.25, 2.6)], origin=(2.9, -0.5)), every=1)
-    assert found.through == 0
+    assert check_beams(maps, 0, HERE, rays([end], origin=start), every=1).through == 0
+    steeper = (end[0] + 0.3, end[1]), (start[0] - 0.3, start[1])
+    assert check_beams(maps, 0, HERE, rays([steeper[0]], origin=steeper[1]), every=1).through == 1
 
 
 def test_a_wall_seen_once_or_twice_contradicts_nobody():
