@@ -11,21 +11,24 @@ above the allowance; a few wrong beams in each scan of a lively place add up to 
 place contradicts each scan that sees both, until newer beams have erased the older walls.
 
 A jump that nothing asked for is the second kind of evidence: the estimate leaves the pose where the wheels put it,
-although the map did not contradict the scan there.
+although the map did not contradict the scan there. The third is a stretch of the way on which the scans see next to
+nothing: there the estimate rests on the wheels alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from slam import se2
 from slam.diagnosis.beam_check import BeamEvidence
 
 Verdict = Literal["plausible", "doubtful", "lost"]
+Part = TypeVar("Part")
 
 ALLOWANCE = 0.12
 """Share of the judged beams that may contradict the map all the time: people, doors, glass."""
@@ -39,6 +42,10 @@ JUMP_M, JUMP_RAD = 0.5, 0.35
 """The estimate jumps if a scan moves it by more than either from where the wheels predict it."""
 NEEDLESS_SHARE = 0.05
 """A jump is needless if fewer of the beams than this share contradict the map at the predicted pose."""
+MIN_SEEN = 10
+"""A scan is blind if the map says something of fewer beams."""
+MAX_BLIND_M = 2.0
+"""An estimate is doubtful if it was blind for longer than this [m]."""
 
 
 class ScanEvidence(NamedTuple):
@@ -123,6 +130,29 @@ class Jump:
         return SelfCheck("doubtful", reason, self.stamp, self.place)
 
 
+@dataclass(frozen=True, kw_only=True)
+class BlindStretch:
+    """Consecutive scans that see next to nothing."""
+
+    stamp: float
+    """When it began [s]."""
+    place: tuple[float, float, float]
+    """Estimated pose of the robot then [m, m, rad]."""
+    metres: float
+    """How far the robot has driven since, by the estimate [m]."""
+
+    @property
+    def check(self) -> SelfCheck:
+        """The verdict on an estimate with this stretch in it."""
+        if self.metres <= MAX_BLIND_M:
+            return PLAUSIBLE
+        reason = (
+            f"over {self.metres:.1f} m fewer than {MIN_SEEN} beams of each scan meet anything known: the estimate rests "
+            "on the wheels alone"
+        )
+        return SelfCheck("doubtful", reason, self.stamp, self.place)
+
+
 class ContradictionMonitor:
     """Follows the evidence over the scans of an estimate."""
 
@@ -131,6 +161,9 @@ class ContradictionMonitor:
         self._present: Stretch | None = None
         self._worst: Stretch | None = None
         self._jump: Jump | None = None  # the first needless one
+        self._last: tuple[float, float, float] | None = None  # estimated pose at the last scan
+        self._blind: BlindStretch | None = None
+        self._longest_blind: BlindStretch | None = None
 
     @property
     def total(self) -> float:
@@ -145,8 +178,8 @@ class ContradictionMonitor:
     @property
     def overall(self) -> SelfCheck:
         """The verdict on the whole estimate so far."""
-        worst = PLAUSIBLE if self._worst is None else self._worst.check
-        return self._jump.check if worst.verdict == "plausible" and self._jump is not None else worst
+        found = [part.check for part in (self._worst, self._jump, self._longest_blind) if part is not None]
+        return next((check for check in found if check.verdict != "plausible"), PLAUSIBLE)
 
     @property
     def present(self) -> SelfCheck:
@@ -162,6 +195,7 @@ class ContradictionMonitor:
             metres, degrees = float(np.hypot(*evidence.jump[:2])), float(np.degrees(abs(evidence.jump[2])))
             self._jump = Jump(stamp=stamp, place=_plain(pose), metres=metres, degrees=degrees)
         beams = evidence.beams
+        self._note_sight(stamp, _plain(pose), beams)
         compared = max(beams.judged + beams.unknown, MIN_COMPARED)
         total = self.total + (beams.contradicting - ALLOWANCE * beams.judged) / compared
         if total <= 0.0:
@@ -179,16 +213,36 @@ class ContradictionMonitor:
         if total > self.max_total:
             self._worst = self._present
 
+    def _note_sight(self, stamp: float, place: tuple[float, float, float], beams: BeamEvidence) -> None:
+        """Note whether a scan, taken at a time [s] and an estimated pose, sees anything known."""
+        last, self._last = self._last or place, place
+        if beams.judged >= MIN_SEEN:
+            self._blind = None
+            return
+        before = self._blind or BlindStretch(stamp=stamp, place=place, metres=0.0)
+        step = float(np.hypot(place[0] - last[0], place[1] - last[1]))
+        self._blind = replace(before, metres=before.metres + step)
+        if self._longest_blind is None or self._blind.metres > self._longest_blind.metres:
+            self._longest_blind = self._blind
+
     def state(self) -> dict[str, Any]:
         """Everything remembered, as plain values."""
-        parts = {"present": self._present, "worst": self._worst, "jump": self._jump}
-        return {name: None if part is None else asdict(part) for name, part in parts.items()}
+        parts = {
+            "present": self._present,
+            "worst": self._worst,
+            "jump": self._jump,
+            "blind": self._blind,
+            "longest_blind": self._longest_blind,
+        }
+        plain: dict[str, Any] = {name: None if part is None else asdict(part) for name, part in parts.items()}
+        return {**plain, "last": self._last}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
-        self._present, self._worst = (_stretch_from(state[name]) for name in ("present", "worst"))
-        jump = state["jump"]
-        self._jump = None if jump is None else Jump(**{**jump, "place": tuple(jump["place"])})
+        self._present, self._worst = (_part(Stretch, state[name]) for name in ("present", "worst"))
+        self._blind, self._longest_blind = (_part(BlindStretch, state[name]) for name in ("blind", "longest_blind"))
+        self._jump = _part(Jump, state["jump"])
+        self._last = None if state["last"] is None else _plain(state["last"])
 
 
 def is_jump(displacement: se2.Pose) -> bool:
@@ -201,10 +255,11 @@ def is_needless(beams: BeamEvidence) -> bool:
     return beams.contradicting < NEEDLESS_SHARE * max(beams.judged + beams.unknown, 1)
 
 
-def _stretch_from(values: Mapping[str, Any] | None) -> Stretch | None:
-    return None if values is None else Stretch(**{**values, "place": tuple(values["place"])})
+def _part(kind: Callable[..., Part], values: Mapping[str, Any] | None) -> Part | None:
+    """One of the dataclasses above from what `asdict` and JSON made of it."""
+    return None if values is None else kind(**{**values, "place": _plain(values["place"])})
 
 
-def _plain(pose: se2.Pose) -> tuple[float, float, float]:
+def _plain(pose: ArrayLike) -> tuple[float, float, float]:
     x, y, theta = np.asarray(pose, dtype=np.float64).tolist()
     return x, y, theta

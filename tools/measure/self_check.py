@@ -9,6 +9,7 @@
 
 Prints: the confusion tables and the rank correlations of docs/self-check.md, with intervals
 
+Data suffice where localisation in the true map, from the true start, stays found on them (as in the stress suite).
 The runs are short drives under the perturbations of the stress suite, with the filter's defaults and with two weakened
 filters, which are lost often. Thresholds were chosen by the worlds and seeds of `training`; those of `held-out` and the
 recorded logs took no part in it. RUNS is a directory with one file for each run; the command goes on where it was
@@ -52,6 +53,7 @@ from testbed.simulation import SimulationConfig, simulate
 from testbed.stress.perturbations import thin_scans
 from testbed.stress.suite import PERTURBATIONS, ROBOTS, perturbed
 from tools.measure import real_logs
+from tools.measure.stress import can_be_survived
 
 DURATION, SCAN_PERIOD = 80.0, 0.2
 """Length of each drive and time between two scans [s]."""
@@ -213,13 +215,23 @@ def score_of(path: Trajectory, frames: list[Frame]) -> float | None:
     return left_out_score(np.array(poses), rays, FilterConfig().map)
 
 
+def with_survival(out: Path, case: Case, row: dict[str, Any]) -> dict[str, Any]:
+    """The result of a run; of a lost one also whether its data suffice, as the stress suite decides it."""
+    if row.get("final", {}).get("truth") != "lost":
+        return row
+    file = out / f"{case.split}-{case.number:03d}-survivable.json"
+    return row | kept(file, lambda: {"survivable": can_be_survived(case, frames_of(case))})
+
+
 def kept(file: Path, compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """The result in a file, which is computed first if there is none yet."""
     if not file.exists():
         result = compute()
         with atomic_write(file) as temporary:
             temporary.write_text(json.dumps(result, indent=1), encoding="utf-8")
-        print(f"{file.stem}: {result.get('final', {}).get('truth', '')} {verdict_of(result, '')}", flush=True)
+        print(
+            f"{file.stem}: {result.get('final', {}).get('truth', '')} {verdict_of(result, '')}".strip(": "), flush=True
+        )
     found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     return found
 
@@ -246,10 +258,13 @@ def table(rows: Sequence[dict[str, Any]], truth: str, which: str) -> str:
         named[kind] = [verdict_of(row, which) for row in rows if row[truth]["truth"] == kind]
         lines.append(f"| {kind} | {' | '.join(str(named[kind].count(word)) for word in VERDICTS)} |")
     lost, good = named["lost"], named["good"]
+    seen = [verdict_of(row, which) for row in rows if row[truth]["truth"] == "lost" and row.get("survivable", True)]
     lines += [
         "",
         f"lost runs named lost: {share(lost.count('lost'), len(lost))}; "
         f"lost or doubtful: {share(len(lost) - lost.count('plausible'), len(lost))}",
+        f"those of them whose data suffice: {share(seen.count('lost'), len(seen))}; "
+        f"lost or doubtful: {share(len(seen) - seen.count('plausible'), len(seen))}",
         f"good runs called lost: {share(good.count('lost'), len(good))}; "
         f"lost or doubtful: {share(len(good) - good.count('plausible'), len(good))}",
     ]
@@ -280,6 +295,7 @@ def details(rows: Sequence[dict[str, Any]]) -> list[str]:
         if verdict_of(row, "") == wrong:
             what = row["final"].get("reason", "")
             label = ", ".join(str(row[key]) for key in Case.__annotations__ if key in row)
+            label += "" if row.get("survivable", True) else " (data do not suffice)"
             lines.append(f"{row['final']['truth']}, called {wrong}: {label}: {what}")
     return lines
 
@@ -328,6 +344,7 @@ def main() -> None:
     else:
         chosen = cases(options.split, options.runs)
         rows = [kept(out / f"{case.split}-{case.number:03d}.json", partial(run_case, case)) for case in chosen]
+        rows = [with_survival(out, case, row) for case, row in zip(chosen, rows, strict=True)]
     rows = [row for row in rows if "skipped" not in row]
     print(f"\n{len(rows)} runs, final estimate\n\n{table(rows, 'final', '')}\n")
     print("\n".join(details(rows)))

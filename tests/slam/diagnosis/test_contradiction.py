@@ -102,6 +102,19 @@ def test_a_lost_stretch_is_the_reason_before_a_jump():
     assert monitor.overall.stamp == 11.0
 
 
+def test_a_drive_without_sight_rests_on_the_wheels():
+    """One metre per scan: scans 3 to 7 see three beams each."""
+    monitor = monitor_of(scan(0), scan(0), scan(0), *[scan(0, of=3, unknown=80)] * 5, scan(0))
+    assert monitor.overall.verdict == "doubtful"
+    assert (monitor.overall.stamp, monitor.overall.place) == (13.0, (3.0, 0.0, 0.0))
+    assert "over 5.0 m fewer than 10 beams" in monitor.overall.reason
+
+
+def test_a_short_time_without_sight_is_none():
+    monitor = monitor_of(scan(0), *[scan(0, of=3), scan(0, of=3), scan(0, of=60, unknown=30)] * 20)
+    assert monitor.overall == PLAUSIBLE
+
+
 def test_what_a_jump_is():
     assert not is_jump(np.array([0.3, 0.2, -0.1]))
     assert is_jump(np.array([0.4, -0.4, 0.0]))
@@ -114,10 +127,11 @@ def test_a_jump_is_needless_where_the_map_did_not_contradict():
 
 
 def test_a_monitor_resumed_from_json_goes_on_alike():
-    scans = [scan(n) for n in (0, 30, 40, 0, 50, 0)] + [scan(0, jump=(1.0, 0.0, 0.0))]
+    scans = [scan(0, of=2), *(scan(n) for n in (0, 30)), scan(0, of=2), *(scan(n) for n in (40, 0, 50, 0))]
+    scans += [scan(0, jump=(1.0, 0.0, 0.0))]
     whole, resumed = monitor_of(*scans), ContradictionMonitor()
-    resumed.restore(json.loads(json.dumps(monitor_of(*scans[:3]).state())))
-    for k, evidence in enumerate(scans[3:], start=3):
+    resumed.restore(json.loads(json.dumps(monitor_of(*scans[:4]).state())))
+    for k, evidence in enumerate(scans[4:], start=4):
         resumed.update(10.0 + k, np.array([float(k), 0.0, 0.0]), evidence)
     assert resumed.overall == whole.overall
     assert resumed.present == whole.present
