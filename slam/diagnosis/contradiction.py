@@ -147,8 +147,8 @@ class BlindStretch:
         if self.metres <= MAX_BLIND_M:
             return PLAUSIBLE
         reason = (
-            f"over {self.metres:.1f} m fewer than {MIN_SEEN} beams of each scan meet anything known: the estimate rests "
-            "on the wheels alone"
+            f"over {self.metres:.1f} m fewer than {MIN_SEEN} beams of each scan meet anything known: the estimate "
+            "rests on the wheels alone"
         )
         return SelfCheck("doubtful", reason, self.stamp, self.place)
 
