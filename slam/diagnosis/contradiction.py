@@ -36,6 +36,9 @@ DOUBTFUL_SUM = 0.2
 """An estimate is doubtful from this sum on [scans]."""
 LOST_SUM = 0.5
 """An estimate is lost from this sum on [scans]."""
+ONE_SIDED_SHARE, ONE_SIDED_SUM = 0.05, 5.0
+"""If less than this share of the contradicting beams is of the other kind, the place may have changed: a door that
+opened only lets beams through, a crowd only stops them, a wrong pose does both. Lost then means this sum [scans]."""
 MIN_COMPARED = 20
 """A scan of which fewer beams were compared counts for less than a scan."""
 JUMP_M, JUMP_RAD = 0.5, 0.35
@@ -98,13 +101,17 @@ class Stretch:
         """The verdict on an estimate with this stretch in it."""
         if self.total < DOUBTFUL_SUM:
             return PLAUSIBLE
-        share = (self.through + self.short) / max(self.judged, 1)
+        contradicting = self.through + self.short
         scans = f"in {self.scans} scans" if self.scans > 1 else "in one scan"
         reason = (
-            f"{scans} {share:.0%} of the beams contradict the map: {self.through} cross known walls, {self.short} end "
-            "in space known to be free"
+            f"{scans} {contradicting / max(self.judged, 1):.0%} of the beams contradict the map: {self.through} cross "
+            f"known walls, {self.short} end in space known to be free"
         )
-        return SelfCheck("lost" if self.total >= LOST_SUM else "doubtful", reason, self.stamp, self.place)
+        one_sided = min(self.through, self.short) < ONE_SIDED_SHARE * contradicting
+        if one_sided and LOST_SUM <= self.total < ONE_SIDED_SUM:
+            reason += "; nearly all of one kind, as where the place has changed"
+        lost = self.total >= (ONE_SIDED_SUM if one_sided else LOST_SUM)
+        return SelfCheck("lost" if lost else "doubtful", reason, self.stamp, self.place)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +165,8 @@ class ContradictionMonitor:
 
     def __init__(self) -> None:
         """Begin without a contradiction."""
+        self.max_total = 0.0
+        """The largest sum S so far [scans]."""
         self._present: Stretch | None = None
         self._worst: Stretch | None = None
         self._jump: Jump | None = None  # the first needless one
@@ -169,11 +178,6 @@ class ContradictionMonitor:
     def total(self) -> float:
         """The sum S after the last scan [scans]."""
         return 0.0 if self._present is None else self._present.total
-
-    @property
-    def max_total(self) -> float:
-        """The largest sum S so far [scans]."""
-        return 0.0 if self._worst is None else self._worst.total
 
     @property
     def overall(self) -> SelfCheck:
@@ -210,7 +214,8 @@ class ContradictionMonitor:
             through=before.through + beams.through,
             short=before.short + beams.short,
         )
-        if total > self.max_total:
+        self.max_total = max(self.max_total, total)
+        if self._worst is None or _severity(self._present) > _severity(self._worst):
             self._worst = self._present
 
     def _note_sight(self, stamp: float, place: tuple[float, float, float], beams: BeamEvidence) -> None:
@@ -235,14 +240,20 @@ class ContradictionMonitor:
             "longest_blind": self._longest_blind,
         }
         plain: dict[str, Any] = {name: None if part is None else asdict(part) for name, part in parts.items()}
-        return {**plain, "last": self._last}
+        return {**plain, "last": self._last, "max_total": self.max_total}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
         self._present, self._worst = (_part(Stretch, state[name]) for name in ("present", "worst"))
         self._blind, self._longest_blind = (_part(BlindStretch, state[name]) for name in ("blind", "longest_blind"))
         self._jump = _part(Jump, state["jump"])
+        self.max_total = float(state["max_total"])
         self._last = None if state["last"] is None else _plain(state["last"])
+
+
+def _severity(stretch: Stretch) -> tuple[bool, float]:
+    """What orders two stretches of an estimate: whether it is lost by them, then the sum."""
+    return stretch.check.verdict == "lost", stretch.total
 
 
 def is_jump(displacement: se2.Pose) -> bool:

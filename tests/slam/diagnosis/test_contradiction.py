@@ -78,6 +78,27 @@ def test_the_verdict_follows_from_the_sum(total, verdict):
     assert monitor_of(scan(round(100 * (total + ALLOWANCE)))).overall.verdict == verdict
 
 
+def one_sided(through, short):
+    return ScanEvidence(BeamEvidence(100 - through - short, through, short, 0), None)
+
+
+@pytest.mark.parametrize(("through", "short"), [(70, 0), (0, 70), (68, 2)])
+def test_beams_that_contradict_in_one_way_only_may_be_a_changed_place(through, short):
+    found = monitor_of(one_sided(through, short)).overall
+    assert found.verdict == "doubtful"
+    assert found.reason.endswith("nearly all of one kind, as where the place has changed")
+    assert monitor_of(one_sided(60, 10)).overall.verdict == "lost"
+    assert monitor_of(*[one_sided(through, short)] * 9).overall.verdict == "lost"  # a sum of more than 5
+
+
+def test_a_loss_is_named_before_a_changed_place():
+    quiet = [scan(0)] * 30
+    monitor = monitor_of(*[one_sided(70, 0)] * 3, *quiet, scan(70), *quiet)
+    assert monitor.overall.verdict == "lost"
+    assert monitor.overall.stamp == 43.0
+    assert monitor.max_total > 1.5
+
+
 def test_the_present_verdict_comes_back_to_doubtful_and_no_further():
     verdicts = []
     monitor = ContradictionMonitor()
