@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # ruff: noqa: T201
-"""Measure the self-check: are lost runs named, without false alarms, and does the score rank as references do?
+"""Measure the self-check: lost runs named, false alarms, and whether the score ranks as references do.
 
     python -m tools.measure.self_check RUNS --split training --runs 150
     python -m tools.measure.self_check RUNS --split held-out --runs 150
