@@ -78,7 +78,7 @@ def check(metrics: Mapping[str, Any], limits: Iterable[Limit]) -> list[str]:
     return [sentence for limit in limits if (sentence := limit.broken_by(metrics)) is not None]
 
 
-_GROUPS = ("trajectory", "map", "relations", "filter", "localization")
+_GROUPS = ("trajectory", "map", "relations", "filter", "localization", "self")
 """Groups of measures that a score has or not; estimates of a run add a suffix, as in `map_filter`."""
 _PIECES = re.compile(r"(.*\.)?rpe\.\d+(\.\d+)?[ms]\.(trans_\w+_m|rot_\w+_deg|pieces)")
 """Relative errors over pieces, which a short path does not have."""

@@ -20,7 +20,7 @@ from slam.config import FilterConfig
 from slam.config.renamed import with_present_names
 from slam.gmapping import GMapping
 
-VERSION = 5
+VERSION = 6
 
 
 class CheckpointError(ValueError):

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam._threads import Threads
 from slam.config import FilterConfig
+from slam.diagnosis.contradiction import ContradictionMonitor, ScanEvidence, SelfCheck
+from slam.diagnosis.path_check import compare_scan
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
 from slam.matching.proposal import ProposalResult, propose_poses
@@ -52,6 +54,7 @@ class GMapping:
         self._intake = ScanIntake(self.config, first_needs_hits=False)
         self._particles = ParticleSet(np.zeros((self.config.first_particles, 3)))
         self._loops = LoopDetector()
+        self._monitor = ContradictionMonitor()
         self._matched = 0.0  # share of the hits near a wall at the last update, of the best particle
 
     def process(
@@ -74,7 +77,7 @@ class GMapping:
         else:
             report = self._begin(taken) if taken.first else self._update(taken)
             self._intake.accept(taken)
-        return replace(report, odometry_jumped=taken.jumped)
+        return replace(report, odometry_jumped=taken.jumped, self_check=self._monitor.present)
 
     def _begin(self, taken: TakenScan) -> StepReport:
         """Draw the first scan into the maps of all particles, which start at the origin."""
@@ -94,6 +97,7 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         result = self._propose(taken)
+        found = self._compare(taken, result)
         clock.end_stage("match")
 
         self.maps.integrate_scan(result.pose, taken.rays)  # may refuse: before anything else has changed
@@ -103,6 +107,7 @@ class GMapping:
         evidence = particles.move(poses, result.covariance, gain, history=poses)
         pose, self._matched = poses[self.best].copy(), float(result.matched[self.best])
         report = report_update(particles, result, taken.counts, pose=pose, evidence=evidence)
+        self._monitor.update(taken.stamp, pose, found)
         resampled = self._resample(report)
         clock.end_stage("resample")
 
@@ -110,6 +115,7 @@ class GMapping:
         return replace(
             report,
             resampled=resampled,
+            beams=found.beams,
             unique_ancestors=self.ancestry.unique_ancestors,
             map_bytes=self.maps.bytes_in_use,
             loop_length=loop.length,
@@ -138,6 +144,12 @@ class GMapping:
         settings = make_match_settings(motion, hits, cfg)
         guesses = se2.compose(self._particles.poses, motion)
         return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=self.weights)
+
+    def _compare(self, taken: TakenScan, result: ProposalResult) -> ScanEvidence:
+        """What a scan that is not yet counted into the maps says of the estimate, by the best particle so far."""
+        assert taken.rays is not None
+        predicted = se2.compose(self._particles.poses[self.best], taken.motion)
+        return compare_scan(self.maps, self.best, taken.rays, pose=result.pose[self.best], predicted=predicted)
 
     def _resample(self, report: StepReport) -> bool:
         """Resample where the effective sample size (equation 20) or the number of particles asks for it."""
@@ -171,6 +183,11 @@ class GMapping:
         return self._particles.best
 
     @property
+    def self_check(self) -> SelfCheck:
+        """The verdict on everything so far, by the filter's own evidence; `StepReport.self_check` is that of a scan."""
+        return self._monitor.overall
+
+    @property
     def covariance(self) -> NDArray[np.float64]:
         """Covariance (3, 3) of the pose in the map's frame: scatter of the particles plus that of their proposals."""
         return self._particles.covariance
@@ -199,6 +216,7 @@ class GMapping:
         }
         arrays = {**particles, **arrays, **self.maps.state(), **self.ancestry.state()}
         own = {"rng": self._rng.bit_generator.state, "revisits": self._loops.state(), "matched": self._matched}
+        own["self_check"] = self._monitor.state()
         return arrays, {**values, **own}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Any]) -> None:
@@ -213,3 +231,4 @@ class GMapping:
         self._rng.bit_generator.state = values["rng"]
         self._loops.restore(values["revisits"])
         self._matched = values["matched"]
+        self._monitor.restore(values["self_check"])

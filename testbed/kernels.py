@@ -77,10 +77,12 @@ def _mark(package: Path) -> Path:
 def _map_a_room() -> None:
     """Map a small room from six poses, show it, refine it, localise and explore in it."""
     from slam.config import FilterConfig, ResampleConfig
+    from slam.diagnosis.path_check import left_out_score
     from slam.gmapping import GMapping
     from slam.localization import Localization
     from slam.refinement import refine
     from slam.scan import Scan
+    from slam.sensor.rays import make_rays
     from testbed.views.map_cells import map_cells
     from testbed.views.rerun.layers.comparison import COARSE, most_different
     from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
@@ -103,6 +105,7 @@ def _map_a_room() -> None:
     most_different(map_cells(mapper.maps, mapper.best), mapper.best)
     refine(odometry, [scan] * len(odometry), path, config)
     _match_local_maps(odometry, scan, config)
+    left_out_score(path, [make_rays([scan], usable_range=10.0)] * len(path), config.map)
     for start in (odometry[0], None):
         Localization(mapper.map(), config, start=start).process(odometry[0], scan)
     _explore(mapper, scan)

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from eval.files.run_reader import RunFiles
 from eval.wording import length, share, spread
@@ -23,6 +24,12 @@ OUTCOME_SENTENCES: dict[str, tuple[str, Severity]] = {
     "unjudged": ("The run is complete; there is nothing to judge it by.", "none"),
 }
 """First sentence and severity for each outcome (`eval.outcome`)."""
+UNJUDGED_LEADS: dict[str, tuple[str, Severity]] = {
+    "plausible": ("The run is complete. There is no truth to judge it by; its own check finds it plausible.", "none"),
+    "doubtful": ("The run is complete. There is no truth to judge it by; its own check has doubts.", "fair"),
+    "lost": ("The run's own check says that the estimate lost the robot.", "bad"),
+}
+"""First sentence and severity of an unjudged run for each verdict of its own check."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +73,33 @@ def verdict(run: RunFiles) -> Verdict:
     elif outcome in {"lost", "broken loop"} and run.estimate is not None and len(run.estimate):
         stamps = run.estimate.stamps
         lead += _moment_and_cause(run, float(stamps[0]), float(stamps[-1] - stamps[0]))
+    elif outcome == "unjudged" and run.metric("self_check"):
+        lead, severity = UNJUDGED_LEADS.get(str(run.metric("self_check.verdict")), (lead, severity))
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [
+        _self_check_of_run(run),
         _sentence(reason),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
     ]
     return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), _loop(run), tuple(_headlines(run)))
+
+
+def self_check_sentence(check: Mapping[str, Any]) -> str:
+    """Say what a run's own check found, from the group `self_check` of its metrics."""
+    time, place = check.get("time_s"), check.get("place")
+    words = str(check["verdict"])
+    if time is not None:
+        words += f" from {time:.1f} s on"
+    if place is not None:
+        words += f" at ({place[0]:.1f}, {place[1]:.1f}) m"
+    return f"{words}: {check['reason']}"
+
+
+def _self_check_of_run(run: RunFiles) -> str:
+    check = run.metric("self_check")
+    return f"The run's own check, without any truth: {self_check_sentence(check)}." if check else ""
 
 
 def _sentence(text: str) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
+from slam.diagnosis.beam_check import BeamEvidence
+from slam.diagnosis.contradiction import SelfCheck
 from slam.matching.proposal import ProposalResult
 from slam.particles.particle_set import ParticleSet
 from slam.sensor.rays import BeamCounts
@@ -52,6 +54,10 @@ class StepReport:
     """Whether the robot is back at a place where it was; else the loop is that of the walls."""
     odometry_jumped: bool = False
     """Whether the odometry has jumped since the scan before; it is then joined (`slam.motion.continuous_odometry`)."""
+    beams: BeamEvidence | None = None
+    """What the map of the best particle says of the scan's beams; None where the filter did not compare them."""
+    self_check: SelfCheck | None = None
+    """What the filter's own evidence says of the estimate at this scan; None from localisation, which has a status."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall time of the stages: match (proposal), map, resample (with weights)."""
     proposed: ProposalResult | None = None

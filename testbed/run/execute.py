@@ -34,6 +34,7 @@ from testbed.run.interruption import deferred_interruption
 from testbed.run.job import Job
 from testbed.run.known_map import KnownMap, failure_reason, localization_metrics
 from testbed.run.run_directory import RunDirectory, result_hash
+from testbed.run.self_check import localization_self_check, self_check_metrics
 from testbed.run.snapshot import take_snapshot
 from testbed.views import NullView, View
 
@@ -196,6 +197,7 @@ def metrics_of(
         steps=estimation.steps.columns(),
         ended=ended,
         facts={
+            **_self_check(estimation, estimate, ended),
             "seed": job.seeds.seed,
             "particles": job.filter.particles,
             "refined": estimate is not filtered,
@@ -218,15 +220,24 @@ def metrics_of(
     return metrics | _localized(job.known_map, estimation, estimate, ended)
 
 
+def _self_check(estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
+    """Return the group `self_check` of a run that has made a map; Ctrl-C must end soon."""
+    if not isinstance(estimation.mapper, GMapping):
+        return {}
+    return {"self_check": self_check_metrics(estimation, estimate, replay=ended != "interrupted")}
+
+
 def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
     """Return the group `localization`, and the outcome if the localisation failed."""
     assert isinstance(estimation.mapper, Localization)
     truth = estimation.trajectory_at_scans("truth")
     found = localization_metrics(known, estimation.mapper.status, estimation.frames, estimate.at_scans, truth)
+    start = float(estimation.stamps[estimation.scan_frames[0]])
+    groups = {"self_check": localization_self_check(found, start), "localization": found}
     astray = failure_reason(found)
     if ended is not None or astray is None:
-        return {"localization": found}
-    return {"outcome": "lost", "outcome_reason": astray, "localization": found}
+        return groups
+    return {"outcome": "lost", "outcome_reason": astray, **groups}
 
 
 def lidar_views(frames: Iterable[Frame]) -> tuple[LidarView, ...]:

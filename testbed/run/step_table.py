@@ -6,13 +6,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.files.atomic_write import atomic_write
 from slam import se2
+from slam.diagnosis.contradiction import Verdict
 from slam.se2 import Pose
 from slam.sensor.rays import BeamCounts
 from slam.step.step_report import StepReport
@@ -20,6 +21,8 @@ from testbed.frame import Frame
 
 FLAGS = ("updated", "resampled", "loop_closed", "odometry_jumped")
 COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *BeamCounts._fields)
+VERDICTS = get_args(Verdict)
+"""The column `self_check` holds the number of the verdict: 0 plausible, 1 doubtful, 2 lost."""
 TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
 
 
@@ -64,6 +67,8 @@ class StepTable:
             "loop_closed": report.loop_closed,
             "loop_length": report.loop_length,
             "odometry_jumped": report.odometry_jumped,
+            "contradicted_share": _contradicted_share(report),
+            "self_check": math.nan if report.self_check is None else VERDICTS.index(report.self_check.verdict),
             "filter_s": filter_seconds,
             **{f"{stage}_s": report.seconds.get(stage, 0.0) for stage in ("match", "sample", "map", "resample")},
         }
@@ -106,3 +111,9 @@ class StepTable:
         }
         with atomic_write(path) as aside:
             pq.write_table(pa.table(columns), aside)
+
+
+def _contradicted_share(report: StepReport) -> float:
+    """Share of the beams, of those of which the map says something, that contradict it; NaN where there is none."""
+    beams = report.beams
+    return math.nan if beams is None or beams.judged == 0 else beams.contradicting / beams.judged

@@ -8,6 +8,8 @@ from typing import Any
 
 from rich.table import Table
 
+from eval.report.verdict import self_check_sentence
+
 HEADLINES = (
     (("localization.error_median_m",), "error in the map's frame, median", "{:.3f} m"),
     (("localization.found_after_m",), "found after driving", "{:.1f} m"),
@@ -36,6 +38,8 @@ def headline_table(metrics: Mapping[str, Any]) -> Table:
     reason = metrics.get("outcome_reason") or metrics.get("reason")
     if metrics["outcome"] != "ok" and reason:
         table.add_row("reason", f"{reason}")
+    if _value(metrics, "self_check.verdict") is not None:
+        table.add_row("self-check", self_check_sentence(metrics["self_check"]))
     for words, error in _trajectory_errors(metrics):
         table.add_row(words, f"{error:.3f} m")
     for keys, words, number_format in HEADLINES:

@@ -52,3 +52,33 @@ def test_a_run_without_a_loop_says_so(tmp_path):
     assert loop.sentence.startswith("No loop closure was seen: ")
     assert "15 m" in loop.sentence
     assert loop.time is None
+
+
+@pytest.mark.parametrize(
+    ("word", "severity", "lead"),
+    [
+        ("plausible", "none", "finds it plausible"),
+        ("doubtful", "fair", "has doubts"),
+        ("lost", "bad", "lost the robot"),
+    ],
+)
+def test_an_unjudged_run_is_led_by_its_own_check(tmp_path, word, severity, lead):
+    run = write_run(tmp_path / "run")
+    metrics = json.loads((run / "metrics.json").read_text())
+    check = {"verdict": word, "reason": "because", "stamp": 112.5, "time_s": 12.5, "place": [1.0, -2.0, 0.0]}
+    (run / "metrics.json").write_text(json.dumps(metrics | {"outcome": "unjudged", "self_check": check}))
+    found = verdict(read_run(run))
+    assert lead in found.lead
+    assert found.severity == severity
+    expected = f"The run's own check, without any truth: {word} from 12.5 s on at (1.0, -2.0) m: because."
+    assert found.sentences[0] == expected
+
+
+def test_the_truth_leads_where_it_is_known(tmp_path):
+    run = write_run(tmp_path / "run")
+    metrics = json.loads((run / "metrics.json").read_text())
+    check = {"verdict": "lost", "reason": "because", "stamp": None, "time_s": None, "place": None}
+    (run / "metrics.json").write_text(json.dumps(metrics | {"outcome": "ok", "self_check": check}))
+    found = verdict(read_run(run))
+    assert found.lead.startswith("OK: ")
+    assert found.sentences[0] == "The run's own check, without any truth: lost: because."
