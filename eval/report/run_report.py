@@ -41,6 +41,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
     return {
         "name": run.name,
         "path": run.path,
+        "title": _title(run),
         "verdict": verdict(run),
         "metrics": run.metrics,
         "command": run.config.get("command", ""),
@@ -78,6 +79,14 @@ def _lost_while_driving(context: ReportContext) -> str:
     ]
     more = f", and {len(spells) - MAX_SPELLS} times more" if len(spells) > MAX_SPELLS else ""
     return f"The recording judges the pose while driving, and calls it lost {', '.join(times)}{more}."
+
+
+def _title(run: RunFiles) -> str:
+    """The log or world of the run, and the name of its directory where that does not name it."""
+    settings = run.config.get("settings", {})
+    source = Path(str(settings.get("log") or settings.get("world") or "")).name
+    subject = source.split(".")[0] if settings.get("log") else source.removesuffix(".toml").removesuffix(".yaml")
+    return run.name if subject in run.name else f"{subject} ({run.name})"
 
 
 def _spaced(piece: str) -> str:

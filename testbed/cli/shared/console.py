@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from testbed.kernels import compile_kernels, is_compiled
 
@@ -26,8 +26,13 @@ def announce_compilation() -> None:
     """Compile the kernels if they are not compiled yet, and say so, because it takes a while."""
     if is_compiled():
         return
-    console.print("Compiling the kernels: once per version, about a minute …")
-    seconds = compile_kernels()
+    words = "Compiling the kernels: once per version, one to three minutes"
+    if not console.is_terminal:
+        console.print(f"{words} …")
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        progress.add_task(words, total=None)
+        seconds = compile_kernels()
     console.print(f"The kernels were compiled in {seconds:.0f} s and are kept on disk.")
 
 
