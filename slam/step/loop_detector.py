@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,8 @@ class Loop(NamedTuple):
     is, were last seen; 0 = it closes none."""
     at_place: bool = False
     """Whether the robot is back at a place where it was; else it sees walls again that it saw from there."""
+    scans_ago: int = 0
+    """How many scans ago that was, of those that were taken in."""
 
 
 class LoopDetector:
@@ -41,13 +43,16 @@ class LoopDetector:
     """Share of the hits on such walls with which a loop closes: a few beams through a door do not close one."""
     SQUARE = 0.4
     """Side of the squares in which walls are remembered [m]."""
-    PLACE = 2.0 / 3.0
-    """Side of the squares in which places are remembered [m]: the robot is at a place if it is in its square or in one
-    of the eight about it, about a metre around."""
+    PLACE = 0.4
+    """Side of the squares in which places are remembered [m] …"""
+    REACH = 0.8
+    """… the robot is at those whose middles are within this distance of it [m]: two poses at one place are at most
+    1.1 m apart."""
 
     def __init__(self) -> None:
         self._walls, self._places = Sightings(self.LOOP), Sightings(self.LOOP)
         self._travelled = 0.0
+        self._scans = 0
         self._last_return = -self.LOOP
         self._closed = Loop()  # the longest of the return that goes on
 
@@ -55,30 +60,39 @@ class LoopDetector:
         """Take in a scan and find the loop that it closes.
 
         hits (n, 2) end points in the map's frame [m];  pose (3,) of the robot there
-        distance: driven since the scan before [m]
+        distance: that the robot has moved since the scan before [m]
         A loop closes with the first scan that sees enough old walls, and again, once, when the robot is back at a place
         and has driven further since it was there, or when the loop has become `LOOP` metres longer. The next one closes
         after the robot has driven `LOOP` metres without old walls.
         """
         self._travelled += distance
+        self._scans += 1
         squares, counts = _distinct(np.floor(hits / self.SQUARE).astype(np.int64))
-        loops = np.array(self._walls.see(squares, self._travelled))
-        x, y = np.floor(np.asarray(pose[:2]) / self.PLACE).astype(int).tolist()
-        around = product((x, x - 1, x + 1), (y, y - 1, y + 1))  # that of the robot comes first
-        place = self._places.see(around, self._travelled)[0]
-        old = loops > 0.0
-        if len(loops) == 0 or counts[old].sum() < self.SHARE * counts.sum():
+        loops = self._walls.see(squares, self._travelled, self._scans)
+        place = self._places.see(self._squares_around(pose), self._travelled, self._scans)[0]
+        lengths = np.array([length for length, _ in loops])
+        old = np.flatnonzero(lengths > 0.0)
+        if len(old) == 0 or counts[old].sum() < self.SHARE * counts.sum():
             return Loop()
         if self._travelled - self._last_return >= self.LOOP:
             self._closed = Loop()
         self._last_return = self._travelled
-        walls = float(np.median(loops[old]))
-        loop = Loop(place, True) if place >= walls else Loop(walls, False)
+        middle = old[np.argsort(lengths[old], kind="stable")[len(old) // 2]]
+        (length, seen), at_place = max((place, True), (loops[middle], False))
+        loop = Loop(length, at_place, self._scans - seen)
         first_at_place = loop.at_place and not self._closed.at_place and loop.length > self._closed.length
         if not first_at_place and loop.length < self._closed.length + self.LOOP:
             return Loop()
-        self._closed = Loop(loop.length, loop.at_place or self._closed.at_place)
+        self._closed = loop._replace(at_place=loop.at_place or self._closed.at_place)
         return loop
+
+    def _squares_around(self, pose: Pose) -> list[Square]:
+        """The squares of places that the robot is at, that of its pose (3,) first."""
+        x, y = pose[0] / self.PLACE, pose[1] / self.PLACE
+        column, row, reach = math.floor(x), math.floor(y), self.REACH / self.PLACE
+        steps = range(-math.ceil(reach), math.ceil(reach) + 1)
+        around = [(column + right, row + up) for right in steps for up in steps if right or up]
+        return [(column, row), *(s for s in around if math.dist((s[0] + 0.5, s[1] + 0.5), (x, y)) <= reach)]
 
     def state(self) -> dict[str, Any]:
         """Everything remembered, as plain values."""
@@ -86,6 +100,7 @@ class LoopDetector:
             "seen": self._walls.state(),
             "places": self._places.state(),
             "travelled": self._travelled,
+            "scans": self._scans,
             "last_return": self._last_return,
             "closed": list(self._closed),
         }
@@ -95,6 +110,7 @@ class LoopDetector:
         self._walls.restore(state["seen"])
         self._places.restore(state.get("places", ()))  # checkpoints of older releases have none
         self._travelled, self._last_return = state["travelled"], state["last_return"]
+        self._scans = state.get("scans", 0)
         self._closed = Loop(*state.get("closed", ()))
 
 
@@ -105,22 +121,24 @@ def _distinct(squares: NDArray[np.int64]) -> tuple[list[Square], NDArray[np.intp
 
 
 class Sightings:
-    """When squares of the floor were last seen, by the distance driven."""
+    """When squares of the floor were last seen, by the distance driven and by the number of the scan."""
 
     def __init__(self, loop: float) -> None:
         """Nothing was seen. loop: distance driven out of sight that makes the next sight a return [m]."""
         self._loop = loop
-        self._seen: dict[Square, tuple[float, float]] = {}  # distance at the last sight, length of its loop [m]
+        self._seen: dict[Square, tuple[float, int, float, int]] = {}
+        # distance and scan of the last sight; length of the loop by which it was found again [m], scan before that loop
 
-    def see(self, squares: Iterable[Square], travelled: float) -> list[float]:
-        """Note that squares are seen; length of the loop by which each was found again [m], 0 = by none."""
+    def see(self, squares: Iterable[Square], travelled: float, scan: int) -> list[tuple[float, int]]:
+        """Note that squares are seen by a scan; of each the length of the loop by which it was found again [m], 0 = by
+        none, and the scan that had seen it before."""
         loops = []
-        for column, row in squares:
-            last, loop = self._seen.get((column, row), (travelled, 0.0))
-            gone = travelled - last
-            loop = gone if gone >= self._loop else loop
-            self._seen[column, row] = travelled, loop
-            loops.append(loop)
+        for square in squares:
+            last, last_scan, length, before = self._seen.get(square, (travelled, scan, 0.0, scan))
+            if travelled - last >= self._loop:
+                length, before = travelled - last, last_scan
+            self._seen[square] = travelled, scan, length, before
+            loops.append((length, before))
         return loops
 
     def state(self) -> list[list[float]]:
@@ -129,4 +147,7 @@ class Sightings:
 
     def restore(self, state: Iterable[list[float]]) -> None:
         """Take over what `state` gave."""
-        self._seen = {(int(column), int(row)): (last, loop) for column, row, last, loop in state}
+        self._seen = {}
+        for column, row, last, *rest in state:
+            scan, length, before = rest if len(rest) == 3 else (0, *rest, 0)  # older checkpoints have no scans
+            self._seen[int(column), int(row)] = last, int(scan), length, int(before)

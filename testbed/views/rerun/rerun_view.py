@@ -297,7 +297,7 @@ class RerunView:
         step, loops = snapshot.step, []
         if step is not None and step.updated:
             spread = _spread_of(snapshot) if step.loop_closed or self._loops.closing else None
-            loops = self._loops.update(self._columns.time[0], self._travelled, step, died, spread)
+            loops = self._loops.update(self._columns.time[0], step, died, spread)
         lines, states = self._events.update(snapshot, self._columns.time, died, loops)
         for lane, state, at in states:
             self._columns.add(lane, state, at=at)
