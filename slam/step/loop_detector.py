@@ -21,7 +21,7 @@ class Loop(NamedTuple):
 
     length: float = 0.0
     """Length of the loop that the scan closes [m]: driven since the walls that it sees, or the place where the robot
-    is, were last seen; 0 = it closes none."""
+    is, were last seen before it came back; 0 = it closes none."""
     at_place: bool = False
     """Whether the robot is back at a place where it was; else it sees walls again that it saw from there."""
     scans_ago: int = 0
@@ -54,7 +54,7 @@ class LoopDetector:
         self._travelled = 0.0
         self._scans = 0
         self._last_return = -self.LOOP
-        self._closed = Loop()  # the longest of the return that goes on
+        self._closed = (0.0, False)  # longest gap of the return that goes on [m], and whether a place was reached
 
     def update(self, hits: NDArray[np.float64], pose: Pose, distance: float) -> Loop:
         """Take in a scan and find the loop that it closes.
@@ -70,21 +70,22 @@ class LoopDetector:
         squares, counts = _distinct(np.floor(hits / self.SQUARE).astype(np.int64))
         loops = self._walls.see(squares, self._travelled, self._scans)
         place = self._places.see(self._squares_around(pose), self._travelled, self._scans)[0]
-        lengths = np.array([length for length, _ in loops])
-        old = np.flatnonzero(lengths > 0.0)
+        gaps = np.array([sight.gap for sight in loops])
+        old = np.flatnonzero(gaps > 0.0)
         if len(old) == 0 or counts[old].sum() < self.SHARE * counts.sum():
             return Loop()
         if self._travelled - self._last_return >= self.LOOP:
-            self._closed = Loop()
+            self._closed = 0.0, False
         self._last_return = self._travelled
-        middle = old[np.argsort(lengths[old], kind="stable")[len(old) // 2]]
-        (length, seen), at_place = max((place, True), (loops[middle], False))
-        loop = Loop(length, at_place, self._scans - seen)
-        first_at_place = loop.at_place and not self._closed.at_place and loop.length > self._closed.length
-        if not first_at_place and loop.length < self._closed.length + self.LOOP:
+        walls = loops[old[np.argsort(gaps[old], kind="stable")[len(old) // 2]]]
+        at_place = place.gap >= walls.gap
+        sight = place if at_place else walls
+        gap, was_at_place = self._closed
+        first_at_place = at_place and not was_at_place and sight.gap > gap
+        if not first_at_place and sight.gap < gap + self.LOOP:
             return Loop()
-        self._closed = loop._replace(at_place=loop.at_place or self._closed.at_place)
-        return loop
+        self._closed = sight.gap, at_place or was_at_place
+        return Loop(self._travelled - sight.distance_before, at_place, self._scans - sight.scan_before)
 
     def _squares_around(self, pose: Pose) -> list[Square]:
         """The squares of places that the robot is at, that of its pose (3,) first."""
@@ -108,10 +109,11 @@ class LoopDetector:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
         self._walls.restore(state["seen"])
-        self._places.restore(state.get("places", ()))  # checkpoints of older releases have none
+        self._places.restore(state["places"])
         self._travelled, self._last_return = state["travelled"], state["last_return"]
-        self._scans = state.get("scans", 0)
-        self._closed = Loop(*state.get("closed", ()))
+        self._scans = state["scans"]
+        gap, at_place = state["closed"]
+        self._closed = gap, at_place
 
 
 def _distinct(squares: NDArray[np.int64]) -> tuple[list[Square], NDArray[np.intp]]:
@@ -120,34 +122,47 @@ def _distinct(squares: NDArray[np.int64]) -> tuple[list[Square], NDArray[np.intp
     return [(column, row) for column, row in squares[first].tolist()], counts
 
 
+class Sight(NamedTuple):
+    """When a square was seen."""
+
+    distance: float
+    """Distance driven at the last sight [m]."""
+    scan: int
+    """Scan of the last sight."""
+    gap: float = 0.0
+    """Distance driven out of sight before it was found again [m]; 0 = it was not."""
+    distance_before: float = 0.0
+    """Distance driven at the last sight before that [m]."""
+    scan_before: int = 0
+    """Scan of the last sight before that."""
+
+
 class Sightings:
     """When squares of the floor were last seen, by the distance driven and by the number of the scan."""
 
     def __init__(self, loop: float) -> None:
         """Nothing was seen. loop: distance driven out of sight that makes the next sight a return [m]."""
         self._loop = loop
-        self._seen: dict[Square, tuple[float, int, float, int]] = {}
-        # distance and scan of the last sight; length of the loop by which it was found again [m], scan before that loop
+        self._seen: dict[Square, Sight] = {}
 
-    def see(self, squares: Iterable[Square], travelled: float, scan: int) -> list[tuple[float, int]]:
-        """Note that squares are seen by a scan; of each the length of the loop by which it was found again [m], 0 = by
-        none, and the scan that had seen it before."""
-        loops = []
+    def see(self, squares: Iterable[Square], travelled: float, scan: int) -> list[Sight]:
+        """Note that squares are seen by a scan, and return what is known of each."""
+        sights = []
         for square in squares:
-            last, last_scan, length, before = self._seen.get(square, (travelled, scan, 0.0, scan))
+            last, last_scan, gap, before, scan_before = self._seen.get(square, (travelled, scan, 0.0, 0.0, 0))
             if travelled - last >= self._loop:
-                length, before = travelled - last, last_scan
-            self._seen[square] = travelled, scan, length, before
-            loops.append((length, before))
-        return loops
+                gap, before, scan_before = travelled - last, last, last_scan
+            sight = self._seen[square] = Sight(travelled, scan, gap, before, scan_before)
+            sights.append(sight)
+        return sights
 
     def state(self) -> list[list[float]]:
         """Everything remembered, as plain values."""
-        return [[*square, *values] for square, values in self._seen.items()]
+        return [[*square, *sight] for square, sight in self._seen.items()]
 
     def restore(self, state: Iterable[list[float]]) -> None:
         """Take over what `state` gave."""
-        self._seen = {}
-        for column, row, last, *rest in state:
-            scan, length, before = rest if len(rest) == 3 else (0, *rest, 0)  # older checkpoints have no scans
-            self._seen[int(column), int(row)] = last, int(scan), length, int(before)
+        self._seen = {
+            (int(column), int(row)): Sight(distance, int(scan), gap, distance_before, int(scan_before))
+            for column, row, distance, scan, gap, distance_before, scan_before in state
+        }

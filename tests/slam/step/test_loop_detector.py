@@ -43,7 +43,7 @@ def test_walls_that_come_into_sight_one_by_one_close_a_loop_together():
     closing = [np.concatenate([old[:k], around(20.0, 10)[k:]]) for k in range(1, 6)]
     found = np.array(lengths([old, *onward, *closing]))
     np.testing.assert_array_equal(np.flatnonzero(found), [22])  # three tenths
-    assert found[22] == pytest.approx(20.0, abs=2.0)
+    assert found[22] == pytest.approx(22.0)  # from the old walls' last sight to now
 
 
 def test_few_beams_and_no_beams_close_no_loop():
