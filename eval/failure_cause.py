@@ -97,11 +97,17 @@ def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajecto
         return None
     moved, reported = between(true[0], true[-1]), between(wheels[0], wheels[-1])
     start = odometry.stamps[0]
-    before = odometry.stamps[rows] < stamps[0]
+    slips, intervals = _earlier_slips(odometry, reference, stamps[0])
+    earlier = "; they had not slipped before"
+    if slips:
+        earlier = (
+            f"; they slipped in {slips} of the {intervals} intervals of {2.0 * WINDOW_S:.0f} s before this one too, "
+            "and the estimate recovered each time"
+        )
     return (
         f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s, over {length(_path(true))} "
         f"of path, they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
-        f"{_earlier_slips(odometry[rows[before]], reference.poses[true_rows[before]])}"
+        f"{earlier if intervals else ''}"
     )
 
 
@@ -113,22 +119,19 @@ def _slipped(true: Pose, wheels: Pose) -> bool:
     return far or abs(float(np.degrees(miss[2]))) > max(MIN_SLIP_DEG, MIN_SLIP_SHARE * turned)
 
 
-def _earlier_slips(odometry: Trajectory, true: Pose) -> str:
-    """In how many pieces of time before a failure, each as long as the window about it, the wheels slipped too.
-
-    odometry: the wheels' poses before the window;  true (n, 3): the true poses at the same stamps
+def _earlier_slips(odometry: Trajectory, reference: Trajectory, until: float) -> tuple[int, int]:
+    """In how many intervals before a time [s], each as long as the window about a moment, the wheels slipped, and how
+    many there are.
     """
-    if len(odometry) == 0:
-        return ""
-    numbers = ((odometry.stamps[-1] - odometry.stamps) // (2.0 * WINDOW_S)).astype(np.intp)
+    _, rows, true_rows = np.intersect1d(odometry.stamps, reference.stamps, return_indices=True)
+    before = odometry.stamps[rows] < until
+    stamps = odometry.stamps[rows[before]]
+    if len(stamps) == 0:
+        return 0, 0
+    wheels, true = odometry.poses[rows[before]], reference.poses[true_rows[before]]
+    numbers = ((stamps[-1] - stamps) // (2.0 * WINDOW_S)).astype(np.intp)
     pieces = [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
-    slips = sum(len(piece) > 1 and _slipped(true[piece], odometry.poses[piece]) for piece in pieces)
-    if slips == 0:
-        return "; they had not slipped before"
-    return (
-        f"; they slipped in {slips} of the {len(pieces)} intervals of {2.0 * WINDOW_S:.0f} s before this one too, and "
-        "the estimate recovered each time"
-    )
+    return sum(len(piece) > 1 and _slipped(true[piece], wheels[piece]) for piece in pieces), len(pieces)
 
 
 def _path(poses: Pose) -> float:
@@ -185,10 +188,12 @@ def _wrong_place(
         return None
     moved, reported = between(true[0], true[-1]), between(estimated[0], estimated[-1])
     start = odometry.stamps[0]
+    slips, intervals = _earlier_slips(odometry, reference, stamps[0])
+    earlier = f"; in {slips} of the {intervals} intervals of {2.0 * WINDOW_S:.0f} s before this one they had slipped"
     return (
         f"the scans were matched to a wrong place of the map: from {stamps[0] - start:.1f} to "
         f"{stamps[-1] - start:.1f} s the estimate moved by {_in_words(reported)}, the robot by {_in_words(moved)}, as "
-        "its wheels reported"
+        f"its wheels reported{earlier if slips else ''}"
     )
 
 

@@ -33,6 +33,8 @@ HEAL_PATH = 3.0
 """… over this much of the path, or what is left of it [m]. Alignments are means over as much path."""
 MIN_HEAL_PATH = 1.0
 """Less path is enough if the next excursion begins after it, but no less than this [m]."""
+SHOWN_S = 3.0
+"""The scan that shows a failure was taken within this time after its moment [s], at which the error is still small."""
 BAD_MATCHED_SHARE = 0.5
 """Without truth: a scan is bad if less than this part of the run's usual share of beams met the map's walls …"""
 BAD_FAILURE_SHARE = 0.5
@@ -69,8 +71,11 @@ class Failure:
     bad: bool
     reason: str
     """A sentence with the numbers."""
+    shown_scan: int
+    """The scan that shows the error best, up to `SHOWN_S` after the moment; `scan` itself where that is unknown."""
     estimated: Pose
-    """Estimated pose, (3,): in the frame of the truth, aligned with it at `since`; without truth in the map's frame."""
+    """Estimated pose at that scan, (3,): in the frame of the truth, aligned with it at `since`; without truth in the
+    map's frame."""
     true_pose: Pose | None
     """True pose in the same frame, (3,); None if it is unknown."""
     blips: tuple[Blip, ...] = ()
@@ -131,8 +136,8 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
         moment = _moment(matched, begin, int(last[pieces[0]]))
         if returned is None:
             reason = (
-                "the estimate leaves the truth and does not come back; over a metre of path its motion is wrong by up "
-                f"to {_amount(*worst)}"
+                f"the estimate leaves the truth and does not come back; {_soon_after(matched, begin, moment)}, and "
+                f"over a metre of path its motion is wrong by up to {_amount(*worst)}"
             )
             return _failure(matched, begin, moment, reason, bad=True, blips=blips)
         back, stamps = returned, matched.estimate.stamps
@@ -252,17 +257,36 @@ def _failure_of_loop(
     return _failure(matched, first, last, reason, bad=True, blips=blips)
 
 
+def _shown(matched: Association, begin: int, moment: int) -> int:
+    """The row up to `SHOWN_S` after a moment at which the motion since the row `begin` is most wrong."""
+    stamps = matched.estimate.stamps
+    rows = moment + np.flatnonzero(np.abs(stamps[moment:] - stamps[moment]) <= SHOWN_S)
+    pairs = np.full(len(rows), begin), rows
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, pairs)
+    return int(rows[np.argmax(np.maximum(translation / BAD_M, rotation / BAD_DEG))])
+
+
+def _soon_after(matched: Association, begin: int, moment: int) -> str:
+    """How wrong the estimate is soon after a moment, aligned to the truth at the row `begin`."""
+    shown, stamps = _shown(matched, begin, moment), matched.estimate.stamps
+    rows = np.array([begin]), np.array([shown])
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
+    return f"{stamps[shown] - stamps[moment]:.1f} s later it is off by {_amount(translation[0], rotation[0])}"
+
+
 def _failure(matched: Association, begin: int, moment: int, reason: str, *, bad: bool, blips: list[Blip]) -> Failure:
     """The failure at a row, measured from another one on."""
     true, estimated = matched.reference.poses, matched.estimate.poses
+    shown = _shown(matched, begin, moment) if bad else moment
     return Failure(
         scan=int(matched.rows[moment]),
         since=int(matched.rows[begin]),
         stamp=float(matched.estimate.stamps[moment]),
         bad=bad,
         reason=reason,
-        estimated=compose(true[begin], between(estimated[begin], estimated[moment])),
-        true_pose=true[moment],
+        shown_scan=int(matched.rows[shown]),
+        estimated=compose(true[begin], between(estimated[begin], estimated[shown])),
+        true_pose=true[shown],
         blips=tuple(blips),
     )
 
@@ -287,6 +311,7 @@ def first_bad_relation(estimate: Trajectory, dense: Trajectory, relations: Relat
         since=_nearest(estimate, one),
         stamp=two,
         bad=True,
+        shown_scan=_nearest(estimate, two),
         reason=f"a hand-checked relation to where it was {two - one:.0f} s before shows that it is off by {amount}",
         estimated=dense.poses[now],
         true_pose=compose(dense.poses[before], motion),
@@ -315,6 +340,7 @@ def first_bad_match(estimate: Trajectory, steps: Columns) -> Failure | None:
         stamp=float(column(steps, "stamp")[rows[at]]),
         bad=bool(len(bad)),
         reason=numbers if len(bad) else f"every scan fitted the map; this one fitted worst: {numbers}",
+        shown_scan=int(rows[at]),
         estimated=estimate.poses[rows[at]],
         true_pose=None,
     )

@@ -173,7 +173,7 @@ def _miss(truth: Floats, estimate: Floats, T_truth_map: Floats) -> tuple[float, 
 
 
 class Spell(NamedTuple):
-    """A time during which the estimate was lost."""
+    """A time during which the estimate was lost, or had drifted."""
 
     start: float
     """Stamp [s]."""
@@ -181,19 +181,22 @@ class Spell(NamedTuple):
     """Stamp [s]; None = to the end of the run."""
 
 
-def lost_spells(steps: Columns) -> list[Spell]:
-    """When the pose while driving was lost, by the table of a run; empty where its truth is unknown."""
+def spells(steps: Columns, state: Literal["drifted", "lost"]) -> list[Spell]:
+    """When the pose while driving was in a state, by the table of a run; empty where its truth is unknown."""
     if "true_x" not in steps:
         return []
     rows = updates(steps)
     stamps, poses = column(steps, "stamp")[rows], pose_columns(steps)[rows]
     truth = pose_columns(steps, "true_")[rows]
     known = np.isfinite(truth).all(axis=1)
-    stamps, watch, spells = stamps[known], LossWatch(), []
+    stamps, watch, found = stamps[known], LossWatch(), list[Spell]()
     for true_pose, pose in zip(truth[known].tolist(), poses[known].tolist(), strict=True):
-        change = watch.update(true_pose, pose)
-        if change is not None and change.kind == "lost":
-            spells.append(Spell(float(stamps[change.since]), None))
-        elif change is not None and change.kind == "found":
-            spells[-1] = Spell(spells[-1].start, float(stamps[change.since]))
-    return spells
+        before, change = watch.state, watch.update(true_pose, pose)
+        if change is None or watch.state == before:
+            continue
+        since = float(stamps[change.since])
+        if before == state:
+            found[-1] = Spell(found[-1].start, since)
+        elif watch.state == state:
+            found.append(Spell(since, None))
+    return found

@@ -96,6 +96,7 @@ class GMapping:
         """Run Algorithm 1 once."""
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
+        before = particles.poses
         result = self._propose(taken)
         found = self._compare(taken, result)
         clock.end_stage("match")
@@ -106,12 +107,13 @@ class GMapping:
         gain, poses = self.config.match.weight_share * result.log_gain, result.pose.copy()
         evidence = particles.move(poses, result.covariance, gain, history=poses)
         pose, self._matched = poses[self.best].copy(), float(result.matched[self.best])
+        moved = float(np.hypot(*(pose - before[self.best])[:2]))
         report = report_update(particles, result, taken.counts, pose=pose, evidence=evidence)
         self._monitor.update(taken.stamp, pose, found)
         resampled = self._resample(report)
         clock.end_stage("resample")
 
-        loop = self._loops.update(se2.transform_points(pose, taken.hits), pose, taken.distance)
+        loop = self._loops.update(se2.transform_points(pose, taken.hits), pose, moved)
         return replace(
             report,
             resampled=resampled,
@@ -120,6 +122,7 @@ class GMapping:
             map_bytes=self.maps.bytes_in_use,
             loop_length=loop.length,
             loop_at_place=loop.at_place,
+            loop_updates=loop.scans_ago,
             seconds=clock.seconds,
         )
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`finding.json` of a run directory: the moment at which it went wrong, with the scan that was taken then."""
+"""`finding.json` of a run directory: the moment at which it went wrong, with a scan that shows it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OLD_NAMES = {"believed": "estimated", "expected": "true_pose"}
 
 @dataclass(frozen=True, eq=False)
 class ShownFailure:
-    """A failure and the scan that was taken there."""
+    """A failure and the scan that shows it."""
 
     failure: Failure
     points: NDArray[np.float64]
@@ -35,6 +35,7 @@ def write_failure(path: str | os.PathLike[str], failure: Failure, points: ArrayL
         "stamp": failure.stamp,
         "bad": failure.bad,
         "reason": failure.reason,
+        "shown_scan": failure.shown_scan,
         "estimated": failure.estimated.tolist(),
         "true_pose": None if failure.true_pose is None else failure.true_pose.tolist(),
         "cause": failure.cause,
@@ -58,6 +59,7 @@ def read_failure(path: str | os.PathLike[str]) -> ShownFailure:
             stamp=float(document["stamp"]),
             bad=bool(document["bad"]),
             reason=str(document["reason"]),
+            shown_scan=int(document.get("shown_scan", document["scan"])),  # files of older releases have none
             estimated=_numbers(document["estimated"], (3,)),
             true_pose=None if true_pose is None else _numbers(true_pose, (3,)),
             blips=tuple(Blip(**blip) for blip in document.get("blips", ())),

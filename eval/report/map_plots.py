@@ -72,14 +72,14 @@ def _background(context: ReportContext) -> Picture | None:
 def failure_plot(context: ReportContext) -> Plot | None:
     """The scan where it went wrong over a map, drawn from the estimated pose and from the true one."""
     run, shown = context.run, context.run.failure
-    if shown is None or run.estimate is None or shown.failure.scan >= len(run.estimate):
+    if shown is None or run.estimate is None or shown.failure.shown_scan >= len(run.estimate):
         return None
     failure, points = shown.failure, shown.points
-    T_frame_map = compose(failure.estimated, inverse(run.estimate.poses[failure.scan]))
+    T_frame_map = compose(failure.estimated, inverse(run.estimate.poses[failure.shown_scan]))
     curves: list[plots.Series] = []
     if run.truth is not None:
         curves.append(("true path", run.truth.poses[:, :2], plots.TRUTH))
-    around = run.estimate[max(failure.since - 50, 0) : failure.scan + 50]
+    around = run.estimate[max(failure.since - 50, 0) : failure.shown_scan + 50]
     curves.append(("estimated path", positions_in(T_frame_map, around), plots.ESTIMATE))
     seen = [plots.SeenScan("scan from the estimated pose", failure.estimated, points, plots.BAD)]
     if failure.true_pose is not None:
@@ -96,7 +96,8 @@ def failure_plot(context: ReportContext) -> Plot | None:
     if grid is not None and grid.known.any():
         background = draw_map(grid, frame_around(grid, T, [], 0.5), T)
     source = plots.scan_over_map(seen, curves, background=background, window=window)
-    return Plot(f"Around scan {failure.scan}", source, caption)
+    time = run.estimate.stamps[failure.shown_scan] - context.start
+    return Plot(f"Around scan {failure.shown_scan}, {time:.1f} s", source, caption)
 
 
 def _window(failure: Failure, points: NDArray[np.float64]) -> Extent:

@@ -7,9 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
-from eval.loss_watch import lost_spells
+from eval.filter.step_table import column
+from eval.loss_watch import Spell, spells
 from eval.report import plots
 from eval.report.map_plots import failure_plot, map_plots, path_plots
 from eval.report.page import Plot, flat, render
@@ -19,7 +22,7 @@ from eval.report.verdict import verdict
 from eval.wording import length
 
 MAX_SPELLS = 6
-"""More times at which the estimate was lost are counted only."""
+"""More times at which the estimate was lost, or had drifted, are counted only."""
 
 
 def write_report(run_directory: str | os.PathLike[str]) -> Path:
@@ -47,6 +50,8 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "command": run.config.get("command", ""),
         "failure": failure,
         "failure_time": failure.stamp - context.start if failure else None,
+        "shown_time": _shown_time(context),
+        "drift_before": _drift_before(context),
         "lost_while_driving": _lost_while_driving(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "failure_plot": failure_plot(context),
@@ -65,20 +70,50 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
     }
 
 
+def _shown_time(context: ReportContext) -> float | None:
+    """Time since the start of the scan that shows the failure [s]."""
+    failure, estimate = context.failure, context.run.estimate
+    if failure is None or estimate is None or failure.shown_scan >= len(estimate):
+        return None
+    return float(estimate.stamps[failure.shown_scan]) - context.start
+
+
 def _lost_while_driving(context: ReportContext) -> str:
     """When the estimate was lost by its recording, which judges the pose while driving; empty where that is unknown."""
-    steps = context.run.steps
-    if steps is None or context.run.truth is None:
+    if context.run.steps is None or context.run.truth is None:
         return ""
-    spells, start = lost_spells(steps), context.start
-    if not spells:
+    found = spells(context.run.steps, "lost")
+    if not found:
         return "The recording judges the pose while driving, and does not call it lost at any time."
+    return f"The recording judges the pose while driving, and calls it lost {_times(found, context.start)}."
+
+
+def _drift_before(context: ReportContext) -> str:
+    """How the map was bent before the moment of a failure; empty where it was not, or where that is unknown."""
+    steps, failure = context.run.steps, context.failure
+    if steps is None or failure is None or not failure.bad or "error_m" not in steps:
+        return ""
+    before = [spell for spell in spells(steps, "drifted") if spell.start < failure.stamp]
+    stamps, errors = column(steps, "stamp"), column(steps, "error_m")
+    if not before:
+        return ""
+    within = np.zeros(len(stamps), np.bool_)
+    for spell in before:
+        within |= (stamps >= spell.start) & (stamps <= min(spell.end or failure.stamp, failure.stamp))
+    return (
+        f"The map was bent before: the pose while driving had drifted {_times(before, context.start)}, by up to "
+        f"{length(float(np.nanmax(errors[within])))}, so that a wall seen before and after may lie in it twice."
+    )
+
+
+def _times(found: list[Spell], start: float) -> str:
+    """Times since the start [s] in words."""
     times = [
         f"from {spell.start - start:.1f} s " + ("on" if spell.end is None else f"to {spell.end - start:.1f} s")
-        for spell in spells[:MAX_SPELLS]
+        for spell in found[:MAX_SPELLS]
     ]
-    more = f", and {len(spells) - MAX_SPELLS} times more" if len(spells) > MAX_SPELLS else ""
-    return f"The recording judges the pose while driving, and calls it lost {', '.join(times)}{more}."
+    more = f", and {len(found) - MAX_SPELLS} times more" if len(found) > MAX_SPELLS else ""
+    return ", ".join(times) + more
 
 
 def _title(run: RunFiles) -> str:

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,9 +21,11 @@ class Loop(NamedTuple):
 
     length: float = 0.0
     """Length of the loop that the scan closes [m]: driven since the walls that it sees, or the place where the robot
-    is, were last seen; 0 = it closes none."""
+    is, were last seen before it came back; 0 = it closes none."""
     at_place: bool = False
     """Whether the robot is back at a place where it was; else it sees walls again that it saw from there."""
+    scans_ago: int = 0
+    """How many scans ago that was, of those that were taken in."""
 
 
 class LoopDetector:
@@ -41,44 +43,57 @@ class LoopDetector:
     """Share of the hits on such walls with which a loop closes: a few beams through a door do not close one."""
     SQUARE = 0.4
     """Side of the squares in which walls are remembered [m]."""
-    PLACE = 2.0 / 3.0
-    """Side of the squares in which places are remembered [m]: the robot is at a place if it is in its square or in one
-    of the eight about it, about a metre around."""
+    PLACE = 0.4
+    """Side of the squares in which places are remembered [m] …"""
+    REACH = 0.8
+    """… the robot is at those whose middles are within this distance of it [m]: two poses at one place are at most
+    1.1 m apart."""
 
     def __init__(self) -> None:
         self._walls, self._places = Sightings(self.LOOP), Sightings(self.LOOP)
         self._travelled = 0.0
+        self._scans = 0
         self._last_return = -self.LOOP
-        self._closed = Loop()  # the longest of the return that goes on
+        self._closed = (0.0, False)  # longest gap of the return that goes on [m], and whether a place was reached
 
     def update(self, hits: NDArray[np.float64], pose: Pose, distance: float) -> Loop:
         """Take in a scan and find the loop that it closes.
 
         hits (n, 2) end points in the map's frame [m];  pose (3,) of the robot there
-        distance: driven since the scan before [m]
+        distance: that the robot has moved since the scan before [m]
         A loop closes with the first scan that sees enough old walls, and again, once, when the robot is back at a place
         and has driven further since it was there, or when the loop has become `LOOP` metres longer. The next one closes
         after the robot has driven `LOOP` metres without old walls.
         """
         self._travelled += distance
+        self._scans += 1
         squares, counts = _distinct(np.floor(hits / self.SQUARE).astype(np.int64))
-        loops = np.array(self._walls.see(squares, self._travelled))
-        x, y = np.floor(np.asarray(pose[:2]) / self.PLACE).astype(int).tolist()
-        around = product((x, x - 1, x + 1), (y, y - 1, y + 1))  # that of the robot comes first
-        place = self._places.see(around, self._travelled)[0]
-        old = loops > 0.0
-        if len(loops) == 0 or counts[old].sum() < self.SHARE * counts.sum():
+        loops = self._walls.see(squares, self._travelled, self._scans)
+        place = self._places.see(self._squares_around(pose), self._travelled, self._scans)[0]
+        gaps = np.array([sight.gap for sight in loops])
+        old = np.flatnonzero(gaps > 0.0)
+        if len(old) == 0 or counts[old].sum() < self.SHARE * counts.sum():
             return Loop()
         if self._travelled - self._last_return >= self.LOOP:
-            self._closed = Loop()
+            self._closed = 0.0, False
         self._last_return = self._travelled
-        walls = float(np.median(loops[old]))
-        loop = Loop(place, True) if place >= walls else Loop(walls, False)
-        first_at_place = loop.at_place and not self._closed.at_place and loop.length > self._closed.length
-        if not first_at_place and loop.length < self._closed.length + self.LOOP:
+        walls = loops[old[np.argsort(gaps[old], kind="stable")[len(old) // 2]]]
+        at_place = place.gap >= walls.gap
+        sight = place if at_place else walls
+        gap, was_at_place = self._closed
+        first_at_place = at_place and not was_at_place and sight.gap > gap
+        if not first_at_place and sight.gap < gap + self.LOOP:
             return Loop()
-        self._closed = Loop(loop.length, loop.at_place or self._closed.at_place)
-        return loop
+        self._closed = sight.gap, at_place or was_at_place
+        return Loop(self._travelled - sight.distance_before, at_place, self._scans - sight.scan_before)
+
+    def _squares_around(self, pose: Pose) -> list[Square]:
+        """The squares of places that the robot is at, that of its pose (3,) first."""
+        x, y = pose[0] / self.PLACE, pose[1] / self.PLACE
+        column, row, reach = math.floor(x), math.floor(y), self.REACH / self.PLACE
+        steps = range(-math.ceil(reach), math.ceil(reach) + 1)
+        around = [(column + right, row + up) for right in steps for up in steps if right or up]
+        return [(column, row), *(s for s in around if math.dist((s[0] + 0.5, s[1] + 0.5), (x, y)) <= reach)]
 
     def state(self) -> dict[str, Any]:
         """Everything remembered, as plain values."""
@@ -86,6 +101,7 @@ class LoopDetector:
             "seen": self._walls.state(),
             "places": self._places.state(),
             "travelled": self._travelled,
+            "scans": self._scans,
             "last_return": self._last_return,
             "closed": list(self._closed),
         }
@@ -93,9 +109,11 @@ class LoopDetector:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
         self._walls.restore(state["seen"])
-        self._places.restore(state.get("places", ()))  # checkpoints of older releases have none
+        self._places.restore(state["places"])
         self._travelled, self._last_return = state["travelled"], state["last_return"]
-        self._closed = Loop(*state.get("closed", ()))
+        self._scans = state["scans"]
+        gap, at_place = state["closed"]
+        self._closed = gap, at_place
 
 
 def _distinct(squares: NDArray[np.int64]) -> tuple[list[Square], NDArray[np.intp]]:
@@ -104,29 +122,47 @@ def _distinct(squares: NDArray[np.int64]) -> tuple[list[Square], NDArray[np.intp
     return [(column, row) for column, row in squares[first].tolist()], counts
 
 
+class Sight(NamedTuple):
+    """When a square was seen."""
+
+    distance: float
+    """Distance driven at the last sight [m]."""
+    scan: int
+    """Scan of the last sight."""
+    gap: float = 0.0
+    """Distance driven out of sight before it was found again [m]; 0 = it was not."""
+    distance_before: float = 0.0
+    """Distance driven at the last sight before that [m]."""
+    scan_before: int = 0
+    """Scan of the last sight before that."""
+
+
 class Sightings:
-    """When squares of the floor were last seen, by the distance driven."""
+    """When squares of the floor were last seen, by the distance driven and by the number of the scan."""
 
     def __init__(self, loop: float) -> None:
         """Nothing was seen. loop: distance driven out of sight that makes the next sight a return [m]."""
         self._loop = loop
-        self._seen: dict[Square, tuple[float, float]] = {}  # distance at the last sight, length of its loop [m]
+        self._seen: dict[Square, Sight] = {}
 
-    def see(self, squares: Iterable[Square], travelled: float) -> list[float]:
-        """Note that squares are seen; length of the loop by which each was found again [m], 0 = by none."""
-        loops = []
-        for column, row in squares:
-            last, loop = self._seen.get((column, row), (travelled, 0.0))
-            gone = travelled - last
-            loop = gone if gone >= self._loop else loop
-            self._seen[column, row] = travelled, loop
-            loops.append(loop)
-        return loops
+    def see(self, squares: Iterable[Square], travelled: float, scan: int) -> list[Sight]:
+        """Note that squares are seen by a scan, and return what is known of each."""
+        sights = []
+        for square in squares:
+            last, last_scan, gap, before, scan_before = self._seen.get(square, (travelled, scan, 0.0, 0.0, 0))
+            if travelled - last >= self._loop:
+                gap, before, scan_before = travelled - last, last, last_scan
+            sight = self._seen[square] = Sight(travelled, scan, gap, before, scan_before)
+            sights.append(sight)
+        return sights
 
     def state(self) -> list[list[float]]:
         """Everything remembered, as plain values."""
-        return [[*square, *values] for square, values in self._seen.items()]
+        return [[*square, *sight] for square, sight in self._seen.items()]
 
     def restore(self, state: Iterable[list[float]]) -> None:
         """Take over what `state` gave."""
-        self._seen = {(int(column), int(row)): (last, loop) for column, row, last, loop in state}
+        self._seen = {
+            (int(column), int(row)): Sight(distance, int(scan), gap, distance_before, int(scan_before))
+            for column, row, distance, scan, gap, distance_before, scan_before in state
+        }

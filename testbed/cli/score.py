@@ -122,7 +122,7 @@ def _write_scored(out: Path, dataset: Path, estimate: Trajectory, map_: Path | N
             failure.stamp, odometry=known.get("odometry"), reference=known.get("truth"), estimate=estimate
         )
         failure = replace(failure, cause=cause)
-    write_failure(out / "finding.json", failure, _scan_points(dataset, failure.stamp))
+    write_failure(out / "finding.json", failure, _scan_points(dataset, float(estimate.stamps[failure.shown_scan])))
 
 
 def _has(dataset: Path, name: str) -> bool:

@@ -22,14 +22,15 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
 
     A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
     paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
-    first scan on. A run that went wrong opens at the moment that its report names.
+    first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve.
 
     Parameters
     ----------
     paths
         Directories of runs or sweeps, datasets, or recorded logs.
     time
-        Open the window at this time, in seconds since the first scan.
+        Open the window at this time, in seconds since the first scan. A web page or a saved recording begins at its
+        start: the time to move its cursor to is printed.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     save
@@ -37,8 +38,6 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
     """
     if save is not None and (save.suffix != ".rrd" or save.exists()):
         raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd'}")
-    if time is not None and (serve or save is not None):
-        raise ValueError("--time is for the window: a web page or a saved recording cannot begin at a time")
     if time is not None and not (math.isfinite(time) and time >= 0.0):
         raise ValueError(f"--time {time}: expected seconds since the first scan")
     if time is None and len(paths) == 1:
@@ -48,12 +47,17 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
         if save is not None:
             with atomic_write(save) as temporary:
                 shutil.copyfile(shown, temporary)
-            console.print(f"{save}: `rerun {save}` opens it", soft_wrap=True)
+            console.print(f"{save}: `rerun {save}` opens it{_then_move(time)}", soft_wrap=True)
             return
         viewer = open_run(shown, serve=serve, moment=time)
         if viewer.address is not None:
-            console.print(f"view: {viewer.address}", soft_wrap=True)
+            console.print(f"view: {viewer.address}{_then_move(time)}", soft_wrap=True)
         viewer.wait()
+
+
+def _then_move(time: float | None) -> str:
+    """What is left to do where the viewer cannot begin at a time [s]: on a web page, or with a saved recording."""
+    return "" if time is None else f"; there, move the time cursor to {time:.1f} s"
 
 
 def _one_recording(paths: list[Path], folder: Path) -> Path:
@@ -70,12 +74,13 @@ def _one_recording(paths: list[Path], folder: Path) -> Path:
 
 
 def _moment_of_failure(run: Path) -> float | None:
-    """Time at which a run went wrong, in seconds since its first scan; None if it did not, or for anything else."""
+    """Time at which it can be seen that a run went wrong, in seconds since its first scan; None if it did not, or for
+    anything else."""
     finding, estimate = run / "finding.json", run / "estimate.tum"
     if not (finding.is_file() and estimate.is_file()):
         return None
-    failure = read_failure(finding).failure
-    return failure.stamp - float(read_tum(estimate).stamps[0]) if failure.bad else None
+    failure, stamps = read_failure(finding).failure, read_tum(estimate).stamps
+    return float(stamps[failure.shown_scan] - stamps[0]) if failure.bad and failure.shown_scan < len(stamps) else None
 
 
 def _runs_of(path: Path) -> list[Path]:

@@ -141,7 +141,7 @@ def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, es
         odometry = estimation.trajectory_at_scans("odometry")
         cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps, estimate=estimate.at_scans)
         failure = replace(failure, cause=cause)
-    row = int(estimate.scan_frames[failure.scan])
+    row = int(estimate.scan_frames[failure.shown_scan])
     frame = estimation.frames[row]
     assert frame.scan is not None
     twist = true_twist(estimation.frames, row)

@@ -72,11 +72,14 @@ def grey_levels(probability: ArrayLike) -> NDArray[np.uint8]:
     The scale is linear in the log-odds on both sides of 0.5, with a gap in the middle, so that one look at a cell
     tells free from occupied from unknown.
     """
-    p = np.asarray(probability, dtype=np.float64)
+    p = np.asarray(probability)
+    grey = np.full(p.shape, UNKNOWN, np.uint8)
+    known = ~np.isnan(p)  # most cells of a map's rectangle are not
+    seen = p[known].astype(np.float64)
     lowest, highest = LOG_ODDS_LIMITS
     with np.errstate(divide="ignore"):
-        log_odds = np.clip(np.log(p) - np.log1p(-p), lowest, highest)
+        log_odds = np.clip(np.log(seen) - np.log1p(-seen), lowest, highest)
     free = FREE_FROM + (255 - FREE_FROM) * log_odds / lowest
     occupied = OCCUPIED_TO * (1.0 - log_odds / highest)
-    grey = np.where(log_odds < 0.0, free, occupied)
-    return np.where(np.isnan(p), UNKNOWN, np.rint(grey)).astype(np.uint8)
+    grey[known] = np.rint(np.where(log_odds < 0.0, free, occupied))
+    return grey

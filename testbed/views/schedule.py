@@ -16,8 +16,9 @@ MAP_GROWTH = 0.05
 """… nor by more than this part of the run so far: a young map grows fast."""
 COMPARISON_PERIOD = 10.0
 """Time between two comparisons of particles [s] …"""
-COMPARISON_UPDATES = 30
-"""… in which the filter has taken in at least so many scans: logs may have one every few seconds."""
+COMPARISON_UPDATES, COMPARISON_SPARSE_UPDATES = 30, 100
+"""… in which the filter has taken in at least so many scans; the second number holds for logs with less than a scan a
+second: they are processed so fast that comparing costs a noticeable part of the run."""
 SLACK = 0.9
 """Scans do not come at exact times: a period counts as over a little early."""
 
@@ -60,7 +61,10 @@ class Schedule:
         """Whether particles are to be compared, at an update: at resamplings and loop closures (`at_once`), and now
         and then."""
         self._updates += 1
-        late = abs(stamp - self._comparison) >= SLACK * COMPARISON_PERIOD and self._updates >= COMPARISON_UPDATES
+        elapsed = abs(stamp - self._comparison)
+        sparse = not math.isinf(elapsed) and elapsed > self._updates
+        needed = COMPARISON_SPARSE_UPDATES if sparse else COMPARISON_UPDATES
+        late = elapsed >= SLACK * COMPARISON_PERIOD and self._updates >= needed
         if not at_once and not late:
             return False
         self._comparison, self._updates = stamp, 0

@@ -33,7 +33,8 @@ def test_the_moment_is_the_jump_from_which_nothing_comes_back(motion):
     assert abs(failure.scan - 120) <= 3
     assert 108 <= failure.since < failure.scan
     assert failure.blips == ()
-    np.testing.assert_allclose(failure.true_pose, truth.poses[failure.scan])
+    assert 0 <= failure.shown_scan - failure.scan <= 30  # within 3 s
+    np.testing.assert_allclose(failure.true_pose, truth.poses[failure.shown_scan])
 
 
 def test_a_blip_that_heals_is_listed_and_the_loss_after_it_is_the_moment():
@@ -76,6 +77,8 @@ def test_a_return_from_a_warped_part_of_the_map_is_no_departure():
     last = np.array([failure.since, failure.since + 10])
     error = between(between(*truth.poses[last]), between(*poses[last]))
     assert np.hypot(error[0], error[1]) > BAD_M or abs(np.degrees(error[2])) > BAD_DEG  # the rule of the page
+    shown = between(failure.true_pose, failure.estimated)
+    assert np.hypot(shown[0], shown[1]) > 0.5  # the picture shows it
     (blip,) = failure.blips
     assert blip.stamp == pytest.approx(39.0, abs=0.2)
     assert 40.0 <= blip.end <= 41.1  # within the metre that holds the return

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eval.loss_watch import LossWatch, Spell, lost_spells
+from eval.loss_watch import LossWatch, Spell, spells
 from slam.se2 import between, compose
 
 STEP = 0.05
@@ -82,8 +82,12 @@ def test_spells_are_those_of_the_updates_of_a_table() -> None:
         **dict(zip(("x", "y", "theta"), poses.T, strict=True)),
         **dict(zip(("true_x", "true_y", "true_theta"), TRUTH.T, strict=True)),
     }
-    first, second = lost_spells(steps)
+    first, second = spells(steps, "lost")
     assert first == Spell(pytest.approx(120.0), pytest.approx(130.0, abs=0.11))
     assert second == Spell(pytest.approx(150.0), None)
-    assert lost_spells(steps | {"updated": np.arange(600) < 150}) == []
-    assert lost_spells(steps | {"true_x": np.full(600, np.nan)}) == []
+    assert spells(steps | {"updated": np.arange(600) < 150}, "lost") == []
+    assert spells(steps | {"true_x": np.full(600, np.nan)}, "lost") == []
+    drifting = TRUTH.copy()
+    drifting[100:300, 1] += np.linspace(0.0, 1.0, 200)
+    (drift,) = spells(steps | dict(zip(("x", "y", "theta"), drifting.T, strict=True)), "drifted")
+    assert drift.end == pytest.approx(130.0)

@@ -2,7 +2,7 @@
 # ruff: noqa: T201
 """Count how often the moment and the cause of a failure are named.
 
-    python -m tools.measure.named_moments [--times 20 30 45] [--worlds office,generated:rooms:7]
+    python -m tools.measure.named_moments [--times 20 30 45] [--worlds office,generated:rooms:7] [--faults slip push]
 
 Prints: one line for each run, then a table of the kinds of fault
 
@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -34,6 +35,22 @@ DURATION = 80.0
 NEAR_S, NEAR_M = 2.0, 1.0
 TURN = np.array([0.0, 0.0, np.radians(150.0)])
 Fault = Callable[[Iterable[Frame], float], Iterator[Frame]]
+
+
+def see_again(frames: Iterable[Frame], at: float, *, seconds: float, ago: float) -> Iterator[Frame]:
+    """Let the lidar see, for some seconds from a time [s] on, what it saw so many seconds before: two places that look
+    the same, of which the filter may take one for the other."""
+    frames = list(frames)
+    before = [frame for frame in frames if frame.scan is not None and at - ago <= frame.stamp < at]
+    for frame in frames:
+        if frame.scan is None or not before or not at <= frame.stamp < at + seconds:
+            yield frame
+            continue
+        seen = min(before, key=lambda earlier: abs(earlier.stamp - frame.stamp + ago)).scan
+        assert seen is not None
+        yield replace(frame, scan=replace(seen, stamp=frame.scan.stamp))
+
+
 FAULTS: dict[str, tuple[Fault, float, str]] = {
     "slip": (partial(perturbations.slip, motion=TURN), 0.5, "slipped"),
     "push": (partial(perturbations.carry, seconds=4.0), 0.0, "pushed or carried"),
@@ -41,6 +58,7 @@ FAULTS: dict[str, tuple[Fault, float, str]] = {
     "lidar blind": (partial(perturbations.blind, seconds=20.0), 20.0, "next to nothing"),
     "scans lost": (partial(perturbations.lose_scans, seconds=20.0), 20.0, "no scan came"),
     "odometry restarted": (perturbations.restart_odometry, 0.0, "restarted"),
+    "wrong loop": (partial(see_again, seconds=8.0, ago=10.0), 8.0, "wrong place"),
 }
 """The fault, how long it lasts [s], and a part of the sentence that names it."""
 
@@ -82,12 +100,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--times", type=float, nargs="+", default=[20.0, 30.0, 45.0], help="when faults happen [s]")
     parser.add_argument("--worlds", default=",".join(WORLDS), help="names of worlds, as `testbed sweep` takes them")
+    parser.add_argument("--faults", nargs="+", choices=list(FAULTS), default=list(FAULTS), help="kinds of faults")
     arguments = parser.parse_args()
     times = arguments.times
     counts: dict[str, list[tuple[bool, bool]]] = defaultdict(list)
     for world in worlds.expand_names(arguments.worlds):
         frames = drive(world)
-        for fault in FAULTS:
+        for fault in arguments.faults:
             for at in times:
                 failed, named, explained, found = judge(frames, fault, at)
                 if failed:

@@ -88,12 +88,19 @@ class ProgressLine:
             self._first_stamp, self._started = stamp, time.perf_counter()
         seconds = stamp - self._first_stamp
         factor = seconds / max(time.perf_counter() - self._started, 1e-9)
-        status = f"{seconds:7.1f} s  {factor:5.1f} x real time" + ("" if error is None else f"  error {error:.3f} m")
+        status = f"{seconds:7.1f} s of the drive  {factor:5.1f} x real time"
+        status += "" if error is None else f"  position error {error:.3f} m"
         self._progress.update(self._task, total=None if share is None else 1.0, completed=share or 0.0, status=status)
         if not console.is_terminal and time.perf_counter() - self._reported > REPORT_PERIOD:
             self._reported, self._said = time.perf_counter(), True
-            done = "" if share is None else f"  {share:.0%} done"
-            console.print(f"{status.strip()}{done}", soft_wrap=True)
+            console.print(f"{self._done(share)}{' '.join(status.split())}", soft_wrap=True)
+
+    def _done(self, share: float | None) -> str:
+        """The share that is done, 0 to 1, and about how long the rest will take; empty where that is unknown."""
+        if not share:
+            return ""
+        left = (time.perf_counter() - self._started) * (1.0 - share) / share
+        return f"{share:.0%} done, about {left:.0f} s left: "
 
 
 @contextmanager

@@ -71,12 +71,18 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
             rrb.Tabs(
                 plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
                 *spread,
-                plot(entities.MATCHED, "Share of beams on known walls", "", 1.0),
+                plot(entities.MATCHED, "Beams on known walls", "", 1.0),
                 plot(entities.STAGES, "Time per update", "ms"),
                 active_tab=1,  # the spread, or the share of beams
             ),
             rrb.Tabs(
-                rrb.TextLogView(origin=entities.EVENTS, name="Events"),
+                rrb.TextLogView(
+                    origin=entities.EVENTS,
+                    name="Events",
+                    columns=rrb.TextLogColumns(
+                        timeline_columns=[entities.TIMELINE], text_log_columns=["loglevel", "body"]
+                    ),
+                ),
                 rrb.TextDocumentView(origin=entities.SETTINGS, name="Settings"),
                 active_tab=0,
             ),

@@ -90,6 +90,9 @@ class RerunView:
         self._images = ImagePool(MAX_WAITING)
         self._tiles, self._tree = MapTiles(self._images), ParticleTree()
         self._path = PathBlocks()
+        self._since: list[Pose] | None = (
+            None  # poses of the best particle since its path was sent; None: its past changed
+        )
         self._predictions = None if scene.motion is None else Predictions(scene.motion)
         self._visited = {entities.TRUE_PATH: GrowingPath(), entities.ODOMETRY_PATH: GrowingPath()}
         self._updates_in_tree = 0  # since the tree was drawn
@@ -294,7 +297,7 @@ class RerunView:
         step, loops = snapshot.step, []
         if step is not None and step.updated:
             spread = _spread_of(snapshot) if step.loop_closed or self._loops.closing else None
-            loops = self._loops.update(self._columns.time[0], self._travelled, step, died, spread)
+            loops = self._loops.update(self._columns.time[0], step, died, spread)
         lines, states = self._events.update(snapshot, self._columns.time, died, loops)
         for lane, state, at in states:
             self._columns.add(lane, state, at=at)
@@ -314,6 +317,11 @@ class RerunView:
         before, self._last_update = self._last_update, snapshot
         if before is not None and self._predictions is not None and snapshot.localization is None:
             self._predictions.add(self._columns.time, before, snapshot)
+        same = before is not None and before.best == step.best and not step.resampled and snapshot.localization is None
+        if self._since is not None and same:
+            self._since.append(step.pose)
+        else:
+            self._since = None
         if before is not None:
             self._mark_another_best(before, snapshot, step)
         self._add_proposal(snapshot)
@@ -383,9 +391,12 @@ class RerunView:
         self._schedule.map_was_logged(snapshot.stamp, self._travelled)
         self._pending = False
         if snapshot.path is not None:
-            path = snapshot.path(None)
-            self._add_path(entities.PATH, self._path.changes(path))
-            self._ends[entities.PATH] = path[-1]
+            if everything or self._since is None:
+                self._add_path(entities.PATH, self._path.changes(snapshot.path(None)))
+            else:
+                self._add_path(entities.PATH, self._path.extended(np.array(self._since)))
+            self._since = []
+            self._ends[entities.PATH] = snapshot.estimate
         for entity, visited in self._visited.items():
             self._add_path(entity, visited.changes())
             if len(visited.poses):

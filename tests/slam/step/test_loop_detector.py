@@ -43,7 +43,7 @@ def test_walls_that_come_into_sight_one_by_one_close_a_loop_together():
     closing = [np.concatenate([old[:k], around(20.0, 10)[k:]]) for k in range(1, 6)]
     found = np.array(lengths([old, *onward, *closing]))
     np.testing.assert_array_equal(np.flatnonzero(found), [22])  # three tenths
-    assert found[22] == pytest.approx(20.0, abs=2.0)
+    assert found[22] == pytest.approx(22.0)  # from the old walls' last sight to now
 
 
 def test_few_beams_and_no_beams_close_no_loop():
@@ -74,6 +74,25 @@ def test_a_robot_that_is_back_at_a_place_closes_the_longer_loop():
     walls = [*range(30), 10, 10, 10, 0, 0, 1]
     robots = [*range(0, 300, 10), 400, 410, 420, 0, 10, 20]
     assert returns(walls, robots) == [(30, 20.0, False), (33, 33.0, True)]
+
+
+def test_a_loop_names_the_scan_that_was_there_before():
+    """Out over 30 m and back to a place that lies beside the path: the scan that is named was near it."""
+    rng, detector = np.random.default_rng(0), LoopDetector()
+    out = np.column_stack([np.linspace(0.0, 30.0, 300), np.zeros(300)])
+    around_ = np.column_stack([np.linspace(30.0, 10.0, 200), np.full(200, 8.0)])
+    back = np.column_stack([np.full(80, 10.3), np.linspace(8.0, 0.3, 80)])
+    places = np.concatenate([out, around_, back]) + rng.normal(0.0, 0.01, (580, 2))
+    steps = np.hypot(*np.diff(places, axis=0, prepend=places[:1]).T)
+    found = []
+    for k, (place, step) in enumerate(zip(places, steps, strict=True)):
+        loop = detector.update(around(np.floor(place[0])), np.array([*place, 0.0]), step)
+        if loop.at_place:
+            found.append((k, loop))
+    ((k, loop),) = found
+    then = k - loop.scans_ago
+    assert np.hypot(*(places[k] - places[then])) < 1.1
+    assert loop.length == pytest.approx(steps[then + 1 : k + 1].sum(), abs=1.0)
 
 
 def test_a_robot_is_at_a_place_within_about_a_metre():

@@ -32,6 +32,6 @@ def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys,
             line.stage("scoring")
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == expected
-    assert lines[1].startswith("30.0 s")
-    assert lines[1].endswith("error 0.012 m  25% done")
+    assert lines[1].startswith("25% done, about 0 s left: 30.0 s of the drive ")
+    assert lines[1].endswith(" x real time position error 0.012 m")
     assert lines[2] == "scoring …"

@@ -48,3 +48,9 @@ def test_particles_are_compared_every_ten_seconds_and_at_once_where_asked() -> N
     due = [stamp for stamp in np.arange(0.0, 60.0, 0.25) if schedule.comparison_due(stamp, at_once=stamp == 14.0)]
     assert 14.0 in due
     assert np.all(np.diff([stamp for stamp in due if stamp >= 14.0]) == pytest.approx(9.0, abs=0.26))
+
+
+def test_particles_are_compared_less_often_in_a_log_with_few_scans() -> None:
+    schedule = Schedule()
+    due = [update for update in range(400) if schedule.comparison_due(3.0 * update, at_once=False)]
+    assert due == [0, 100, 200, 300]

@@ -13,7 +13,7 @@ from slam._jit import kernel
 from slam.grid._tile_kernels import SIDE
 from testbed.views.map_cells import FREE_FROM, OCCUPIED_TO, UNKNOWN
 
-SAMPLE = 2
+SAMPLE = 3
 """Of so many tiles, in each direction, one is looked at for differences between maps."""
 
 NOTHING = 256
@@ -42,8 +42,9 @@ def pixel_of(tile, grey, first, coarse):
     darkest = NOTHING
     for row in range(coarse):
         for column in range(coarse):
-            level = grey[tile[first + row * SIDE + column]]
-            darkest = min(darkest, NOTHING if level == UNKNOWN else level)
+            level = np.int64(grey[tile[first + row * SIDE + column]])
+            if level < darkest and level != UNKNOWN:
+                darkest = level
     return UNKNOWN if darkest == NOTHING else darkest
 
 

@@ -88,13 +88,12 @@ class MapTiles:
         self._scans = cells.scans
         changed = self._looks.changed
         due = changed[..., 0] > 0 if everything else changed[..., 1] > MAX_STALE
-        squares = np.argwhere(due)
-        changed[due] = 0
+        rows_due, columns_due = due.nonzero()
+        changed[rows_due, columns_due] = 0
+        left, below, images = *self._corner, self._looks.images
         return [
-            Square(
-                (self._corner[0] + column, self._corner[1] + row), self._pool.copy_of(self._looks.images[row, column])
-            )
-            for row, column in squares.tolist()
+            Square((left + column, below + row), self._pool.copy_of(images[row, column]))
+            for row, column in zip(rows_due.tolist(), columns_due.tolist(), strict=True)
         ]
 
     def _make_room(self, first: tuple[int, int], end: tuple[int, int]) -> None:

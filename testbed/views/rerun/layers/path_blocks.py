@@ -35,6 +35,12 @@ class PathBlocks:
         self._sent = path
         return [(number, path[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, longest)]
 
+    def extended(self, poses: Pose) -> list[tuple[int, Pose]]:
+        """Number and poses (n, 3) of the blocks that have changed by further poses (k, 3) at the end."""
+        first, path = len(self._sent), np.concatenate([self._sent, poses.reshape(-1, 3)])
+        self._sent = path
+        return [(number, path[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, len(path))]
+
 
 class GrowingPath:
     """A path that never changes but at its end."""

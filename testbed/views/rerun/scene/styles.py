@@ -33,9 +33,9 @@ LINES = {
 }
 """Colour and half the width in points of the screen."""
 PATHS = {
-    entities.TRUE_PATH: (TRUTH, 2.5, Z_TRUTH),
+    entities.TRUE_PATH: (TRUTH, 3.2, Z_TRUTH),
     entities.ODOMETRY_PATH: (ODOMETRY, 1.2, Z_ODOMETRY),
-    entities.PATH: (ESTIMATE, 1.2, Z_ESTIMATE),
+    entities.PATH: (ESTIMATE, 1.0, Z_ESTIMATE),
     **{f"{entities.COMPARE}/{rank}/path": (ESTIMATE, 1.2, Z_ESTIMATE) for rank in entities.RANKS},
 }
 """Colour, half the width in points of the screen, and height [m] of the paths that are sent in blocks."""

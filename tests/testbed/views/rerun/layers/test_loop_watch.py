@@ -14,7 +14,7 @@ def step(loop_length: float = 0.0, at_place: bool = False) -> StepReport:
     """A report of an update."""
     (first,) = snapshots(0.0, particles=2)
     assert first.step is not None
-    return replace(first.step, loop_length=loop_length, loop_at_place=at_place)
+    return replace(first.step, loop_length=loop_length, loop_at_place=at_place, loop_updates=round(2.0 * loop_length))
 
 
 def said(
@@ -27,7 +27,7 @@ def said(
     watch, lines, nothing = LoopWatch(), {}, step()
     for k in range(updates):
         spread = (0.08 if k <= 95 else 0.02) if particles else None
-        lines[k] = watch.update(float(k), 0.5 * k, loops.get(k, nothing), died.get(k, 0), spread)
+        lines[k] = watch.update(float(k), loops.get(k, nothing), died.get(k, 0), spread)
     return {k: texts for k, texts in (lines | {updates: watch.end()}).items() if texts}
 
 

@@ -21,6 +21,17 @@ def joined(blocks: dict[int, np.ndarray]) -> np.ndarray:
     return np.concatenate([shown[0], *(block[1:] for block in shown[1:])])
 
 
+@given(st.lists(st.integers(0, 450), min_size=1, max_size=6), st.integers(0, 2**32 - 1))
+def test_a_path_that_is_extended_is_sent_as_the_whole_path_would_be(counts: list[int], seed: int) -> None:
+    rng, path, extended, whole = np.random.default_rng(seed), np.zeros((0, 3)), PathBlocks(), PathBlocks()
+    for count in counts:
+        more = rng.normal(size=(count, 3))
+        path = np.concatenate([path, more])
+        expected, found = whole.changes(path), extended.extended(more)
+        assert [number for number, _ in found] == [number for number, _ in expected]
+        assert all(np.array_equal(a, b) for (_, a), (_, b) in zip(found, expected, strict=True))
+
+
 @example([(0, 202), (0, 201), (0, 2)], 0)
 @given(st.lists(st.tuples(st.integers(0, 900), st.integers(0, 400)), min_size=1, max_size=6), st.integers(0, 2**32 - 1))
 def test_blocks_show_the_path_whatever_changes(changes: list[tuple[int, int]], seed: int) -> None:
