@@ -236,7 +236,8 @@ def _checked_name(world: str, simulator: SimulatorOptions, draws: list[Draw]) ->
     if world.startswith("generated:"):
         return label(world)
     seeds = RunSeeds.from_seed(0)
-    loaded = simulator.load_world(world, seeds, SlowProgress("planning a tour"))
+    tour = replace(simulator, route="fixed")  # routes keep as far from walls as the tour
+    loaded = tour.load_world(world, seeds, SlowProgress("planning a tour"))
     announce_world(loaded)
     for possible in with_each_choice(simulator, draws, "robot"):
         check_fits(loaded, possible.simulation(seeds).robot)

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Group, Parameter
 
-from testbed.formats.commands import read_commands
+import worlds
 from testbed.presets import LidarPreset, load_lidar, load_robot
 from testbed.presets.models import MAX_BEAMS
 from testbed.seeds import RunSeeds
@@ -20,7 +20,7 @@ from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simula
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
 from testbed.simulation.simulator import TOUR_CLEARANCE
-from worlds import World, add_clutter, is_map, load, map_image, plan_tour, random_route, stops_route
+from worlds import World
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
@@ -111,36 +111,40 @@ class SimulatorOptions:
         # A recorded drive begins where the drive began that its commands are from.
         on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route != "fixed")
         if world.tour is None and on_tour:
-            world = plan_tour(world, footprint_radius=clearance, progress=progress)
+            world = worlds.plan_tour(world, footprint_radius=clearance, progress=progress)
         if (
             self.route == "stops" and on_tour
         ):  # before the clutter, which keeps off this drive: it does not change the path
-            world = stops_route(world, np.random.default_rng(seeds.route), clearance=clearance)
+            world = worlds.stops_route(world, np.random.default_rng(seeds.route), clearance=clearance)
         if self.clutter:
-            world = add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
+            world = worlds.add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
         if self.route == "random" and on_tour:
-            world = random_route(world, np.random.default_rng(seeds.route))
+            world = worlds.random_route(world, np.random.default_rng(seeds.route))
         return world
 
     def recorded_commands(self) -> list[Command] | None:
         """Return the commands of `commands`; None if no file is given."""
-        return None if self.commands is None else read_commands(self.commands)
+        if self.commands is None:
+            return None
+        from testbed.formats.commands import read_commands  # here: it needs the readers of all formats
+
+        return read_commands(self.commands)
 
     def files(self, world: str) -> list[Path]:
         """Return the user's files among world, robot, lidars and commands, with the image of a ROS map."""
         named = [Path(name) for name in (world, self.robot, *self.lidars, self.commands) if name is not None]
         files = [path for path in named if path.is_file()]
-        return files + [map_image(path) for path in files[:1] if path == Path(world) and is_map(path)]
+        return files + [worlds.map_image(path) for path in files[:1] if path == Path(world) and worlds.is_map(path)]
 
 
 def _load(name: str) -> World:
     """Load a world; those without a file of the user cannot change, so that the last one is kept."""
-    return load(name) if is_map(name) or name.endswith(".toml") else _load_named(name)
+    return worlds.load(name) if worlds.is_map(name) or name.endswith(".toml") else _load_named(name)
 
 
 @lru_cache(maxsize=1)
 def _load_named(name: str) -> World:
-    return load(name)
+    return worlds.load(name)
 
 
 SIMULATOR = SimulatorOptions()
