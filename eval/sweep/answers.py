@@ -7,33 +7,41 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from eval.sweep.decision import MAX_UNITS, Decision, Kind
+from eval.sweep.decision import Decision, Kind
+from eval.sweep.measure import Unit
+from eval.sweep.outlook import chance_words, typical_outlook
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import min_values, wilson_interval
+from eval.sweep.statistics import Interval, min_values, wilson_interval
 from eval.sweep.summary import SweepSummary
 
 MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
 """Colour of an answer, as the templates name them."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Answer:
     """What a sweep says of one world, or one kind of building, with one filter."""
 
     place: str
     """Name of the world or log; for a kind of building with the number of worlds."""
     line: str
+    scope: str = ""
+    """What the answer rests on: `10 routes`; empty for logs."""
     kind: Kind
     short: str
     """Text for a table: `5`, `more than 15`, `undecided`."""
+    panel: str
+    """Text for the title of a panel: `5 are enough`, `15 undecided`."""
     headline: str
     """Sentence for a person who looks for ten seconds: `5 particles are enough`."""
     detail: str
     """The figures behind it."""
-    promise: str = ""
-    """How far a count that is enough may be worse, and how often it may fail."""
-    scope: str = ""
-    """What the answer rests on: `10 routes`; empty for logs."""
+    difference: str = ""
+    """Which count was compared with the largest one, the difference, and the margin."""
+    risk: str = ""
+    """How often a count that is enough failed, and may fail."""
+    needs: str = ""
+    """How many seeds would tell, where the answer is open."""
 
     @property
     def mark(self) -> str:
@@ -41,21 +49,44 @@ class Answer:
         return MARKS[self.kind]
 
     @property
-    def short_with_noun(self) -> str:
-        """Text for the title of a panel: `5 are enough`."""
-        is_enough = f"{self.short} {'is' if self.short == '1' else 'are'} enough"
-        return is_enough if self.kind == "enough" else "no count works" if self.kind == "fails" else self.short
-
-    @property
     def sentence(self) -> str:
         """All of it: `office, 10 routes: 5 particles are enough (2.4 cm; 30 give 2.2 cm).`"""
-        detail = f" ({self.detail})" if self.detail else ""
-        return f"{self.name}: {self.headline}{detail}."
+        more = "; ".join(filter(None, (self.detail, self.difference if self.kind == "undecided" else "", self.needs)))
+        return f"{self.name}: {self.headline}{f' ({more})' if more else ''}."
 
     @property
     def name(self) -> str:
         """The world with what its answer rests on: `office, 10 routes`."""
         return f"{self.place}, {self.scope}" if self.scope else self.place
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A decision with what is needed to put it into words."""
+
+    table: SweepTable
+    decision: Decision
+    median: Callable[[int], float]
+    """Median error of a count."""
+    failed_of: Callable[[int], tuple[int, int]]
+    """Failed runs, and runs, of a count."""
+    unit: str
+    """seed or world."""
+    given_up: bool
+    """Whether no more seeds are added, since they would hardly tell."""
+
+    @property
+    def largest(self) -> int:
+        return self.table.counts[-1]
+
+    @property
+    def shown_in(self) -> Unit:
+        return self.table.measure.unit(self.median(self.largest))
+
+    def gives(self, count: int) -> str:
+        value = self.median(count)
+        unit = self.table.measure.unit(value)
+        return f"{unit.text(value)} {unit.name}".strip() if math.isfinite(value) else "no result"
 
 
 def answers(summary: SweepSummary, line: str) -> list[Answer]:
@@ -69,20 +100,20 @@ def answers(summary: SweepSummary, line: str) -> list[Answer]:
 
 def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
     """The answer for one world."""
-    decision = summary.decision(place, line)
 
     def failed_of(count: int) -> tuple[int, int]:
         group = summary.group(place, line, count)
         return group.failures, group.runs
 
-    return _answer(
-        summary,
-        decision,
-        (place, line, _scope(summary.table, [place], line)),
-        median=lambda count: summary.group(place, line, count).median.value,
-        failed_of=failed_of,
-        unit="seed",
+    case = _Case(
+        summary.table,
+        summary.decision(place, line),
+        lambda count: summary.group(place, line, count).median.value,
+        failed_of,
+        "seed",
+        summary.table.given_up([place], line),
     )
+    return _answer(case, place, line, _scope(summary.table, [place], line))
 
 
 def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
@@ -94,52 +125,56 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
         groups = [summary.group(place, line, count) for place in worlds]
         return sum(group.failures for group in groups), sum(group.runs for group in groups)
 
-    return _answer(
-        summary,
+    case = _Case(
+        table,
         summary.decision_of_family(family, line),
-        (f"{family}, {len(worlds)} worlds", line, _scope(table, worlds, line)),
-        median=lambda count: summary.median_of_family(family, line, count),
-        failed_of=failed_of,
-        unit="world",
+        lambda count: summary.median_of_family(family, line, count),
+        failed_of,
+        "world",
+        table.given_up(worlds, line),
     )
+    return _answer(case, f"{family}, {len(worlds)} worlds", line, _scope(table, worlds, line))
 
 
-def _answer(
-    summary: SweepSummary,
-    decision: Decision,
-    names: tuple[str, str, str],
-    *,
-    median: Callable[[int], float],
-    failed_of: Callable[[int], tuple[int, int]],
-    unit: str,
-) -> Answer:
-    table = summary.table
-    largest = table.counts[-1]
-    place, line, scope = names
-
-    def gives(count: int) -> str:
-        value = median(count)
-        unit_of_value = table.measure.unit(value)
-        return f"{unit_of_value.text(value)} {unit_of_value.name}".strip() if math.isfinite(value) else "no result"
-
-    count, kind, promise = decision.count, decision.kind, ""
-    if kind == "enough":
+def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
+    decision, count, largest = case.decision, case.decision.count, case.largest
+    risk = difference = needs = panel = ""
+    if decision.kind == "enough":
         assert count is not None
-        short, headline = str(count), f"{particles(count)} {'is' if count == 1 else 'are'} enough"
-        detail = f"{gives(count)}; {largest} give {gives(largest)}{_below(decision, table.counts, unit)}"
-        promise = f"{_margin(decision, table, median(largest))}; {_failed(*failed_of(count), table.level)}"
-    elif kind == "more":
+        short, are = str(count), "is" if count == 1 else "are"
+        headline, panel = f"{particles(count)} {are} enough", f"{count} {are} enough"
+        detail = f"{case.gives(count)}; {largest} give {case.gives(largest)}"
+        difference, needs = _difference(case, case.table.counts.index(count)), _lower_counts(case)
+        risk = _failed(*case.failed_of(count), case.table.level)
+    elif decision.kind == "more":
         assert count is not None
         short, headline = f"more than {count}", f"more than {particles(count)}"
-        detail = f"{count} {_give(count)} {gives(count)}, {largest} give {gives(largest)}; more were not tested"
-    elif kind == "fails":
-        short, headline = "none works", f"no tested count works, up to {particles(largest)}"
-        failures, runs = failed_of(largest)
+        detail = f"{count} {_give(count)} {case.gives(count)}, {largest} give {case.gives(largest)}"
+        detail += "; more were not tested"
+        difference = _difference(case, len(decision.states) - 1)
+    elif decision.kind == "fails":
+        short, panel, headline = "none works", "no count works", f"no tested count works, up to {particles(largest)}"
+        failures, runs = case.failed_of(largest)
         detail = f"{largest} {_fail(largest)} in {failures} of {runs} runs"
     else:
-        short, headline = "undecided", f"undecided with {_count(decision.units, unit)}"
-        detail = _would_tell(decision, unit, table.level)
-    return Answer(place, line, kind, short, headline, detail, promise, scope)
+        short, headline = "undecided", f"undecided with {_count(decision.units, case.unit)}"
+        detail, needs = _what_is_open(case), _needs(case)
+        if decision.largest_open is not None:
+            difference = _difference(case, decision.largest_open)
+            panel = f"{case.table.counts[decision.largest_open]} undecided"
+    return Answer(
+        place=place,
+        line=line,
+        scope=scope,
+        kind=decision.kind,
+        short=short,
+        panel=panel or short,
+        headline=headline,
+        detail=detail,
+        difference=difference,
+        risk=risk,
+        needs=needs,
+    )
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
@@ -154,43 +189,85 @@ def particles(count: int) -> str:
     return _count(count, "particle")
 
 
-def _below(decision: Decision, counts: tuple[int, ...], unit: str) -> str:
-    """What is known of the counts below the one that is enough."""
-    assert decision.count is not None
-    lower = decision.states[: counts.index(decision.count)]
-    still_open = [str(count) for count, state in zip(counts, lower, strict=False) if state == "open"]
-    if not still_open:
+def _difference(case: _Case, c: int) -> str:
+    """`15 against 30: +0.57 cm [-0.20, +1.24], margin 0.5 cm`; c: index of the count."""
+    difference = case.decision.differences[c]
+    pair = f"{case.table.counts[c]} against {case.largest}"
+    shown = difference_words(difference, case.shown_in)
+    return f"{pair}: {shown}, {_margin(case)}" if shown else ""
+
+
+def difference_words(difference: Interval, unit: Unit) -> str:
+    """A difference with its interval; for fewer runs than an interval needs, the range of the runs. Empty for none."""
+    if not difference.count:
         return ""
-    would_tell = decision.needed is not None and decision.needed > decision.units
-    return f"; {still_open[-1]} may be enough too" + (f", {decision.needed} {unit}s would tell" if would_tell else "")
+    value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
+    digits = 2 if max(abs(v) for v in (value, low, high) if math.isfinite(v)) < 10.0 else 1
+    name = f" {unit.name}" if unit.name else ""
+    if difference.count == 1:
+        return f"{value:+.{digits}f}{name} in one run"
+    if difference.count < min_values():
+        return f"{low:+.{digits}f} to {high:+.{digits}f}{name} in {difference.count} runs"
+    return f"{value:+.{digits}f}{name} [{low:+.{digits}f}, {high:+.{digits}f}]"
 
 
-def _margin(decision: Decision, table: SweepTable, error: float) -> str:
-    """How much worse than the largest count the one that is enough may be; the part that decided comes first."""
-    share = f"{100.0 * decision.limit / error:.0f} %"
-    if table.measure.key.endswith("_m"):
-        millimetres = 1e3 * decision.limit
-        absolute = f"{millimetres:.0f} mm" if millimetres >= 10.0 else f"{millimetres:.2g} mm"
-    else:
-        absolute = f"{decision.limit:.2g}"
-    is_share = decision.limit > table.margin.floor
-    return f"At most {share} ({absolute}) worse" if is_share else f"At most {absolute} ({share}) worse"
+def _margin(case: _Case) -> str:
+    """The margin that counts here: `margin 0.5 cm`, `margin 1.2 cm (10 %)`."""
+    limit, margin, unit = case.decision.limit, case.table.margin, case.shown_in
+    shown = f"{unit.factor * limit:.2g}" if unit.factor * limit < 100.0 else f"{unit.factor * limit:.0f}"
+    text = f"margin {shown} {unit.name}".strip()
+    return f"{text} ({100.0 * margin.share:g} %)" if limit > margin.floor else text
+
+
+def _what_is_open(case: _Case) -> str:
+    """Which counts are known to be as good as the largest, and what keeps the answer open."""
+    states, counts, c = case.decision.states, case.table.counts, case.decision.largest_open
+    if c is None:
+        return "only one count was tested" if len(counts) == 1 else ""
+    good = [str(count) for count, state in zip(counts, states, strict=False) if state == "good"]
+    parts = []
+    if good:
+        words = f"{' and '.join(good)} {'is' if len(good) == 1 else 'are'} as good as {case.largest}"
+        parts.append(f"{words}, but {counts[c]} is open, so there is no answer yet")
+    if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
+        (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)
+        parts.append(f"{counts[c]} failed in {failed} of {runs} runs, {case.largest} in {base} of {of}")
+    return "; ".join(parts)
+
+
+def _needs(case: _Case) -> str:
+    """How many seeds would tell; for kinds of buildings, how many worlds."""
+    decision, table = case.decision, case.table
+    if decision.largest_open is None:
+        return ""
+    few = decision.units < min_values()
+    if decision.outlook is None:
+        usual = typical_outlook(level=table.level, margin=table.margin)
+        return f"usually {usual.words(case.unit)} tell" if few else "how many would tell cannot be said"
+    words = f"{decision.outlook.words(case.unit)} would tell"
+    if few:
+        words += f" (rough: it is estimated from {_count(decision.units, case.unit)})"
+    bound = len(table.seeds)
+    if case.unit == "world" or not table.is_sequential or bound <= decision.units:
+        return words
+    chance = f"with {bound} the chance of an answer is {chance_words(decision.outlook.chance(bound))}"
+    return f"{words}; {chance}" + (", so no more seeds are added" if case.given_up else "")
+
+
+def _lower_counts(case: _Case) -> str:
+    """What is known of the counts below the one that is enough."""
+    decision = case.decision
+    if decision.largest_open is None:
+        return ""
+    count = case.table.counts[decision.largest_open]
+    words = f"{count} may be enough too"
+    return words if decision.outlook is None else f"{words}: {decision.outlook.words(case.unit)} would tell"
 
 
 def _failed(failures: int, runs: int, level: float) -> str:
     """How many runs failed, and how many could in the long run."""
     seen = f"{failures} of {runs} runs failed" if failures else f"no failure in {_count(runs, 'run')}"
     return f"{seen} (a rate up to {100.0 * wilson_interval(failures, runs, level=level)[1]:.0f} % is possible)"
-
-
-def _would_tell(decision: Decision, unit: str, level: float) -> str:
-    fewest = min_values(level)
-    if decision.needed is not None:
-        cannot = f"; fewer than {fewest} cannot" if decision.units < fewest else ""
-        return f"about {_count(decision.needed, unit)} would probably tell{cannot}"
-    if decision.units < fewest:
-        return f"fewer than {_count(fewest, unit)} cannot tell"
-    return f"the difference is close to the limit: more than {MAX_UNITS} {unit}s would be needed"
 
 
 def _count(number: int, noun: str) -> str:

@@ -4,21 +4,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import bdtrc, stdtrit
+from scipy.special import bdtrc
 
 from eval.sweep.margin import MARGIN, Margin
-from eval.sweep.statistics import LEVEL, POWER, Interval, min_values, paired_difference
+from eval.sweep.outlook import Outlook, outlook_of
+from eval.sweep.statistics import LEVEL, Interval, min_values, paired_difference
 
 State = Literal["good", "worse", "open"]
 """A count compared with the largest one: not worse by more than the margin, worse by more, or not known."""
 Kind = Literal["enough", "more", "fails", "undecided"]
-MAX_UNITS = 200
-"""More seeds or worlds than this are not suggested."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +35,15 @@ class Decision:
     """Independent runs of the largest count with a result: seeds, or worlds for a kind of building."""
     limit: float
     """How much larger an error may be than that of the largest count, in the unit of the measure; NaN if unknown."""
-    needed: int | None
-    """How many seeds or worlds would probably decide the largest open count; None if none is open, or if it cannot be
-    said."""
+    differences: tuple[Interval, ...]
+    """Median paired difference of each count below the largest to it, with the interval that decides."""
+    outlook: Outlook | None
+    """What it would take to decide the largest open count; None if none is open, or if that cannot be said."""
+
+    @property
+    def largest_open(self) -> int | None:
+        """Index of the largest count whose verdict is open; None if there is none."""
+        return next((c for c in reversed(range(len(self.states))) if self.states[c] == "open"), None)
 
 
 def decide(
@@ -95,17 +100,19 @@ def decide_by_differences(
     limit = margin.of(float(np.median(known))) if len(known) else math.nan
     intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in differences]
     states = tuple(_state(interval, limit, failures[c], failures[-1], level) for c, interval in enumerate(intervals))
-    open_counts = [c for c, state in enumerate(states) if state == "open"]
-    needed = units_to_decide(intervals[open_counts[-1]], limit, level=level) if open_counts else None
     kind, count = _answer(counts, states, failures[-1])
-    return Decision(
-        kind=kind,
-        count=count,
-        states=states,
-        units=len(known),
-        limit=limit,
-        needed=needed,
-    )
+    decision = Decision(kind, count, states, len(known), limit, tuple(intervals), None)
+    return replace(decision, outlook=_outlook(decision, level))
+
+
+def _outlook(decision: Decision, level: float) -> Outlook | None:
+    """The outlook of the largest open count; none where not the error but more failures keep it open."""
+    c = decision.largest_open
+    if c is None:
+        return None
+    difference = decision.differences[c]
+    is_small_enough = difference.count >= min_values(level) and difference.high < decision.limit
+    return None if is_small_enough else outlook_of(difference, decision.limit, level=level)
 
 
 def _answer(counts: tuple[int, ...], states: tuple[State, ...], failed: NDArray[np.float64]) -> tuple[Kind, int | None]:
@@ -135,24 +142,6 @@ def _state(
     if difference.low > limit:
         return "worse"
     return "good" if difference.high < limit and np.nansum(failed) <= np.nansum(base) else "open"
-
-
-def units_to_decide(difference: Interval, limit: float, *, level: float = LEVEL) -> int | None:
-    """How many seeds would show with probability `POWER` on which side of a limit a difference lies.
-
-    It is assumed that they vary as those at hand do. None if that cannot be said: from fewer than two values, or beyond
-    `MAX_UNITS` because the difference is too close to the limit.
-    """
-    fewest = min_values(level)
-    if difference.count < 2 or not math.isfinite(limit):
-        return fewest if difference.count < fewest else None
-    gap = abs(limit - difference.value)
-    deviation = difference.standard_error * math.sqrt(difference.count)
-    for n in range(max(fewest, difference.count + 1), MAX_UNITS + 1):
-        quantiles = stdtrit(n - 1, 0.5 + 0.5 * level) + stdtrit(n - 1, POWER)
-        if quantiles * deviation / math.sqrt(n) < gap:
-            return n
-    return None
 
 
 def median_over_last(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,12 +26,12 @@ class Margin:
         return max(self.share * error, self.floor)
 
     def words(self, *, is_length: bool) -> str:
-        """`10 % (or 5 mm if that is more)`, `10 %`, `2 mm`; is_length: the measure is in metres."""
+        """`5 mm (10 % where that is more)`, `10 %`, `2 mm`; is_length: the measure is in metres."""
         share = f"{100.0 * self.share:g} %"
         floor = f"{1e3 * self.floor:g} mm" if is_length else f"{self.floor:g}"
         if not self.floor:
             return share
-        return f"{share} (or {floor} if that is more)" if self.share else floor
+        return f"{floor} ({share} where that is more)" if self.share else floor
 
 
 MARGIN = Margin()

@@ -3,17 +3,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
-from eval.sweep.remarks import described
+from eval.sweep.remarks import described, margin_words
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
 MARK = "*"
-"""Marks the number of runs where it is too small for an answer."""
+"""Marks the number of runs where it is too small for an interval."""
 
 
 def markdown_table(summary: SweepSummary) -> str:
@@ -51,7 +53,7 @@ def _content(summary: SweepSummary) -> tuple[list[str], list[list[list[str]]]]:
             [
                 place,
                 str(count),
-                _marked_runs(panel.runs[:, c], table.level),
+                _marked_runs(panel.runs[:, c]),
                 *(_cell(panel, k, c, summary.unit) for k in range(len(table.lines))),
             ]
             for c, count in enumerate(table.counts)
@@ -71,21 +73,23 @@ def _caption(summary: SweepSummary) -> str:
     over = "the runs (one per seed)"
     if table.family_names():
         over += ", over the worlds for a kind of building"
-    fewest = min_values(table.level)
+    few, runs = min_values(), [int(n) for n in table.ran.sum(axis=-1).ravel()]
+    brackets = "95 % bootstrap interval" if max(runs, default=0) >= few else "range"
     sentences = [
         f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
-        "95 % bootstrap interval in brackets, failed runs in parentheses where there are any.",
-        f"Enough: with 95 % confidence at most {table.margin_words} worse than {table.counts[-1]} particles.",
+        f"{brackets} in brackets, failed runs in parentheses where there are any.",
+        f"Enough: with 95 % confidence at most {margin_words(summary)} worse than {table.counts[-1]} particles.",
     ]
-    if int(table.ran.sum(axis=-1).min()) < fewest:
+    if min(runs, default=0) < few:
         sentences.append(
-            f"{MARK} Fewer than {fewest} runs: the interval is rough, and no count can be shown to be enough."
+            f"{MARK} Fewer than {few} runs: the brackets hold the smallest and the largest run, and no count can be "
+            "shown to be enough."
         )
     return " ".join([*sentences, described(table)])
 
 
-def _marked_runs(runs: NDArray[np.int64], level: float) -> str:
-    return runs_text(runs) + (f" {MARK}" if int(np.min(runs)) < min_values(level) else "")
+def _marked_runs(runs: NDArray[np.int64]) -> str:
+    return runs_text(runs) + (f" {MARK}" if int(np.min(runs)) < min_values() else "")
 
 
 def runs_text(runs: NDArray[np.int64]) -> str:
@@ -95,8 +99,10 @@ def runs_text(runs: NDArray[np.int64]) -> str:
 
 
 def _cell(panel: Panel, k: int, c: int, unit: Unit) -> str:
-    """Text of one group: median, interval, failures."""
+    """Text of one group: median, interval (for fewer units than one needs: range), failures."""
     m = bootstrap_interval(panel.error[k, c], np.median)
+    if 1 < m.count < min_values():
+        m = replace(m, low=float(np.nanmin(panel.error[k, c])), high=float(np.nanmax(panel.error[k, c])))
     if m.count == 0:
         return "-"
     digits = _digits(unit.factor * m.value)

@@ -28,7 +28,7 @@ from eval.sweep.decision import median_over_last
 from eval.sweep.margin import Margin
 from eval.sweep.panels import Panel, panels
 from eval.sweep.results import CURVE_GRID, SweepTable
-from eval.sweep.statistics import bootstrap_interval, wilson_interval
+from eval.sweep.statistics import bootstrap_interval, min_values, wilson_interval
 from eval.sweep.summary import SweepSummary
 
 WIDTHS = (3.5, 5.3, 7.16)
@@ -263,7 +263,7 @@ def _label(ax: Axes, panel: Panel, x: str, y: str) -> None:
 
 def _write_answer(ax: Axes, answer: Answer) -> None:
     """Write the answer above the right end of a panel."""
-    ax.set_title(answer.short_with_noun, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
+    ax.set_title(answer.panel, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
 
 
 def _draw_legend(figure: Figure, axes: Any, lines: int, columns: int) -> None:
@@ -289,10 +289,12 @@ def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float, margin: Mar
 
 
 def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], colour: str, label: str) -> None:
-    """Medians over the units (counts, units), joined, with their 95 % intervals as a band."""
+    """Medians over the units (counts, units), joined, with their 95 % intervals as a band; no band for a few runs."""
     intervals = [bootstrap_interval(row, np.median) for row in runs]
     ax.plot(x, [interval.value for interval in intervals], "-", lw=1.4, color=colour, label=label, zorder=3)
-    ax.fill_between(x, [i.low for i in intervals], [i.high for i in intervals], color=colour, alpha=0.18, lw=0)
+    ends = np.array([(i.low, i.high) if i.count >= min_values() else (np.nan, np.nan) for i in intervals])
+    low, high = ends.T
+    ax.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
 
 
 def _draw_states(
@@ -309,10 +311,19 @@ def _draw_states(
 def _draw_units(
     ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], colour: str, limits: tuple[float, float]
 ) -> None:
-    """Draw every unit (counts, units) as a faint dot; those above the axis as a triangle at its end."""
+    """Draw every unit (counts, units) as a dot, faint where a band shows their spread; a triangle above the axis."""
     places, values = np.repeat(x, runs.shape[1]), runs.ravel()
     above = values > limits[1]
-    ax.plot(places[~above], values[~above], "o", ms=2.2, mew=0, alpha=0.35, color=colour)
+    are_few = np.isfinite(runs).sum(axis=1).max(initial=0) < min_values()
+    ax.plot(
+        places[~above],
+        values[~above],
+        "o",
+        ms=3.2 if are_few else 2.2,
+        mew=0,
+        alpha=0.6 if are_few else 0.35,
+        color=colour,
+    )
     ax.plot(places[above], np.full(above.sum(), limits[1]), "^", ms=3.0, mew=0, alpha=0.5, color=colour, clip_on=False)
 
 

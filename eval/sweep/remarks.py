@@ -6,10 +6,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.sweep.answers import particles
+from eval.sweep.margin import Margin
 from eval.sweep.results import SweepTable
 from eval.sweep.summary import SweepSummary
 
 FIXED = "all seeds drive the same route, with other noise"
+MAX_NAMED = 3
+"""At most so many worlds are named in a sentence."""
 MIN_INSIDE = 0.8
 """A filter whose 95 % ellipsoid holds the truth in less than this share of the updates is called overconfident."""
 
@@ -53,19 +57,39 @@ def real_time(summary: SweepSummary) -> str:
 
 
 def overconfidence(summary: SweepSummary) -> str:
-    """Whether the covariance of the baseline can be trusted, by the smallest and the largest count; empty if it can."""
+    """Whether the covariance of the baseline can be trusted, by the largest count; empty if it can."""
     table = summary.table
     base = table.lines.index(table.baseline)
     inside = table.cube("filter.consistency.inside_share")[:, base]
-    largest = _ends(inside[:, -1])
-    if largest is None or largest[0] >= MIN_INSIDE:
+    shares = [row[np.isfinite(row)] for row in inside[:, -1]]
+    known = [(float(np.median(row)), place) for row, place in zip(shares, table.places, strict=True) if len(row)]
+    if not known or min(known)[0] >= MIN_INSIDE:
         return ""
-    smallest = _ends(inside[:, 0])
-    least = "" if smallest is None or len(table.counts) == 1 else f"{_range(smallest)} with {table.counts[0]} and at "
-    by_world = ", by world" if len(table.places) > 1 else ""
+    if len(table.places) == 1:
+        where = f"{100.0 * known[0][0]:.0f} %"
+    elif len(known) <= MAX_NAMED:
+        where = " and ".join(f"{100.0 * share:.0f} % ({place})" for share, place in sorted(known))
+    else:
+        where = f"{100.0 * min(known)[0]:.0f} to {100.0 * max(known)[0]:.0f} %, by world"
     return (
         "The filter is overconfident: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "
-        f"it does at {least}{_range(largest)} with {table.counts[-1]} particles{by_world}."
+        f"with {particles(table.counts[-1])} it does at {where}."
+    )
+
+
+def margin_words(summary: SweepSummary) -> str:
+    """The margin that counts in each world: `5 mm`, or with the worlds where the share of the error is larger."""
+    table = summary.table
+    decisions = {place: summary.decision(place, table.baseline) for place in table.places}
+    shares = [place for place, d in decisions.items() if np.isfinite(d.limit) and d.limit > table.margin.floor]
+    share = f"{100.0 * table.margin.share:g} %"
+    if not table.margin.floor or len(shares) == len(decisions):
+        return share
+    floor = Margin(0.0, table.margin.floor).words(is_length=table.measure.key.endswith("_m"))
+    if not table.margin.share or not shares:
+        return floor
+    return (
+        f"{floor} ({share} where that is more: {', '.join(shares)})" if len(shares) <= MAX_NAMED else table.margin_words
     )
 
 
@@ -73,17 +97,6 @@ def _slowest(factors: NDArray[np.float64]) -> float:
     """Smallest median over the seeds, of factors (places, seeds); NaN if none is known."""
     medians = [float(np.median(row[np.isfinite(row)])) for row in factors if np.isfinite(row).any()]
     return min(medians, default=np.nan)
-
-
-def _ends(shares: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Smallest and largest median over the seeds, of shares (places, seeds); None if none is known."""
-    medians = [float(np.median(row[np.isfinite(row)])) for row in shares if np.isfinite(row).any()]
-    return (min(medians), max(medians)) if medians else None
-
-
-def _range(ends: tuple[float, float]) -> str:
-    low, high = (f"{100.0 * end:.0f}" for end in ends)
-    return f"{low} %" if low == high else f"{low} to {high} %"
 
 
 def _rounded(factor: float) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import base64
 import os
-import shlex
+import tomllib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,17 @@ from matplotlib.figure import Figure
 from eval.files.atomic_write import atomic_write
 from eval.report.page import render
 from eval.sweep import plots as sweep_plots
-from eval.sweep.answers import Answer, answer_of_place, answers
+from eval.sweep.advice import advice
+from eval.sweep.answers import Answer, answer_of_place, answers, difference_words
 from eval.sweep.measure import Unit
 from eval.sweep.paper_tables import latex_table, markdown_table, runs_text
-from eval.sweep.remarks import described, overconfidence, real_time, seeds_change
-from eval.sweep.results import SweepTable, read_sweep
+from eval.sweep.remarks import described, margin_words, overconfidence, real_time, seeds_change
+from eval.sweep.results import GIVEN_UP, SweepTable, read_sweep
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
 
 Draw = Callable[[SweepSummary], Figure]
-PIXELS_PER_INCH = 140
+PIXELS_PER_INCH = 155
 """Scale of the figures on the page: the same for all, so that fonts are equal."""
 
 
@@ -49,7 +50,8 @@ DRAWINGS = (
         "accuracy",
         "Accuracy against particle count",
         sweep_plots.accuracy,
-        "Line: median. Band: 95 % interval of the median. Faint dots: single runs (triangle: above the axis). "
+        "Line: median. Band: 95 % interval of the median (none for fewer than 6 runs). Faint dots: single runs "
+        "(triangle: above the axis). "
         "Green zone: the margin around the largest count, within which more particles do not matter. "
         "Filled marker: shown to be as good as the largest count; cross: shown to be worse; hollow: undecided. "
         "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter.",
@@ -59,8 +61,8 @@ DRAWINGS = (
         "failures",
         "Failed runs",
         sweep_plots.failures,
-        "Runs that ended lost, with broken loops or without a result, of all runs. Pale: the failure rates that are "
-        "compatible with it (95 % Wilson interval).",
+        "Runs that ended lost, with broken loops or without a result, of all runs. Small figures: the failure rates "
+        "that are compatible with it (95 % Wilson interval).",
         is_first=True,
     ),
     Drawing(
@@ -82,13 +84,13 @@ DRAWINGS = (
         "ess",
         "Effective sample size along the run",
         partial(sweep_plots.health, curve="ess", label="effective particles [%]"),
-        "Effective sample size as a share of the particles, for the baseline, median over the runs.",
+        "Effective sample size as a share of the particles, median over the runs.",
     ),
     Drawing(
         "ancestors",
         "Ancestors along the run",
         partial(sweep_plots.health, curve="unique_ancestors", label="unique ancestors [%]"),
-        "Unique ancestors of the current particles as a share of their number, for the baseline, median over the runs. "
+        "Unique ancestors of the current particles as a share of their number, median over the runs. "
         "When one ancestor is left, counting starts again.",
     ),
 )
@@ -136,7 +138,8 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
             with atomic_write(path) as temporary:
                 figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
-    notes = {"accuracy": described(summary.table), "cost": real_time(summary)}
+    of_line = "" if len(summary.table.lines) == 1 else f"Shown for the line {summary.table.baseline}."
+    notes = {"accuracy": described(summary.table), "cost": real_time(summary), "ess": of_line, "ancestors": of_line}
     return ShownFigure(
         drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())), notes.get(drawing.name, "")
     )
@@ -144,6 +147,7 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
 
 def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
     table, unit = summary.table, summary.unit
+    status = table.columns["status"].astype(str)
     return {
         "title": table.title or "Sweep",
         "answers": answers(summary, table.baseline),
@@ -151,20 +155,33 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "worlds": _single_worlds(summary),
         "table": table,
         "unit": unit,
-        "missing": int((table.columns["status"].astype(str) == "missing").sum()),
-        "without_result": int((table.columns["status"].astype(str) == "failed").sum()),
+        "missing": int((status == "missing").sum()),
+        "without_result": int((status == "failed").sum()),
         "failed": int(table.failed.sum()),
         "runs": int(table.ran.sum()),
         "routes": seeds_change(table),
         "seeds": runs_text(table.ran.any(axis=(1, 2)).sum(axis=-1)),
-        "extend": _extend(summary, folder),
+        "advice": advice(summary, str(folder), os.cpu_count() or 1),
+        "workers": os.cpu_count() or 1,
+        "margins": margin_words(summary),
+        "given_up": int((status == GIVEN_UP).sum()),
+        "commit": _commit(folder),
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
         "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
         "level": LEVEL,
         "power": POWER,
         "min_seeds": min_values(table.level),
+        "fewest": min_values(),
         "confidence": overconfidence(summary),
     }
+
+
+def _commit(folder: Path) -> str:
+    """The commit of the code that computed the runs, from sweep.toml; empty if it is unknown."""
+    try:
+        return str(tomllib.loads((folder / "sweep.toml").read_text(encoding="utf-8")).get("commit", ""))
+    except (OSError, ValueError):
+        return ""
 
 
 def _other_lines(summary: SweepSummary) -> list[tuple[str, list[str]]]:
@@ -187,24 +204,6 @@ def _single_worlds(summary: SweepSummary) -> list[Answer]:
     ]
 
 
-def _extend(summary: SweepSummary, folder: Path) -> str:
-    """The command that adds the seeds which open answers need; empty if none is open or if that cannot be said.
-
-    Where jobs of the sweep are still to be computed it is the one that completes it.
-    """
-    table = summary.table
-    decisions = [summary.decision(place, table.baseline) for place in table.places]
-    fewest = min_values(table.level)
-    wanted = [d.needed or fewest for d in decisions if d.kind == "undecided" and (d.needed or fewest) > d.units]
-    if not wanted or table.family_names() or table.seeds != tuple(range(len(table.seeds))):
-        return ""
-    words = ["testbed", "sweep", "--out", str(folder)]
-    if max(wanted) > len(table.seeds):
-        return shlex.join([*words, "--seeds", str(max(wanted)), "--until", "decided"])
-    is_complete = np.isin(table.columns["status"].astype(str), ("done", "failed", "not needed")).all()
-    return "" if is_complete else shlex.join(words)
-
-
 def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | None:
     """Row of the differences to the baseline and to the largest count; None if there are none."""
     if group.to_baseline is None and group.to_largest is None:
@@ -214,14 +213,11 @@ def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | N
 
 
 def _difference(interval: Interval | None, unit: Unit) -> str:
-    """A difference with its interval, and a star if the interval excludes 0."""
+    """A difference with its interval, and a star if the interval excludes 0; the range for too few runs."""
     if interval is None or interval.count == 0:
         return "–"
-    text = f"{unit.factor * interval.value:+.2f}"
-    if interval.count < 2:
-        return text
-    star = "" if interval.contains(0.0) or interval.count < min_values() else " *"
-    return f"{text} [{unit.factor * interval.low:+.2f}, {unit.factor * interval.high:+.2f}]{star}"
+    star = "" if interval.count < min_values() or interval.contains(0.0) else " *"
+    return difference_words(interval, replace(unit, name="")) + star
 
 
 def _shown_worst(folder: Path, table: SweepTable) -> list[WorstRun]:

@@ -27,6 +27,8 @@ CURVE_GRID = np.linspace(0.02, 1.0, 50)
 CURVES = ("ess", "unique_ancestors", "nees")
 _OLD_NAMES = {"founders": "unique_ancestors"}
 """Columns as versions up to 0.1 name them; they are still read."""
+GIVEN_UP = "given up"
+"""Status of jobs that would hardly help to find an answer that is open."""
 _TIMINGS = ("filter_s", "cell_s")
 
 
@@ -115,6 +117,16 @@ class SweepTable:
         is_random = np.isin(self.columns.get("setting.route", unknown).astype(str), ("random", "stops"))
         seeds_that_ran = self.ran[:, line].any(axis=1).sum(axis=-1)
         return sum(int(seeds_that_ran[p] if is_random[p, line].any() else min(seeds_that_ran[p], 1)) for p in places)
+
+    @property
+    def is_sequential(self) -> bool:
+        """Whether the results are looked at several times (`--until decided`)."""
+        return self.level > LEVEL
+
+    def given_up(self, places: Iterable[str], line: str) -> bool:
+        """Whether the sweep adds no more seeds in these places although the answer is open."""
+        rows = [self.places.index(place) for place in places]
+        return bool((self.columns["status"][rows, self.lines.index(line)].astype(str) == GIVEN_UP).any())
 
     @property
     def margin_words(self) -> str:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from eval.sweep.report import write_sweep_report
@@ -10,6 +11,7 @@ from eval.sweep.results import read_sweep
 from eval.sweep.summary import worst_runs
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
 from testbed.cli.shared.status import GATE_FAILED
+from testbed.cli.shared.sweep_answers import say_answers
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.compute import check_inputs
 from testbed.sweep.gather import gather as gather_tables
@@ -50,7 +52,9 @@ def gather_and_report(directory: SweepDirectory, *, worst: bool, lists_missing: 
         _rerun_worst(directory)
     if gathered.done:
         console.print("writing the report …")
-        results.print(f"report: {write_sweep_report(directory.path).resolve()}")
+        page = write_sweep_report(directory.path).resolve()
+        say_answers(directory.path, partial(results.print, markup=False))
+        results.print(f"report: {page}")
     return 0 if gathered.complete else GATE_FAILED
 
 

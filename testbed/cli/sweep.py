@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+from eval.sweep.job_times import duration_words
 from eval.sweep.measure import Measure
 from eval.sweep.regression_check import compare_with_baseline, write_baseline
 from eval.sweep.results import read_sweep
@@ -16,15 +19,20 @@ from testbed.cli.gather import gather_and_report
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.output import FLAG
 from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
-from testbed.cli.shared.sweep_announcement import announce
+from testbed.cli.shared.sweep_announcement import Work, announce, done_so_far
+from testbed.cli.shared.sweep_looks import say_look
 from testbed.cli.shared.sweep_options import EXECUTION, REGRESSION, REQUEST, Execution, RegressionOptions, SweepOptions
-from testbed.cli.shared.sweep_progress import sweep_progress
+from testbed.cli.shared.sweep_progress import Stage, SweepProgress, sweep_progress
 from testbed.cli.shared.sweep_suggestion import print_suggestion
+from testbed.cli.shared.time_left import TimeLeft
 from testbed.run.run_directory import default_directory
 from testbed.sweep.errors import SweepError
-from testbed.sweep.execute import execute, pending, prepare, unfinished
-from testbed.sweep.looks import needed_cells
+from testbed.sweep.execute import check_code, execute, pending, prepare
+from testbed.sweep.forecast import JobTimes, measured_times
+from testbed.sweep.looks import look_at, needed_cells, planned
+from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Costs, Shard
+from testbed.sweep.spec.spec import SweepSpec
 from testbed.sweep.store import SweepDirectory
 
 
@@ -68,23 +76,14 @@ def sweep(
     if part is not None and specification.until:
         raise SweepError("--shard and --until: expected one of them, since a shard does not know the results of others")
     if plan:
-        announce(specification, Costs.of(specification), unfinished(out, specification), execution, is_plan=True)
+        _announce_plan(specification, out, execution)
         return 0
     directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
     with directory.locked(part):
         if execution.scheduler is None:
             announce_compilation()
-        cells = pending(directory, needed_cells(directory), costs, part)
-        announce(specification, costs, cells, execution)
         try:
-            while cells:
-                with sweep_progress(cells, costs, Measure(specification.key_measure), worst=worst) as progress:
-                    execute(directory, cells, execution.executor, progress)
-                tried = {cell.key for cell in cells}
-                more = pending(directory, needed_cells(directory), costs, part)
-                cells = [cell for cell in more if cell.key not in tried] if specification.until else []
-                if cells:
-                    console.print(f"looked at the results: {len(cells)} more jobs where the answer is open")
+            cells = _compute(directory, costs, execution, worst=worst)
         except KeyboardInterrupt:
             return _interrupted(directory, costs, part)
     if part is not None:
@@ -100,12 +99,57 @@ def sweep(
     return max(status, _compare(directory.path, gate.baseline)) if gate.check else status
 
 
+def _announce_plan(spec: SweepSpec, out: Path | None, execution: Execution) -> None:
+    """Say what would be computed; nothing is written."""
+    done = done_so_far(out, spec)
+    plan = planned(out, spec, done)
+    work = Work(spec, Costs.of(spec), plan.needed, plan.possible, plan.next_look, done)
+    announce(work, execution, is_plan=True)
+
+
+def _compute(directory: SweepDirectory, costs: Costs, execution: Execution, *, worst: bool) -> list[Cell]:
+    """Compute the jobs up to each look at the results, until no more are needed; returns those of the first stage."""
+    spec, part, workers = directory.manifest.spec, execution.part, execution.worker_count
+    look = look_at(directory)
+    first = cells = pending(directory, look.needed, costs, part)
+    rest = pending(directory, look.possible, costs, part)
+    done = done_so_far(directory.path, spec)
+    times = announce(Work(spec, costs, cells, rest, look.seeds, done), execution)
+    tried: set[str] = set()
+    while cells:
+        is_last = len(cells) == len(rest)
+        stage = Stage("" if is_last else f"to the look with {look.seeds} seeds", worst=worst and is_last)
+        left = TimeLeft(cells, costs if times is None else times.seconds_of, workers, is_in_seconds=times is not None)
+        progress = SweepProgress(cells, left, Measure(spec.key_measure), stage)
+        if done is not None:
+            progress.note_table(done)
+        with sweep_progress(progress):
+            execute(directory, cells, execution.executor, progress)
+        if not spec.until:
+            break
+        tried |= {cell.key for cell in cells}
+        look = look_at(directory)
+        cells = [cell for cell in pending(directory, look.needed, costs, part) if cell.key not in tried]
+        rest = [cell for cell in pending(directory, look.possible, costs, part) if cell.key not in tried]
+        done = read_sweep(directory.path)
+        times = measured_times(done, rest, costs) or times
+        if cells:
+            say_look(directory, look.seeds, cells, rest, partial(_duration, times, workers))
+            check_code(directory)
+    return first
+
+
+def _duration(times: JobTimes | None, workers: int, cells: Sequence[Cell]) -> str:
+    return "" if times is None else duration_words(times.total(cells, workers))
+
+
 def _interrupted(directory: SweepDirectory, costs: Costs, part: Shard | None) -> int:
     """Leave a report of what there is, and say how to go on."""
     with suppress(KeyboardInterrupt):
         left = len(pending(directory, needed_cells(directory), costs, part))
+        goal = " to the next look" if directory.manifest.spec.until else ""
         console.print(
-            f"interrupted: {left} jobs are left; testbed sweep --out {directory.path} continues with them",
+            f"interrupted: {left} jobs are left{goal}; testbed sweep --out {directory.path} continues with them",
             soft_wrap=True,
         )
         if part is None:

@@ -8,12 +8,13 @@ from contextlib import closing
 from pathlib import Path
 from typing import Protocol
 
+from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.local_pool import Event, Finished
 from testbed.sweep.spec.cell import Cell
-from testbed.sweep.spec.code_version import code_version
-from testbed.sweep.spec.plan import Costs, Shard, by_work, input_digests
+from testbed.sweep.spec.code_version import code_version, commit, current_code_version
+from testbed.sweep.spec.plan import Costs, Shard, input_digests, seed_by_seed
 from testbed.sweep.spec.spec import SweepSpec
-from testbed.sweep.store import MANIFEST, Manifest, SweepDirectory, check_extends
+from testbed.sweep.store import Manifest, SweepDirectory
 
 Executor = Callable[[Sequence[Cell]], Generator[Event, None, None]]
 """Computes cells in their order and yields events: `run_locally` or `run_on_cluster` with their settings bound."""
@@ -33,25 +34,21 @@ def prepare(out: Path, spec: SweepSpec) -> tuple[SweepDirectory, Costs]:
     Raises SweepError, WorldError, PresetError, LogError or OSError for unusable input; nothing is written then.
     """
     costs = Costs.of(spec)
-    return SweepDirectory.prepare(out, Manifest(spec, code_version(), input_digests(spec))), costs
+    return SweepDirectory.prepare(out, Manifest(spec, code_version(), input_digests(spec), commit())), costs
 
 
-def unfinished(out: Path | None, spec: SweepSpec) -> list[Cell]:
-    """The cells of a specification that a directory does not hold yet; all of them if there is no sweep in it.
-
-    Raises SweepError if it holds another sweep. Nothing is written.
-    """
-    manifest = Manifest(spec, code_version(), input_digests(spec))
-    if out is None or not (out / MANIFEST).is_file():
-        return manifest.cells()
-    directory = SweepDirectory.open(out)
-    check_extends(out, directory.manifest, manifest)
-    return [cell for cell in manifest.cells() if not directory.is_done(cell.key)]
+def check_code(directory: SweepDirectory) -> None:
+    """Raise SweepError if the source files have changed since the sweep was started: new workers would load others."""
+    if current_code_version() != directory.manifest.code:
+        raise SweepError(
+            f"{directory.path}: the code has changed while the sweep ran (it was started with "
+            f"{directory.manifest.code_words}); what is done is kept, and the same command goes on with that version"
+        )
 
 
 def pending(directory: SweepDirectory, cells: Sequence[Cell], costs: Costs, shard: Shard | None) -> list[Cell]:
-    """Those of the cells that have no result, the longest first. Cells that failed before are tried again."""
-    cells = by_work(cells, costs)
+    """Those of the cells that have no result, in the order of computation. Cells that failed are tried again."""
+    cells = seed_by_seed(cells, costs)
     if shard is not None:
         cells = shard.of(cells, costs)
     return [cell for cell in cells if not directory.is_done(cell.key)]

@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""How long a sweep will take, from the beginning of a few of its runs."""
+"""How long a sweep will take: from the times of its finished jobs, else from the beginning of a few of its runs."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from eval.sweep.job_times import REPORT_SECONDS
+from eval.sweep.results import SweepTable
 from testbed.sweep.execution.compute import compute
+from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Costs, by_recording
 
@@ -21,8 +28,44 @@ MAX_PROBED = 3
 """So many lidars are measured; further ones are taken to cost as much as the first."""
 MIN_COST = 500.0
 """Sweeps that cost less than this take seconds; measuring them would take as long."""
-REPORT_SECONDS = 8.0
-"""Typical time to start the workers and to make tables and report [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class JobTimes:
+    """Expected time of each job of one core."""
+
+    seconds_of: Callable[[Cell], float]
+    """Time of a job [s], with its share of the simulation of its drive."""
+    source: str
+    """Where the times come from, in words."""
+
+    def total(self, cells: Sequence[Cell], workers: int) -> float:
+        """Time until the report is there [s], if all workers are busy to the end."""
+        return sum(map(self.seconds_of, cells)) / workers + REPORT_SECONDS
+
+
+def measured_times(table: SweepTable, cells: Sequence[Cell], costs: Costs) -> JobTimes | None:
+    """Times of the jobs of these cells by those that are done, by world, line and count; None if none is done.
+
+    Groups without a finished job are taken to need as much time for their predicted work as the others.
+    """
+    seconds = table.cube("cell_s")
+    done = np.isfinite(seconds)
+    means = {
+        (table.places[p], table.lines[k], table.counts[c]): float(np.mean(seconds[p, k, c][done[p, k, c]]))
+        for p, k, c in np.argwhere(done.any(axis=-1))
+    }
+    measured = [cell for cell in cells if (cell.place, cell.line, cell.particles) in means]
+    if not measured:
+        return None
+    work = sum(map(costs, measured))
+    rate = sum(means[cell.place, cell.line, cell.particles] for cell in measured) / work
+
+    def seconds_of(cell: Cell) -> float:
+        known = means.get((cell.place, cell.line, cell.particles))
+        return rate * costs(cell) if known is None else known
+
+    return JobTimes(seconds_of, "from the jobs that are done")
 
 
 @dataclass(frozen=True)
@@ -39,10 +82,28 @@ class Pace:
     """Of the final pass."""
 
 
-def measure_pace(cells: Sequence[Cell], costs: Costs) -> dict[str, Pace] | None:
+def probed_times(cells: Sequence[Cell], costs: Costs, workers: int) -> JobTimes | None:
+    """Times of these jobs by the beginning of some, see `measure_pace`; None where nothing is measured."""
+    paces = measure_pace(cells, costs, workers)
+    if paces is None:
+        return None
+    usual = next(iter(paces.values()))
+    jobs_of_drive = {group[0].place: len(group) for group in by_recording(cells)}
+
+    def seconds_of(cell: Cell) -> float:
+        pace = paces.get(lidar_of(cell), usual)
+        final_pass = pace.final_pass if cell.settings.get("refine", True) else 0.0
+        job = pace.fixed + pace.particle * Costs.filter_work(cell) + final_pass
+        return costs.length(cell) * (pace.simulation / jobs_of_drive.get(cell.place, 1) + job)
+
+    return JobTimes(seconds_of, "from the beginning of a run")
+
+
+def measure_pace(cells: Sequence[Cell], costs: Costs, workers: int) -> dict[str, Pace] | None:
     """Measure how fast runs with each lidar are, by computing the beginning of some in the longest world.
 
-    The result has the pace by lidar; None if there is nothing to simulate, or if the sweep takes seconds only.
+    While one process is measured the other workers compute too, since they share the memory and the cores of the
+    machine. The result has the pace by lidar; None if there is nothing to simulate, or if the sweep takes seconds only.
     """
     simulated = [cell for cell in cells if "world" in cell.source]
     if not simulated or sum(map(costs, cells)) < MIN_COST:
@@ -50,9 +111,30 @@ def measure_pace(cells: Sequence[Cell], costs: Costs) -> dict[str, Pace] | None:
     longest = max(simulated, key=costs.length).place
     of_lidar = {lidar_of(cell): cell for cell in reversed(simulated) if cell.place == longest}
     probed = list(of_lidar)[:MAX_PROBED]
-    _timed(of_lidar[probed[0]], FIRST_DURATION, PROBE_PARTICLES[0])
     refined = any(cell.settings.get("refine", True) for cell in simulated)
-    return {lidar: _pace(of_lidar[lidar], refined=refined) for lidar in probed}
+    with _busy(workers - 1, _probe(of_lidar[probed[0]], PROBE_DURATION, PROBE_PARTICLES[1], refine=False)):
+        _timed(of_lidar[probed[0]], FIRST_DURATION, PROBE_PARTICLES[0])
+        return {lidar: _pace(of_lidar[lidar], refined=refined) for lidar in probed}
+
+
+@contextmanager
+def _busy(number: int, cell: Cell) -> Iterator[None]:
+    """Let so many worker processes compute a cell again and again while the block runs."""
+    workers = [WorkerProcess(Limits()) for _ in range(number)]
+
+    def compute_on(worker: WorkerProcess) -> None:
+        with suppress(CellFailedError):  # stopping the worker ends its last computation
+            while True:
+                worker.compute(cell)
+
+    with ThreadPoolExecutor(max(number, 1)) as threads:
+        for worker in workers:
+            threads.submit(compute_on, worker)
+        try:
+            yield
+        finally:
+            for worker in workers:
+                worker.stop()
 
 
 def lidar_of(cell: Cell) -> str:
@@ -77,25 +159,13 @@ def _pace(cell: Cell, *, refined: bool) -> Pace:
 
 def _timed(cell: Cell, duration: float, particles: int, *, refine: bool = False) -> tuple[float, float]:
     """Time [s] and length of the drive [m] of the first seconds of a run."""
-    duration = min(duration, float(cell.settings.get("duration", duration)))
-    probe = replace(cell, settings={**cell.settings, "duration": duration, "refine": refine}, particles=particles)
+    probe = _probe(cell, duration, particles, refine=refine)
     started = time.perf_counter()
     metrics = compute(probe).metrics
     return time.perf_counter() - started, max(float(metrics["trajectory"]["length_m"]), 0.1)
 
 
-def _per_metre(pace: Pace, cell: Cell) -> float:
-    final_pass = pace.final_pass if cell.settings.get("refine", True) else 0.0
-    return pace.fixed + pace.particle * Costs.filter_work(cell) + final_pass
-
-
-def expected_seconds(cells: Sequence[Cell], costs: Costs, paces: Mapping[str, Pace], workers: int) -> float:
-    """Time until the report is there [s], if all workers are busy to the end."""
-    usual = next(iter(paces.values()))
-    total = 0.0
-    for group in by_recording(cells):
-        pace = paces.get(lidar_of(group[0]), usual)
-        length = costs.length(group[0])
-        total += length * pace.simulation
-        total += sum(length * _per_metre(pace, cell) for cell in group)
-    return total / workers + REPORT_SECONDS
+def _probe(cell: Cell, duration: float, particles: int, *, refine: bool) -> Cell:
+    """The first seconds of a run as a cell."""
+    duration = min(duration, float(cell.settings.get("duration", duration)))
+    return replace(cell, settings={**cell.settings, "duration": duration, "refine": refine}, particles=particles)

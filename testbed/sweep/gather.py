@@ -29,7 +29,8 @@ DESCRIPTIONS = {
     "particles": "particle count",
     "seed": "seed of the simulation and of the filter",
     "status": "done, failed (no result), missing (not computed yet), or with --until: later (needed if the next look "
-    "leaves the answer open), not needed (the answer is known without it)",
+    "leaves the answer open), not needed (the answer is known without it), given up (the answer is open, and it would "
+    "hardly be found with it)",
     "reason": "why there is no result",
     "key": "hash of everything that decides the result; joins sweep, curves and timings",
     "share": "share of the updates that are done, 0 to 1",

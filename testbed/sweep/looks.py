@@ -7,17 +7,50 @@ wrong, so each look uses intervals of the level 1 - 0.05 / J: the error probabil
 by the union bound all looks together are wrong in at most 5 % of cases, however they depend on each other.
 Source: Lan, DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70(3), 1983 (linear spending);
 Bonferroni's bound replaces the joint distribution, which is unknown for bootstrapped medians, and is conservative.
+
+A world that all seeds would decide with a chance below `MIN_CHANCE` gets no more either. That adds no wrong answers:
+stopping can only take away answers (non-binding futility; Spiegelhalter, Freedman, Blackburn 1986).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
-from eval.sweep.results import SweepTable, read_sweep
+from eval.sweep.decision import Decision
+from eval.sweep.results import GIVEN_UP, SweepTable, read_sweep
 from eval.sweep.summary import SweepSummary
 from testbed.sweep.gather import gather
 from testbed.sweep.spec.cell import Cell
-from testbed.sweep.store import SweepDirectory
+from testbed.sweep.spec.code_version import code_version, commit
+from testbed.sweep.spec.plan import input_digests
+from testbed.sweep.spec.spec import SweepSpec
+from testbed.sweep.store import MANIFEST, Manifest, SweepDirectory, check_extends
+
+MIN_CHANCE = 0.1
+"""Seeds are added where all seeds together would decide with at least this chance."""
+Group = tuple[str, str]
+"""A world and a line."""
+Finished = Callable[[Cell], bool]
+"""Whether a cell was computed, with or without a result."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """Where a sweep stands after its last complete look; without `until` all cells are needed."""
+
+    needed: tuple[Cell, ...]
+    """The cells up to the next look, in the order of the tables."""
+    possible: tuple[Cell, ...]
+    """All cells that are needed if no further look finds an answer."""
+    still_open: frozenset[Group]
+    """Worlds and lines whose answer is open and can still be found."""
+    given_up: frozenset[Group]
+    """Worlds and lines whose answer is open and would hardly be found."""
+    seeds: int
+    """Seeds at the next look; after the last one, all seeds."""
 
 
 def needed_cells(directory: SweepDirectory) -> list[Cell]:
@@ -25,58 +58,130 @@ def needed_cells(directory: SweepDirectory) -> list[Cell]:
 
     It follows from the stored results alone, so that a sweep which was interrupted goes on with the same cells.
     """
-    return _look(directory)[0]
+    return list(look_at(directory).needed)
 
 
 def statuses(directory: SweepDirectory) -> dict[str, str]:
     """Status of each cell that was not computed, by its key, for `testbed.sweep.gather`.
 
-    missing: it is needed; later: it may be, after the next look; not needed: the answer is known without it
+    missing: it is needed; later: it may be, after the next look; not needed: the answer is known without it; given up:
+    the answer is open, and would hardly be found with it
     """
-    needed, still_open = _look(directory)
-    keys = {cell.key for cell in needed}
-    later = {True: "later", False: "not needed"}
-    return {
-        cell.key: "missing" if cell.key in keys else later[(cell.place, cell.line) in still_open]
-        for cell in directory.manifest.cells()
-    }
+    look = look_at(directory)
+    keys = {cell.key for cell in look.needed}
+    return {cell.key: "missing" if cell.key in keys else _status(cell, look) for cell in directory.manifest.cells()}
 
 
-def _look(directory: SweepDirectory) -> tuple[list[Cell], set[tuple[str, str]]]:
-    """The needed cells, and the worlds and lines whose answer was open at the last complete look."""
-    cells = directory.manifest.cells()
-    spec = directory.manifest.spec
+def _status(cell: Cell, look: Look) -> str:
+    group = (cell.place, cell.line)
+    return "later" if group in look.still_open else GIVEN_UP if group in look.given_up else "not needed"
+
+
+def look_at(directory: SweepDirectory) -> Look:
+    """Look at the stored results; writes the tables of a sweep with `until`."""
+    cells, spec = directory.manifest.cells(), directory.manifest.spec
     if not spec.until:
-        return cells, set()
+        return Look(tuple(cells), tuple(cells), frozenset(), frozenset(), len(spec.seeds))
     gather(directory)
-    table = read_sweep(directory.path)
-    needed: list[Cell] = []
-    still_open = {(place, line) for place in table.places for line in table.lines}
+    return look_of(spec, cells, read_sweep(directory.path), partial(_is_finished, directory))
+
+
+def _is_finished(directory: SweepDirectory, cell: Cell) -> bool:
+    """Whether a cell was computed, with or without a result."""
+    return directory.is_done(cell.key) or directory.reason(cell.key) is not None
+
+
+def look_of(spec: SweepSpec, cells: Sequence[Cell], table: SweepTable | None, is_finished: Finished) -> Look:
+    """Where a sweep with `until` stands.
+
+    table: the results, with level, margin and measure of `spec`; None if there are none. is_finished: whether a cell
+    has a result or a reason.
+    """
+    keys: set[str] = set()
+    still_open = frozenset((cell.place, cell.line) for cell in cells)
+    given_up: frozenset[Group] = frozenset()
     previous = 0
     for look in spec.looks:
         seeds = spec.seeds[previous:look]
         added = [cell for cell in cells if cell.seed in seeds and (cell.place, cell.line) in still_open]
-        needed += added
-        if not all(directory.is_done(cell.key) or directory.reason(cell.key) is not None for cell in added):
+        keys |= {cell.key for cell in added}
+        if table is None or not all(map(is_finished, added)):
             break
-        still_open = undecided(_first_seeds(table, look), still_open)
+        found = undecided(_first_seeds(table, look), still_open)
+        hopeless = {
+            group
+            for group, decision in found.items()
+            if not _is_sample(table, group[0]) and is_hopeless(decision, len(spec.seeds))
+        }
+        given_up |= hopeless
+        still_open = frozenset(found) - hopeless
         previous = look
-    keys = {cell.key for cell in needed}
-    return [cell for cell in cells if cell.key in keys], still_open
+    return Look(
+        needed=tuple(cell for cell in cells if cell.key in keys),
+        possible=tuple(cell for cell in cells if cell.key in keys or (cell.place, cell.line) in still_open),
+        still_open=still_open,
+        given_up=given_up,
+        seeds=look,
+    )
 
 
-def undecided(table: SweepTable, candidates: set[tuple[str, str]]) -> set[tuple[str, str]]:
+@dataclass(frozen=True)
+class Planned:
+    """What a specification would compute, with what a directory holds already."""
+
+    needed: list[Cell]
+    """The cells up to the next look at the results, or to the end."""
+    possible: list[Cell]
+    """All cells that are needed if no look finds an answer before."""
+    next_look: int
+    """Seeds at that look."""
+
+
+def planned(out: Path | None, spec: SweepSpec, table: SweepTable | None) -> Planned:
+    """The cells of a specification that a directory does not hold yet; all of them if there is no sweep in it.
+
+    table: the results that are there, with level, margin and measure of `spec`. Raises SweepError if the directory
+    holds another sweep. Nothing is written.
+    """
+    manifest = Manifest(spec, code_version(), input_digests(spec), commit())
+    cells = manifest.cells()
+    if out is None or not (out / MANIFEST).is_file():
+        seeds = set(spec.seeds[: spec.looks[0]])
+        return Planned([cell for cell in cells if cell.seed in seeds], cells, spec.looks[0])
+    directory = SweepDirectory.open(out)
+    check_extends(out, directory.manifest, manifest)
+
+    def left(some: Iterable[Cell]) -> list[Cell]:
+        return [cell for cell in some if not directory.is_done(cell.key)]
+
+    if not spec.until:
+        return Planned(left(cells), left(cells), len(spec.seeds))
+    look = look_of(spec, cells, table, partial(_is_finished, directory))
+    return Planned(left(look.needed), left(look.possible), look.seeds)
+
+
+def is_hopeless(decision: Decision, bound: int) -> bool:
+    """Whether `bound` seeds in all would decide an open answer with a chance below `MIN_CHANCE`."""
+    return decision.outlook is not None and decision.outlook.chance(bound) < MIN_CHANCE
+
+
+def undecided(table: SweepTable, candidates: frozenset[Group]) -> Mapping[Group, Decision]:
     """Those of the candidates, worlds and lines, that have no answer yet; a kind of building is one answer."""
     summary = SweepSummary(table, ())
-    families = table.family_names()
-    found = set()
-    for place, line in candidates:
-        family = table.families[table.places.index(place)]
-        is_family = family is not None and family in families
-        decision = summary.decision_of_family(str(family), line) if is_family else summary.decision(place, line)
+    found = {}
+    for place, line in sorted(candidates):
+        if _is_sample(table, place):
+            decision = summary.decision_of_family(str(table.families[table.places.index(place)]), line)
+        else:
+            decision = summary.decision(place, line)
         if decision.kind == "undecided":
-            found.add((place, line))
+            found[place, line] = decision
     return found
+
+
+def _is_sample(table: SweepTable, place: str) -> bool:
+    """Whether a world is one of several of its kind, so that the unit of the answer is the world, not the seed."""
+    return table.families[table.places.index(place)] in table.family_names()
 
 
 def _first_seeds(table: SweepTable, count: int) -> SweepTable:

@@ -43,6 +43,13 @@ class Manifest:
     spec: SweepSpec
     code: str
     inputs: Mapping[str, str]
+    commit: str = ""
+    """`testbed.sweep.spec.code_version.commit`; empty in sweeps of versions up to 0.1."""
+
+    @property
+    def code_words(self) -> str:
+        """The code version for messages, with the commit."""
+        return f"code version {self.code}" + (f", commit {self.commit}" if self.commit else "")
 
     def cells(self) -> list[Cell]:
         """All cells, in the order of the tables."""
@@ -50,7 +57,14 @@ class Manifest:
 
     def document(self) -> dict[str, Any]:
         """The content as plain data for TOML."""
-        return {"code": self.code, "spec": self.spec.document(), "inputs": dict(self.inputs), "versions": versions()}
+        commit = {"commit": self.commit} if self.commit else {}
+        return {
+            "code": self.code,
+            **commit,
+            "spec": self.spec.document(),
+            "inputs": dict(self.inputs),
+            "versions": versions(),
+        }
 
 
 @dataclass(frozen=True)
@@ -101,7 +115,7 @@ class SweepDirectory:
             raise SweepError(f"{path}: expected the directory of a sweep, with {MANIFEST} in it") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
             raise SweepError(f"{file}: {error}: expected what `testbed sweep` writes") from None
-        return cls(path, Manifest(spec, code, inputs))
+        return cls(path, Manifest(spec, code, inputs, str(document.get("commit", ""))))
 
     @contextmanager
     def locked(self, shard: Shard | None) -> Iterator[None]:
@@ -215,6 +229,6 @@ def check_extends(path: Path, there: Manifest, requested: Manifest) -> None:
             raise SweepError(f"{file}: has changed since the sweep in {path} was started; choose another --out")
     if there.code != requested.code:
         raise SweepError(
-            f"{path}: was started with code version {there.code}, this is {requested.code}: results would be mixed; "
-            "choose another --out, or use `testbed gather` for what is there"
+            f"{path}: was started with {there.code_words}; this is {requested.code_words}: results would be mixed. "
+            "Use that version, choose another --out, or use `testbed gather` for what is there"
         )

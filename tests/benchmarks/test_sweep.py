@@ -21,7 +21,7 @@ from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.gather import gather
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.code_version import code_version
-from testbed.sweep.spec.plan import Costs, by_work, input_digests, plan
+from testbed.sweep.spec.plan import Costs, input_digests, plan, seed_by_seed
 from testbed.sweep.spec.spec import SweepSpec, parse_spec
 from testbed.sweep.store import SweepDirectory
 from tests.shell import call
@@ -96,7 +96,7 @@ def test_ten_thousand_cells_are_planned_and_gathered(tmp_path):
     )
     start = time.perf_counter()
     costs = Costs.of(spec)
-    cells = by_work(plan(spec, code_version(), input_digests(spec)), costs)
+    cells = seed_by_seed(plan(spec, code_version(), input_digests(spec)), costs)
     planned = time.perf_counter() - start
     assert len({cell.key for cell in cells}) == 10_000
 

@@ -5,12 +5,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
+from eval.sweep.advice import chances
+from eval.sweep.answers import answers
+from eval.sweep.job_times import duration_words
 from eval.sweep.margin import parse_margin
+from eval.sweep.measure import Measure
 from eval.sweep.planning import foresight
+from eval.sweep.results import SweepTable, SweepTableError, read_sweep
+from eval.sweep.summary import summarise
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.sweep_options import Execution
-from testbed.sweep.forecast import MIN_COST, expected_seconds, measure_pace
+from testbed.sweep.forecast import MIN_COST, JobTimes, measured_times, probed_times
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.command import grouped
 from testbed.sweep.spec.plan import Costs
@@ -18,46 +27,115 @@ from testbed.sweep.spec.spec import SweepSpec
 from worlds import family
 
 
-def announce(
-    spec: SweepSpec, costs: Costs, cells: Sequence[Cell], execution: Execution, *, is_plan: bool = False
-) -> None:
+@dataclass(frozen=True)
+class Work:
+    """What a sweep has to compute."""
+
+    spec: SweepSpec
+    costs: Costs
+    cells: Sequence[Cell]
+    """The jobs that are left up to the next look at the results, or to the end."""
+    all_cells: Sequence[Cell]
+    """All jobs that are left, if no answer is found before."""
+    next_look: int
+    """Seeds at the next look; without `until`, all seeds."""
+    done: SweepTable | None
+    """The tables of the jobs that are done."""
+
+
+def done_so_far(out: Path | None, spec: SweepSpec) -> SweepTable | None:
+    """The results in the directory of a sweep, as `spec` asks for them; None where there are none."""
+    if out is None:
+        return None
+    try:
+        table = read_sweep(out)
+    except SweepTableError:
+        return None
+    baseline = spec.baseline or spec.lines()[0].name
+    if not table.ran.any() or baseline not in table.lines:
+        return None
+    return replace(
+        table,
+        level=spec.level,
+        margin=parse_margin(spec.margin),
+        measure=Measure(spec.key_measure),
+        baseline=baseline,
+    )
+
+
+def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobTimes | None:
     """Say what is to be computed, how long it will take, and what it will be able to tell.
 
-    cells: those that are left until the results are looked at. is_plan: they are only planned.
+    is_plan: the jobs are only planned. Returns the expected times of the jobs; None if they are unknown.
     """
     print_line = results.print if is_plan else console.print
-    print_line(f"{_size(spec, len(cells), is_plan=is_plan)}: {_extent(spec)}", soft_wrap=True, markup=False)
-    if cells:
-        print_line(_time(spec, costs, cells, execution), soft_wrap=True, markup=False)
-    for sentence in _foresight(spec):
-        print_line(sentence, soft_wrap=True, markup=False)
+
+    def say(text: str) -> None:
+        print_line(text, soft_wrap=True, markup=False)
+
+    say(f"{_size(work)}: {_extent(work.spec)}")
+    times = _times(work, execution) if work.cells else None
+    if work.cells:
+        say(_expected(work, times, execution))
+    answered = _answers_so_far(work)
+    for sentence in answered or _foresight(work, times, execution):
+        say(sentence)
+    return times
 
 
-def _size(spec: SweepSpec, left: int, *, is_plan: bool) -> str:
-    if spec.until and not is_plan:
-        return f"{left} jobs until the results are looked at, at most {spec.size} in all"
-    return f"{left} jobs" if left == spec.size else f"{left} of {spec.size} jobs are left"
+def _size(work: Work) -> str:
+    total, left = work.spec.size, len(work.all_cells)
+    done = f" ({total - left} of {total} are done)" if left < total else ""
+    if work.spec.until and len(work.cells) < left:
+        which = "the next" if done else "the first"
+        return f"{len(work.cells)} jobs to {which} look ({work.next_look} seeds a world), at most {left} in all{done}"
+    return f"{left} jobs{done}"
 
 
-def _time(spec: SweepSpec, costs: Costs, cells: Sequence[Cell], execution: Execution) -> str:
-    """How long these jobs will take, from a short measurement."""
+def _times(work: Work, execution: Execution) -> JobTimes | None:
+    """Expected times of the jobs: from those that are done, else from a short measurement."""
+    if work.done is not None:
+        times = measured_times(work.done, work.all_cells, work.costs)
+        if times is not None:
+            return times
+    if execution.scheduler is not None or sum(map(work.costs, work.cells)) < MIN_COST:
+        return None
+    announce_compilation()
+    if any("world" in cell.source for cell in work.cells):
+        console.print("measuring the beginning of a run (half a minute or less) …")
+    return probed_times(work.cells, work.costs, min(execution.worker_count, len(work.cells)))
+
+
+def _expected(work: Work, times: JobTimes | None, execution: Execution) -> str:
+    """How long these jobs will take."""
     if execution.scheduler is not None:
         return "The cluster decides how long that takes."
-    if sum(map(costs, cells)) < MIN_COST:
+    if times is None and sum(map(work.costs, work.cells)) < MIN_COST:
         return "That takes some seconds."
-    announce_compilation()
-    console.print("measuring the beginning of a run …")
-    paces = measure_pace(cells, costs)
-    if paces is None:
-        return "Recorded logs are not measured beforehand; the time left is shown as soon as jobs are done."
+    if times is None:
+        return "Recorded logs are not measured beforehand; the time left is shown as soon as a job is done."
     workers = execution.worker_count
-    seconds = expected_seconds(cells, costs, paces, workers)
-    most = "at most " if spec.until else ""
-    return f"Expected: {most}about {_duration(seconds)} with {workers} worker{'s' if workers > 1 else ''}."
+    first, most = (duration_words(times.total(cells, workers)) for cells in (work.cells, work.all_cells))
+    by = f"with {workers} worker{'s' if workers > 1 else ''}, {times.source}"
+    if not work.spec.until or len(work.cells) == len(work.all_cells):
+        return f"Expected: about {first} {by}."
+    looks = sum(look > work.next_look for look in work.spec.looks)
+    further = f"{looks} more look{'s' if looks > 1 else ''}"
+    return f"Expected: about {first} to that look; with up to {further} at most about {most} in all, {by}."
 
 
-def _foresight(spec: SweepSpec) -> list[str]:
+def _answers_so_far(work: Work) -> list[str]:
+    """The answers that an existing sweep has given, and how many seeds its open ones would take."""
+    if work.done is None:
+        return []
+    summary = summarise(work.done)
+    said = [f"So far: {answer.sentence}" for answer in answers(summary, work.done.baseline)]
+    return [*said, *filter(None, [chances(summary, len(work.spec.seeds))])]
+
+
+def _foresight(work: Work, times: JobTimes | None, execution: Execution) -> list[str]:
     """What the seeds, and the worlds of each kind of building, will be able to tell."""
+    spec = work.spec
     margin = parse_margin(spec.margin)
     kinds = Counter(kind for kind in map(family, spec.worlds) if kind is not None)
     sampled = {kind: number for kind, number in kinds.items() if number > 1}
@@ -65,15 +143,17 @@ def _foresight(spec: SweepSpec) -> list[str]:
         f"{kind}: {foresight(number, 'world', level=spec.level, margin=margin)}" for kind, number in sampled.items()
     ]
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
-        sentences.insert(0, foresight(len(spec.seeds), level=spec.level, margin=margin))
+        seconds = None if times is None else partial(_seconds_of_seeds, work, times, execution.worker_count)
+        said = foresight(len(spec.seeds), level=spec.level, margin=margin, seconds=seconds)
+        if not spec.until:
+            said += " --until decided looks at the results in between and stops where the answer is known."
+        sentences.insert(0, said)
     return sentences
 
 
-def _duration(seconds: float) -> str:
-    for unit, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
-        if seconds >= 1.7 * unit:
-            return f"{seconds / unit:.0f} {name}"
-    return f"{max(seconds, 10.0):.0f} s"
+def _seconds_of_seeds(work: Work, times: JobTimes, workers: int, seeds: int) -> float:
+    """Time that a sweep of so many seeds takes [s]."""
+    return times.total(work.all_cells, workers) * seeds / len(work.spec.seeds)
 
 
 def _routes(spec: SweepSpec) -> str:

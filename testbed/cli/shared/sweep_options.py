@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED
 from testbed.cli.shared.output import FLAG
 from testbed.presets import filter_settings, filters
 from testbed.sweep.errors import SweepError
@@ -33,11 +34,12 @@ class SweepOptions:
     preset: str | None = None
     """Specification in the package: particles, experiment, gate."""
     worlds: str | None = None
-    """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds."""
+    """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds. No default: worlds, --preset, a
+    file, or the --out of a sweep is needed."""
     particles: str | None = None
-    """Particle counts, separated by commas."""
+    """Particle counts, separated by commas. Default: 1,2,5,10,20,50,100."""
     seeds: str | None = None
-    """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10."""
+    """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10. Default: 10; with --until: 40."""
     route: Literal["fixed", "random"] | None = None
     """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
     direction from another start. Default: random, unless a file or preset says otherwise."""
@@ -51,8 +53,9 @@ class SweepOptions:
     """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
     all where the measure needs it."""
     until: Literal["decided"] | None = None
-    """decided: add seeds, 8 at a time, where the answer is open, up to --seeds (default: 40). Each look at the results
-    uses higher confidence, so that all looks together keep 95 %."""
+    """decided: look at the results after 8 seeds (9 for --seeds above 51), then after every 8 more, and add seeds only
+    where the answer is open and can still be found, up to --seeds (default: 40). Each look uses higher confidence, so
+    that all looks together keep 95 %."""
     filter: str | None = None
     """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
     axis: tuple[str, ...] = ()
@@ -175,8 +178,6 @@ class RegressionOptions:
         return self.check or self.update_baseline
 
 
-MAX_SEEDS_UNTIL_DECIDED = "40"
-"""Upper bound of the seeds for `--until decided` without --seeds."""
 REQUEST = SweepOptions()
 REGRESSION = RegressionOptions()
 EXECUTION = Execution()

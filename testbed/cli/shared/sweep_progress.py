@@ -1,28 +1,31 @@
 # SPDX-License-Identifier: MIT
-"""Progress display of a sweep: jobs done and failed, time left until the report is there, medians so far."""
+"""Progress display of a sweep: jobs done and failed, time left, medians so far."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import timedelta
 from statistics import median
 from typing import Any
 
+import numpy as np
 from rich.console import Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from eval.sweep.job_times import REPORT_SECONDS
 from eval.sweep.measure import Measure
+from eval.sweep.results import SweepTable
 from testbed.cli.shared.console import console
+from testbed.cli.shared.time_left import TimeLeft
 from testbed.sweep.execution.local_pool import Event, Finished, Started
-from testbed.sweep.forecast import REPORT_SECONDS
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
-from testbed.sweep.spec.plan import Costs
 
 REPORT_EVERY = 0.1
 """Without a terminal a line is printed each time this share of the work is done."""
@@ -30,33 +33,52 @@ MAX_SHOWN_PLACES = 12
 """The live table of medians has at most this many rows."""
 
 
+@dataclass(frozen=True)
+class Stage:
+    """What is computed until the display ends."""
+
+    goal: str
+    """What follows: `to the look with 9 seeds`; empty for the end of the sweep."""
+    worst: bool
+    """Whether runs that failed are repeated then, which takes time too."""
+
+
 class SweepProgress:
     """A live table. Implements `testbed.sweep.execute.Watcher`."""
 
-    def __init__(self, cells: Sequence[Cell], costs: Costs, measure: Measure, *, worst: bool) -> None:
-        """worst: whether runs that failed are repeated at the end, which takes time too."""
-        self._costs, self._count = costs, len(cells)
-        self._work = sum(map(costs, cells))
-        self._worked = 0.0
+    def __init__(self, cells: Sequence[Cell], left: TimeLeft, measure: Measure, stage: Stage) -> None:
+        self._left, self._count, self._stage = left, len(cells), stage
         self._done = self._failed = self._bad = 0
         self._running: dict[str, tuple[Cell, float]] = {}
-        self._started = time.monotonic()
         self._reported = 0.0
-        self._measure, self._worst = measure, worst
+        self._measure = measure
         self._errors: dict[tuple[str, str], dict[int, list[float]]] = {}
+
+    def note_table(self, table: SweepTable) -> None:
+        """Count the runs that were there before among the medians."""
+        for p, k, c in np.ndindex(*table.shape[:3]):
+            known = table.error[p, k, c][np.isfinite(table.error[p, k, c])]
+            if len(known):
+                group = self._errors.setdefault((table.places[p], table.lines[k]), {})
+                group.setdefault(table.counts[c], []).extend(map(float, known))
+
+    def begin(self) -> None:
+        """Say where no live table is shown that the jobs begin, and how long they will take."""
+        if not console.is_terminal:
+            console.print(self._line())
 
     def event(self, event: Event) -> None:
         """A cell was started, or is finished and on disk."""
+        self._left.event(event)
         if isinstance(event, Started):
             self._running[event.cell.key] = (event.cell, time.monotonic())
             return
         self._running.pop(event.cell.key, None)
-        self._worked += self._costs(event.cell)
         self._done += 1
         if isinstance(event, Finished):
             self._note(event.cell, event.outcome)
-        if not console.is_terminal and self._worked >= (self._reported + REPORT_EVERY) * self._work:
-            self._reported = self._worked / self._work
+        if not console.is_terminal and self._left.share >= self._reported + REPORT_EVERY:
+            self._reported = self._left.share
             console.print(self._line())
             if self._errors:
                 console.print(self.medians())
@@ -83,21 +105,21 @@ class SweepProgress:
             self._errors.setdefault((cell.place, cell.line), {}).setdefault(cell.particles, []).append(float(error))
 
     def _line(self) -> str:
-        elapsed = max(time.monotonic() - self._started, 1e-9)
-        left = f", {timedelta(seconds=round(self._seconds_left(elapsed)))} left" if self._worked else ""
+        extra = REPORT_SECONDS
+        if self._stage.worst:
+            extra += 2.0 * min(self._bad, 2) * self._left.seconds_per_job
+        seconds = self._left.seconds(extra)
+        left = "" if seconds is None else f", {timedelta(seconds=round(seconds))} left"
+        closing = f"with report{' and worst runs' * self._stage.worst}"
+        goal = f" {self._stage.goal}" if self._stage.goal else ""
+        closing = "" if self._stage.goal or not left else f" ({closing})"
         bad = f", {self._bad} of them ended lost or broken" if self._bad else ""
         failed = f", {self._failed} without a result" if self._failed else ""
-        return f"{self._done} of {self._count} jobs{left} (with report{' and worst runs' * self._worst}){bad}{failed}"
-
-    def _seconds_left(self, elapsed: float) -> float:
-        """Time until the report is there [s]: remaining jobs, runs that will be repeated, report."""
-        per_work = elapsed / self._worked
-        repeated = min(self._bad, 2) * 2.0 * elapsed / self._done if self._worst and self._done else 0.0
-        return per_work * (self._work - self._worked) + repeated + REPORT_SECONDS
+        return f"{self._done} of {self._count} jobs{goal}{left}{closing}{bad}{failed}"
 
     def __rich__(self) -> Group:
         bar = Table.grid()
-        bar.add_row(ProgressBar(self._work, self._worked, width=60))
+        bar.add_row(ProgressBar(1.0, self._left.share, width=60))
         cells = Table.grid(padding=(0, 2))
         for cell, since in list(self._running.values()):
             cells.add_row(Text(str(cell)), f"{time.monotonic() - since:.0f} s", style="dim")
@@ -115,9 +137,9 @@ def _value(metrics: Mapping[str, Any], key: str) -> Any:
 
 
 @contextmanager
-def sweep_progress(cells: Sequence[Cell], costs: Costs, measure: Measure, *, worst: bool) -> Iterator[SweepProgress]:
+def sweep_progress(progress: SweepProgress) -> Iterator[SweepProgress]:
     """Show a live table while the block runs; if stderr is no terminal, print a line from time to time."""
-    progress = SweepProgress(cells, costs, measure, worst=worst)
+    progress.begin()
     if not console.is_terminal:
         yield progress
         return

@@ -105,7 +105,7 @@ def _sources(spec: SweepSpec) -> list[tuple[str, dict[str, Any]]]:
 
 @dataclass(frozen=True)
 class Costs:
-    """Predicted work of cells in relative units; the longest cells are started first."""
+    """Predicted work of cells in relative units; of one seed the longest cells are started first."""
 
     lengths: Mapping[str, float]
     """Length of each place: of the tour [m], or of the log [scans]."""
@@ -149,9 +149,13 @@ def _log_length(log: LogSource) -> float:
     return float(open_log(log.log, laser_offset=log.laser_offset, range_max=log.range_max).scan_count)
 
 
-def by_work(cells: Sequence[Cell], costs: Costs) -> list[Cell]:
-    """Sort cells by predicted work, the largest first; cells of equal work keep their order."""
-    return sorted(cells, key=lambda cell: -costs(cell))
+def seed_by_seed(cells: Sequence[Cell], costs: Costs) -> list[Cell]:
+    """Sort cells by seed, so that a sweep that is stopped has about as many seeds of each world.
+
+    Within a seed those with the largest predicted work come first; cells of equal work keep their order.
+    """
+    rank = {seed: number for number, seed in enumerate(sorted({cell.seed for cell in cells}))}
+    return sorted(cells, key=lambda cell: (rank[cell.seed], -costs(cell)))
 
 
 def by_recording(cells: Sequence[Cell]) -> list[list[Cell]]:

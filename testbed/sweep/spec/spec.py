@@ -13,8 +13,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from eval.sweep.look_schedule import level_of, looks_for
 from eval.sweep.margin import parse_margin
-from eval.sweep.statistics import LEVEL, min_values
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
@@ -28,8 +28,6 @@ _PRESETS = resources.files("testbed") / "sweep" / "presets"
 BASELINE = Path(str(_PRESETS / "gate-baseline.json"))
 """Baseline of the preset `gate` (`eval.sweep.regression_check`)."""
 
-SEEDS_PER_LOOK = 8
-"""Number of seeds that `until` adds at a time."""
 ESTIMATES = {"online": "_online", "filter": "_filter", "refined": ""}
 """The three estimates of a run by their words for `measure`, and the suffix of their keys in `metrics.json`."""
 FINAL = ("trajectory", "map", "relations", "outcome")
@@ -198,19 +196,12 @@ class SweepSpec(BaseModel):
     @property
     def looks(self) -> tuple[int, ...]:
         """After how many seeds the results are looked at, from the fewest that can decide on; last: all seeds."""
-        count = len(self.seeds)
-        if not self.until:
-            return (count,)
-        for first in range(SEEDS_PER_LOOK, count):
-            looks = (*range(first, count, SEEDS_PER_LOOK), count)
-            if min_values(_level(looks)) <= first:
-                return looks
-        return (count,)
+        return looks_for(len(self.seeds)) if self.until else (len(self.seeds),)
 
     @property
     def level(self) -> float:
         """Confidence level of the intervals at each look, so that all looks together keep `LEVEL`."""
-        return _level(self.looks)
+        return level_of(self.looks)
 
     def refines(self, line: Line, particles: int) -> bool:
         """Whether runs of a line with so many particles end with the final pass.
@@ -277,11 +268,6 @@ class SweepSpec(BaseModel):
                 "axes": {k: tuple(map(place, v)) if k in FILES else v for k, v in self.axes.items()},
             }
         )
-
-
-def _level(looks: tuple[int, ...]) -> float:
-    """Confidence level of the intervals at each of so many looks."""
-    return 1.0 - (1.0 - LEVEL) / len(looks)
 
 
 def presets() -> list[str]:

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Answers in words."""
 
+import re
+
 from eval.sweep.answers import answers
+from eval.sweep.outlook import typical_outlook
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
@@ -31,11 +34,35 @@ def test_more_and_undecided_are_different_answers(tmp_path):
         "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a, 1 route: undecided with 3 seeds (about 6 seeds would probably tell; fewer than 6 cannot)."
+        "hall_a, 1 route: undecided with 3 seeds (5 against 20: -0.06 to +0.04 cm in 3 runs, margin 0.5 cm; "
+        "about 8 seeds would tell (rough: it is estimated from 3 seeds))."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a, 1 route: undecided with 1 seed (about 6 seeds would probably tell; fewer than 6 cannot)."
+        "hall_a, 1 route: undecided with 1 seed (5 against 20: +0.04 cm in one run, margin 0.5 cm; "
+        f"usually {typical_outlook().words()} tell)."
     )
+
+
+def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
+    def noisy(p, k, c, s):
+        return 0.1 + (0.0, 0.012 * (s % 5 - 2), 0.0)[c] + 0.0005 * ((3 * s) % 7)
+
+    (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
+    assert answer.headline == "undecided with 10 seeds"
+    assert answer.panel == "5 undecided"
+    assert answer.detail == "1 is as good as 20, but 5 is open, so there is no answer yet"
+    number = r"[+-]\d\.\d\d"
+    words = rf"5 against 20: {number} cm \[{number}, {number}\], margin 1 cm \(10 %\)"
+    assert re.fullmatch(words, answer.difference)
+    summary = summarise(read_sweep(tmp_path))
+    assert answer.needs == f"{summary.decision('hall_a', 'improved').outlook.words()} would tell"
+
+
+def test_more_failures_that_keep_an_answer_open_are_named(tmp_path):
+    write_sweep(tmp_path, error=level(0.5, 0.02, 0.02), outcome=lambda p, k, c, s: "lost" if c == 1 and s < 2 else "ok")
+    (answer, _) = answers(summarise(read_sweep(tmp_path)), "improved")
+    assert answer.detail == "5 failed in 2 of 10 runs, 20 in 0 of 10"
+    assert answer.needs == "how many would tell cannot be said"
 
 
 def test_a_world_in_which_all_counts_fail_says_so(tmp_path):
@@ -55,7 +82,8 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
         "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office, 1 route: undecided with 2 seeds (about 6 seeds would probably tell; fewer than 6 cannot).",
+        "office, 1 route: undecided with 2 seeds (5 against 20: -0.06 to +0.04 cm in 2 runs, margin 0.5 cm; about 8 "
+        "seeds would tell (rough: it is estimated from 2 seeds)).",
     ]
     assert len(COUNTS) == 3
 
@@ -76,17 +104,17 @@ def test_a_smaller_margin_changes_the_answer_and_stands_with_it(tmp_path):
     summary = summarise(read_sweep(tmp_path / "small"))
     answer = answers(summary, summary.table.baseline)[0]
     assert answer.headline == "5 particles are enough"
-    assert answer.promise.startswith("At most 2 mm (9 %) worse")
+    assert answer.difference.endswith(", margin 0.2 cm")
     write_sweep(tmp_path / "share", error=errors, about={"margin": "20%"})
     summary = summarise(read_sweep(tmp_path / "share"))
-    assert answers(summary, summary.table.baseline)[0].promise.startswith("At most 20 % (4.4 mm) worse")
+    assert answers(summary, summary.table.baseline)[0].difference.endswith(", margin 0.44 cm (20 %)")
 
 
 def test_what_enough_promises_stands_with_it(tmp_path):
     write_sweep(tmp_path, error=level(0.022, 0.022, 0.022), outcome=lambda p, k, c, s: "lost" if s == 3 else "ok")
     summary = summarise(read_sweep(tmp_path))
-    promise = answers(summary, summary.table.baseline)[0].promise
-    # the margin of 5 mm is 23 % of 2.2 cm; Wilson's interval of 1 in 10 ends at 40 %
-    assert promise == "At most 5 mm (23 %) worse; 1 of 10 runs failed (a rate up to 40 % is possible)"
+    answer = answers(summary, summary.table.baseline)[0]
+    assert answer.risk == "1 of 10 runs failed (a rate up to 40 % is possible)"  # the end of Wilson's interval
+    assert answer.difference.startswith("1 against 20: ")
     undecided = summarise(read_sweep(write_sweep(tmp_path / "few", seeds=3)))
-    assert answers(undecided, undecided.table.baseline)[0].promise == ""
+    assert answers(undecided, undecided.table.baseline)[0].risk == ""

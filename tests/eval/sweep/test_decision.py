@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 
-from eval.sweep.decision import decide, decide_kind_of_building, units_to_decide
-from eval.sweep.statistics import min_values, paired_difference
+from eval.sweep.decision import decide, decide_kind_of_building
+from eval.sweep.statistics import min_values
 
 COUNTS = (1, 2, 5, 10, 20, 50)
 FLAT = [0.1] * 6
@@ -33,7 +33,7 @@ def test_the_count_from_which_on_more_does_not_help_is_found():
     decision = decide(COUNTS, errors, NONE)
     assert (decision.kind, decision.count, decision.units) == ("enough", 10, 10)
     assert decision.states == ("worse", "worse", "worse", "good", "good")
-    assert decision.needed is None
+    assert decision.outlook is None
     assert decide(COUNTS, errors, failures(3, 2, 1, 1, 0, 0)).count == 20  # ten lost more runs than fifty did
     assert decide(COUNTS, errors, failures(3, 2, 1, 1, 1, 1)).count == 10
 
@@ -57,7 +57,8 @@ def test_many_more_failures_are_worse_whatever_the_error():
 def test_too_few_seeds_give_no_answer_rather_than_a_wrong_one():
     for seeds in range(1, min_values()):
         decision = decide(COUNTS, sweep(FLAT, 0.0, seeds=seeds), failures(*[0] * 6, seeds=seeds))
-        assert (decision.kind, decision.count, decision.needed) == ("undecided", None, min_values())
+        assert (decision.kind, decision.count, decision.largest_open) == ("undecided", None, 4)
+        assert (decision.outlook is None) == (seeds < 2)
     seeds = min_values()
     assert decide(COUNTS, sweep(FLAT, 0.8, seeds=seeds), failures(*[0] * 6, seeds=seeds)).kind == "undecided"
     assert decide(COUNTS, sweep(FLAT, 0.05, seeds=20), failures(*[0] * 6, seeds=20)).count == 1
@@ -85,17 +86,23 @@ def test_one_count_alone_is_undecided():
     assert decide((5,), np.full((1, 10), 0.1), np.zeros((1, 10))).kind == "undecided"
 
 
-def test_the_number_of_seeds_that_would_tell_does_tell():
-    rng = np.random.default_rng(0)
+def test_more_failures_keep_a_count_open_and_no_number_of_seeds_is_promised():
+    errors = sweep([0.1, 0.1], noise=0.02)
+    decision = decide((1, 5), errors, failures(2, 0))
+    assert (decision.kind, decision.largest_open) == ("undecided", 0)
+    assert decision.differences[0].high < decision.limit
+    assert decision.outlook is None
 
-    def differences(seeds):
-        return rng.normal(0.0, 0.05, seeds)
 
-    predicted = [units_to_decide(paired_difference(differences(10), np.zeros(10)), 0.05) for _ in range(50)]
-    needed = int(np.median([n for n in predicted if n is not None]))
-    shown = [paired_difference(differences(needed), np.zeros(needed)).high < 0.05 for _ in range(200)]
-    assert 0.65 < np.mean(shown) < 0.97  # meant: 0.8
-    assert units_to_decide(paired_difference([0.05, 0.06, 0.04], np.zeros(3)), 0.05) is None  # at the limit
+def test_the_largest_open_count_is_what_the_outlook_is_about():
+    errors = sweep([0.5, 0.1, 0.1, 0.1], noise=0.02)
+    errors[2] += np.resize([0.03, -0.03], 10)  # noisy, so it cannot be compared
+    decision = decide((1, 2, 5, 10), errors, failures(0, 0, 0, 0))
+    assert decision.states == ("worse", "good", "open", "good")[:3]
+    assert decision.largest_open == 2
+    difference = decision.differences[2]
+    assert decision.outlook.gap == decision.limit - difference.value
+    assert decision.outlook.units == 10
 
 
 def test_worlds_not_runs_are_the_unit_of_a_kind_of_building():

@@ -16,12 +16,12 @@ def test_the_margin_is_a_share_but_not_below_its_floor():
 @pytest.mark.parametrize(
     ("text", "margin", "words"),
     [
-        ("", Margin(0.1, 0.005), "10 % (or 5 mm if that is more)"),
+        ("", Margin(0.1, 0.005), "5 mm (10 % where that is more)"),
         ("2mm", Margin(0.0, 0.002), "2 mm"),
         ("2.5 cm", Margin(0.0, 0.025), "25 mm"),
         ("0.1m", Margin(0.0, 0.1), "100 mm"),
         ("15%", Margin(0.15, 0.0), "15 %"),
-        ("1mm, 5 %", Margin(0.05, 0.001), "5 % (or 1 mm if that is more)"),
+        ("1mm, 5 %", Margin(0.05, 0.001), "1 mm (5 % where that is more)"),
     ],
 )
 def test_shares_lengths_and_both_are_read(text, margin, words):

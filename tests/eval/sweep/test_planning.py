@@ -1,41 +1,33 @@
 # SPDX-License-Identifier: MIT
-"""What is said before a sweep about what it can tell holds for simulated sweeps with typical noise."""
+"""What is said before a sweep about what it can tell."""
 
-import numpy as np
-import pytest
-
-from eval.sweep.decision import decide
-from eval.sweep.planning import TYPICAL_DEVIATION, TYPICAL_ERROR, detectable_share, foresight, typical_seeds
-from eval.sweep.statistics import min_values, paired_difference
+from eval.sweep.job_times import range_words
+from eval.sweep.outlook import typical_outlook
+from eval.sweep.planning import foresight
+from eval.sweep.statistics import min_values
 
 
-def typical_sweep(rng, seeds, gain=0.0):
-    """Errors (2 counts, seeds) with typical noise; the smaller count is worse by `gain`, a share of the error."""
-    noise = TYPICAL_DEVIATION / np.sqrt(2.0)
-    errors = TYPICAL_ERROR * (1.0 + noise * rng.normal(size=(2, seeds)))
-    errors[0] += gain * TYPICAL_ERROR
-    return errors
-
-
-def test_as_many_seeds_as_it_says_usually_show_that_a_count_is_enough():
-    rng = np.random.default_rng(0)
-    seeds = typical_seeds()
-    shown = [decide((1, 5), typical_sweep(rng, seeds), np.zeros((2, seeds))).kind == "enough" for _ in range(300)]
-    assert 0.7 < np.mean(shown) < 0.95  # meant: 0.8
-
-
-@pytest.mark.parametrize("seeds", [8, 20])
-def test_the_difference_that_it_says_is_usually_seen(seeds):
-    rng = np.random.default_rng(seeds)
-    found = []
-    for _ in range(300):
-        small, large = typical_sweep(rng, seeds, gain=detectable_share(seeds))
-        found.append(paired_difference(small, large).low > 0.0)
-    assert 0.7 < np.mean(found) < 0.95
-
-
-def test_too_few_seeds_are_warned_of():
-    assert foresight(3).startswith("3 seeds cannot show that a count is enough; 6 can")
+def test_too_few_seeds_are_warned_of_with_the_fewest_and_the_usual_number():
+    usual = f"Usually {typical_outlook().words()} tell."
+    assert foresight(3) == f"3 seeds cannot show that a count is enough: at least 6 are needed. {usual}"
     assert foresight(1, "world").startswith("1 world cannot show")
-    assert "to show that a count is enough about" in foresight(min_values())
-    assert "that usually shows which count is enough" in foresight(typical_seeds())
+    assert foresight(7, level=0.99).startswith("7 seeds cannot show that a count is enough: at least 8 are needed.")
+
+
+def test_enough_seeds_get_their_chance():
+    chance = typical_outlook(level=0.95).chance(min_values(), level=0.95)
+    assert 0.05 < chance < 0.95
+    assert foresight(6).startswith(f"The chance that 6 seeds give an answer is about {5 * round(20 * chance)} %")
+
+
+def test_each_number_of_seeds_stands_with_its_cost():
+    said = foresight(3, seconds=lambda seeds: 60.0 * seeds)
+    assert "at least 6 are needed (about 6 minutes)" in said
+    outlook = typical_outlook()
+    assert f"(about {outlook.low} to {outlook.high} minutes)" in said
+
+
+def test_two_times_share_their_unit():
+    assert range_words(840.0, 5640.0) == "about 14 to 94 minutes"
+    assert range_words(50.0, 360.0) == "about 50 s to 6 minutes"
+    assert range_words(600.0, 610.0) == "about 10 minutes"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Sentences about real time, overconfidence and seeds."""
 
-from eval.sweep.remarks import overconfidence, real_time, seeds_change
+from eval.sweep.remarks import margin_words, overconfidence, real_time, seeds_change
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import write_sweep
@@ -25,7 +25,7 @@ def test_overconfidence_is_said_of_the_baseline_only(tmp_path):
     # 90 % inside for `improved`, 70 % for `motion`
     assert overconfidence(summarise(read_sweep(write_sweep(tmp_path / "a")))) == ""
     sure = summarise(read_sweep(write_sweep(tmp_path / "b", about={"baseline": "motion"})))
-    assert "it does at 70 % with 1 and at 70 % with 20 particles, by world." in overconfidence(sure)
+    assert overconfidence(sure).endswith("with 20 particles it does at 70 % (cave) and 70 % (hall_a).")
 
 
 def test_what_seeds_change_is_said(tmp_path):
@@ -34,3 +34,12 @@ def test_what_seeds_change_is_said(tmp_path):
     assert seeds_change(random) == "each seed drives another route through the whole world"
     logs = read_sweep(write_sweep(tmp_path / "logs", about={"recorded": True}))
     assert seeds_change(logs) == "seeds change the random numbers of the filter only"
+
+
+def test_the_margin_that_counts_is_named_where_the_worlds_differ(tmp_path):
+    # 2 cm in hall_a, where 10 % are less than 5 mm; 4 cm in cave; ten times as much below
+    assert margin_words(summarise(read_sweep(write_sweep(tmp_path / "a")))) == "5 mm"
+    larger = write_sweep(tmp_path / "b", error=lambda p, k, c, s: (0.02, 0.4)[p])
+    assert margin_words(summarise(read_sweep(larger))) == "5 mm (10 % where that is more: cave)"
+    largest = write_sweep(tmp_path / "c", error=lambda p, k, c, s: 0.4)
+    assert margin_words(summarise(read_sweep(largest))) == "10 %"

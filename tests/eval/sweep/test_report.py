@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.collections import PolyCollection
 
+from eval.sweep.advice import advice
+from eval.sweep.job_times import REPORT_SECONDS, duration_words
 from eval.sweep.measure import Measure
 from eval.sweep.paper_tables import latex_table, markdown_table
-from eval.sweep.plots import pareto_front
+from eval.sweep.plots import accuracy, pareto_front
 from eval.sweep.report import DRAWINGS, write_sweep_report
 from eval.sweep.results import SweepTableError, read_sweep
 from eval.sweep.statistics import paired_difference
@@ -212,10 +215,68 @@ def test_the_front_holds_exactly_what_nothing_beats(points):
     assert front == {tuple(a) for a in array if not beaten(a)}
 
 
-def test_the_page_prints_the_command_that_adds_seeds(tmp_path):
-    same = {"error": lambda p, k, c, s: 0.02 + 0.001 * ((5 * s + 3 * c) % 7)}
-    few = write_sweep_report(write_sweep(tmp_path / "few", seeds=3, **same)).read_text()
-    (seeds,) = re.findall(rf"testbed sweep --out {tmp_path / 'few'} --seeds (\d+) --until decided", few)
-    assert int(seeds) >= 6
-    decided = write_sweep_report(write_sweep(tmp_path / "decided", error=lambda p, k, c, s: 0.02)).read_text()
-    assert "Add the seeds" not in decided
+def advised(folder, **options):
+    """What the page of a synthetic sweep advises."""
+    return advice(summarise(read_sweep(write_sweep(folder, **options))), "OUT", 2)
+
+
+def noise(spread, gain=0.0):
+    """The middle count is worse by `gain` [m] with noise up to `spread`; the first is far worse."""
+    return lambda p, k, c, s: (0.5, 0.02 + gain + spread * ((5 * s) % 8 - 3.5) / 3.5, 0.02)[c]
+
+
+def test_few_seeds_are_followed_by_a_sweep_that_stops_by_itself(tmp_path):
+    (more,) = advised(tmp_path, error=noise(0.003), seeds=3)
+    assert more.command == "testbed sweep --out OUT --seeds 40 --until decided"
+    # a job takes 0.5 s and 0.1 s (0.05 s for the second line) a particle: 6.9 s for each seed of a world
+    words = [duration_words(2 * 6.9 * seeds / 2 + REPORT_SECONDS) for seeds in (5, 37)]
+    assert more.text.startswith(f"The next look, with 8 seeds, is there in about {words[0]}; ")
+    assert f"at most about {words[1]}." in more.text
+    page = write_sweep_report(tmp_path).read_text()
+    assert f"testbed sweep --out {tmp_path} --seeds 40 --until decided" in page
+
+
+def test_seeds_are_advised_where_they_will_probably_tell(tmp_path):
+    (more,) = advised(tmp_path, error=noise(0.006, gain=0.001), seeds=10)
+    wanted = int(re.search(r"--seeds (\d+) --until decided", more.command)[1])
+    outlook = summarise(read_sweep(tmp_path)).decision("cave", "improved").outlook
+    assert outlook.high <= wanted <= outlook.high + 8
+    assert re.search(rf"Chance of an answer with {wanted} seeds: hall_a (about|over) \d+ %, cave", more.text)
+
+
+def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_path):
+    at_limit = {"error": noise(0.004, gain=0.0051), "seeds": 10}
+    found = advised(tmp_path / "usual", **at_limit)
+    assert [item.title for item in found] == [f"{place}: a wider margin" for place in PLACES]
+    margin = re.fullmatch(r"testbed sweep --out OUT --margin (\S+)", found[0].command)[1]
+    write_sweep(tmp_path / "wider", **at_limit, about={"margin": margin})
+    assert summarise(read_sweep(tmp_path / "wider")).decision("hall_a", "improved").kind == "enough"
+    assert "5 particles are enough then. Or report the interval: 5 against 20: +0." in found[0].text
+
+
+def test_nothing_is_advised_where_all_is_decided(tmp_path):
+    assert advised(tmp_path, error=lambda p, k, c, s: 0.02) == []
+    assert "What to do next" not in write_sweep_report(tmp_path).read_text()
+
+
+def test_an_unfinished_sweep_is_gone_on_with_if_that_helps(tmp_path):
+    missing = frozenset((p, k, c, 9) for p in range(2) for k in range(2) for c in range(3))
+    (go_on,) = advised(tmp_path, error=noise(0.006, gain=0.001), missing=missing)
+    assert go_on.command == "testbed sweep --out OUT"
+    assert go_on.text.startswith(f"In about {duration_words(2 * 6.9 / 2 + REPORT_SECONDS)}.")
+
+
+def test_few_runs_have_a_range_instead_of_a_band_and_an_interval(tmp_path):
+    few = summarise(read_sweep(write_sweep(tmp_path / "few", seeds=5)))
+    table = markdown_table(few)
+    errors = [errors_of(0, 0, 0, s) for s in range(5)]
+    assert f"[{100 * min(errors):.2f}, {100 * max(errors):.2f}]" in table
+    assert "range in brackets" in table
+    assert "95 % bootstrap interval" not in table
+    bands = {}
+    for seeds in (5, 6):
+        figure = accuracy(summarise(read_sweep(write_sweep(tmp_path / str(seeds), seeds=seeds))))
+        drawn = [c for c in figure.axes[0].collections if isinstance(c, PolyCollection) and c.get_label() != "x"]
+        bands[seeds] = sum(len(path.vertices) for c in drawn for path in c.get_paths())
+    assert bands[5] == 0
+    assert bands[6] > 0

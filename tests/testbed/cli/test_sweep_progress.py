@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: MIT
 """The progress display of a sweep: time left follows the work, not the jobs, since jobs differ a hundredfold."""
 
+import re
 from dataclasses import replace
+from itertools import pairwise
 
+import numpy as np
 import pytest
 from rich.console import Console
 
+from eval.sweep.job_times import REPORT_SECONDS
 from eval.sweep.measure import Measure
-from testbed.cli.shared import sweep_progress
-from testbed.cli.shared.sweep_progress import SweepProgress
+from eval.sweep.results import read_sweep
+from testbed.cli.shared import sweep_progress, time_left
+from testbed.cli.shared.sweep_progress import Stage, SweepProgress
+from testbed.cli.shared.time_left import TimeLeft
 from testbed.sweep.execution.local_pool import Finished, Started
-from testbed.sweep.forecast import REPORT_SECONDS
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.plan import Costs
+from tests.eval.synthetic_sweep import errors_of, write_sweep
 from tests.testbed.sweep.room import room_cell, room_file
 
 MEASURE = Measure("trajectory_filter.ate_rmse_m")
@@ -21,7 +27,8 @@ MEASURE = Measure("trajectory_filter.ate_rmse_m")
 @pytest.fixture
 def clock(monkeypatch):
     now = [1000.0]
-    monkeypatch.setattr(sweep_progress.time, "monotonic", lambda: now[0])
+    for module in (sweep_progress, time_left):
+        monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -43,35 +50,88 @@ def result(error, outcome="ok"):
     return CellResult(metrics, {}, {})
 
 
+def progress_of(cells, *, worst=False, goal="", seconds=None):
+    """seconds: expected time of each job by its particles; None: unknown, so that the predicted work is the measure."""
+    if seconds is None:
+        left = TimeLeft(cells, Costs({cells[0].place: 1.0}), 2, is_in_seconds=False)
+    else:
+        left = TimeLeft(cells, lambda cell: seconds[cell.particles], 2, is_in_seconds=True)
+    return SweepProgress(cells, left, MEASURE, Stage(goal, worst))
+
+
 def test_time_left_follows_the_work_and_failures_are_named(cells, clock, capsys):
-    progress = SweepProgress(cells, Costs({cells[0].place: 1.0}), MEASURE, worst=False)
+    progress = progress_of(cells)
+    assert shown(progress)[0] == "0 of 3 jobs"
     progress.event(Started(cells[0]))
     progress.event(Started(cells[1]))
     clock[0] += 60.0
     progress.event(Finished(cells[0], "time limit of 60 s"))
     line, _, running = shown(progress)[:3]
-    left = round(36.0 + REPORT_SECONDS)
-    assert line == f"1 of 3 jobs, 0:00:{left} left (with report), 1 without a result"
+    # work of 100 took 60 s, but that of 50 has not ended after 60 s: it counts as if it ended now. That of 10 is left.
+    scale = 120.0 / 150.0
+    left = round((0.05 * 50 * scale + 10 * scale) / 2 + REPORT_SECONDS)
+    assert line == f"1 of 3 jobs, 0:00:{left:02d} left (with report), 1 without a result"
     assert running.split("  ") == [str(cells[1]), "60 s"]
     assert f"failed: {cells[0]}: time limit of 60 s" in capsys.readouterr().err
+
+
+def test_the_time_left_begins_with_the_expected_times_and_counts_down(cells, clock):
+    progress = progress_of(cells, seconds={91: 100.0, 41: 60.0, 1: 40.0}, goal="to the look with 8 seeds")
+    assert shown(progress)[0] == f"0 of 3 jobs to the look with 8 seeds, 0:01:{40 + REPORT_SECONDS:.0f} left"
+    progress.event(Started(cells[0]))
+    progress.event(Started(cells[1]))
+    seen = []
+    for second in range(1, 130):
+        clock[0] += 1.0
+        if second == 70:  # a little late
+            progress.event(Finished(cells[1], result(0.1)))
+            progress.event(Started(cells[2]))
+        if second == 110:
+            progress.event(Finished(cells[0], result(0.1)))
+        hours, minutes, seconds = re.search(r"(\d+):(\d+):(\d+) left", shown(progress)[0]).groups()
+        seen.append(3600 * int(hours) + 60 * int(minutes) + int(seconds))
+    assert seen[0] == 107
+    assert all(later <= earlier for earlier, later in pairwise(seen))
+    assert seen[-1] < 15
+
+
+def test_much_slower_jobs_than_expected_raise_the_time_left(cells, clock):
+    progress = progress_of(cells, seconds={91: 10.0, 41: 10.0, 1: 10.0})
+    before = shown(progress)[0]
+    progress.event(Started(cells[0]))
+    clock[0] += 300.0
+    progress.event(Finished(cells[0], result(0.1)))
+    assert "0:00:23 left" in before
+    assert "0:01:" in shown(progress)[0]
 
 
 def test_lost_runs_are_counted_and_their_repetition_takes_time(cells, clock):
     lines = {}
     for worst in (False, True):
-        progress = SweepProgress(cells, Costs({cells[0].place: 1.0}), MEASURE, worst=worst)
+        progress = progress_of(cells, worst=worst)
+        progress.event(Started(cells[0]))
         clock[0] += 60.0
         progress.event(Finished(cells[0], result(0.5, "lost")))
         lines[worst] = shown(progress)[0]
-    assert lines[False] == "1 of 3 jobs, 0:00:44 left (with report), 1 of them ended lost or broken"
-    assert lines[True] == "1 of 3 jobs, 0:02:44 left (with report and worst runs), 1 of them ended lost or broken"
+    # 0.6 s for each of 160, of which 60 are left for two workers; a repetition takes as long as two jobs
+    assert lines[False] == "1 of 3 jobs, 0:00:26 left (with report), 1 of them ended lost or broken"
+    assert lines[True] == "1 of 3 jobs, 0:01:30 left (with report and worst runs), 1 of them ended lost or broken"
 
 
 def test_medians_so_far_stand_by_world_and_count(cells, clock):
-    progress = SweepProgress(cells, Costs({cells[0].place: 1.0}), MEASURE, worst=False)
-    clock[0] += 60.0
+    progress = progress_of(cells)
     for cell, error in ((cells[0], 0.02), (cells[0], 0.04), (cells[2], 0.5)):
         progress.event(Finished(cell, result(error)))
     head, row = shown(progress)[-2:]
     assert head.split() == ["trajectory", "error", "so", "far,", "cm", "1", "91"]
     assert row.split() == [cells[0].place, "50.0", "3.0"]
+
+
+def test_runs_that_were_there_before_count_among_the_medians(cells, tmp_path):
+    progress = progress_of(cells)
+    progress.note_table(read_sweep(write_sweep(tmp_path / "before")))
+    progress.event(Finished(replace(cells[0], place="cave", line="improved", particles=5), result(1.0)))
+    rows = {line.rsplit(maxsplit=3)[0]: line.split()[-3:] for line in shown(progress)[-4:]}
+    assert rows.keys() == {"hall_a, improved", "hall_a, motion", "cave, improved", "cave, motion"}
+    errors = [*(errors_of(1, 0, 1, s) for s in range(10)), 1.0]
+    assert rows["cave, improved"][1] == f"{100 * np.median(errors):.1f}"

@@ -18,8 +18,10 @@ from eval.sweep.paper_tables import markdown_table
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from testbed.cli.shared.sweep_options import SweepOptions
-from testbed.sweep.execute import prepare
+from testbed.sweep.errors import SweepError
+from testbed.sweep.execute import check_code, prepare
 from testbed.sweep.execution import dask_cluster as cluster
+from testbed.sweep.spec.code_version import commit
 from testbed.sweep.spec.plan import Shard, file_digest
 from testbed.sweep.store import SweepDirectory
 from tests.shell import TESTBED, assert_refused, call
@@ -198,7 +200,16 @@ def test_results_of_another_code_version_are_not_mixed_in(copied, world, capsys)
     manifest = copied / "sweep.toml"
     code = SweepDirectory.open(copied).manifest.code
     manifest.write_text(manifest.read_text().replace(code, "0" * 16))
-    assert_refused(capsys, f"code version {'0' * 16}, this is {code}", *room_sweep(world), "--out", copied)
+    was, now = f"code version {'0' * 16}, commit {commit()}", f"code version {code}, commit {commit()}"
+    assert_refused(capsys, f"was started with {was}; this is {now}: results", *room_sweep(world), "--out", copied)
+
+
+def test_code_that_changes_between_two_looks_ends_the_sweep(copied, monkeypatch):
+    directory = SweepDirectory.open(copied)
+    check_code(directory)
+    monkeypatch.setattr("testbed.sweep.execute.current_code_version", lambda: "0" * 16)
+    with pytest.raises(SweepError, match=f"the code has changed while the sweep ran .*commit {commit()}"):
+        check_code(directory)
 
 
 def test_a_changed_world_file_is_noticed(copied, world, capsys):
@@ -235,7 +246,7 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
     assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThat takes some seconds." in said
-    assert "3 seeds cannot show that a count is enough; 6 can" in said
+    assert "3 seeds cannot show that a count is enough: at least 6 are needed." in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -246,7 +257,9 @@ def test_a_larger_plan_is_measured(capsys):
     )
     said = capsys.readouterr().out
     assert re.search(
-        r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\nExpected: about \d+ (s|minutes) with 2 workers",
+        r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\n"
+        r"Expected: about \d+ (s|minutes) with 2 workers, from the beginning of a run\.\n"
+        r"The chance that 8 seeds give an answer is about \d+ %, .* Usually 8 to 55 seeds tell \(about .* to about",
         said,
     )
 
@@ -259,7 +272,28 @@ def test_until_decided_stops_where_the_answer_is_known(world, tmp_path, capsys):
     states = {row["seed"]: row["status"] for row in rows}
     assert [seed for seed, state in states.items() if state == "done"] == list(range(8))
     assert {state for seed, state in states.items() if seed >= 8} == {"not needed"}
-    assert "up to 16 seeds" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "16 jobs to the first look (8 seeds a world), at most 32 in all" in said
+    assert "up to 16 seeds" in said
+
+
+def test_each_look_writes_the_page_and_says_what_it_has_shown(world, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("testbed.sweep.looks.MIN_CHANCE", 0.0)
+    monkeypatch.setattr("eval.sweep.decision._state", lambda *_: "open")
+    written = []
+    monkeypatch.setattr(
+        "testbed.cli.shared.sweep_looks.write_sweep_report", lambda f: written.append(f) or f / "x.html"
+    )
+    out = tmp_path / "sweep"
+    grid = ["--worlds", world, "--particles", "2,3", "--until", "decided", "--seeds", "16", "--refine", "none"]
+    assert call("sweep", *grid, "--no-worst", "--out", out) == 0
+    printed = capsys.readouterr()
+    said = " ".join(printed.err.split())
+    assert written == [out]
+    assert "  room, 16 routes: undecided with 16 seeds" in printed.out  # at the end
+    assert re.search(r"room, 8 routes: undecided with 8 seeds \(.*2 against 3: [+-]\d\.\d\d cm \[", said)
+    assert re.search(r"Next look with 16 seeds, 16 jobs, in about \d+ s; at most 16 jobs and about \d+ s in all", said)
+    assert said.count("Looked at the results") == 1  # after the last look the page of the whole sweep follows
 
 
 def test_damaged_cells_and_directories_are_named(copied, tmp_path, capsys):
@@ -363,7 +397,7 @@ def test_more_seeds_and_counts_extend_a_sweep(world, copied, capsys):
     before = {cell.name: (cell / "timing.json").read_bytes() for cell in (copied / "cells").iterdir()}
     larger = changed_grid(world, seeds="3", particles="1,2,3")
     assert call(*larger, "--plan", "--out", copied) == 0
-    assert "10 of 18 jobs are left" in capsys.readouterr().out
+    assert "10 jobs (8 of 18 are done)" in capsys.readouterr().out
     assert call(*larger, "--out", copied) == 0
     assert {name: (copied / "cells" / name / "timing.json").read_bytes() for name in before} == before
     rows = pq.read_table(copied / "sweep.parquet").to_pylist()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from testbed.sweep.errors import SweepError
-from testbed.sweep.spec.plan import Costs, Shard, by_recording, by_work, input_digests, plan
+from testbed.sweep.spec.plan import Costs, Shard, by_recording, input_digests, plan, seed_by_seed
 from testbed.sweep.spec.settings import RunSettings, checked, known
 from testbed.sweep.spec.spec import parse_spec, parsed_axes, presets, read_document, read_preset
 from tests.testbed.sweep.room import room_cell, room_file
@@ -220,7 +220,7 @@ def test_keys_change_with_what_decides_a_result_only(tmp_path):
 def test_shards_deal_out_every_cell_once_and_the_work_evenly(count):
     spec = spec_of({"worlds": ["office"], "seeds": 5, "particles": [1, 10, 100]})
     costs = Costs.of(spec)
-    cells = by_work(plan(spec, "code", {}), costs)
+    cells = seed_by_seed(plan(spec, "code", {}), costs)
     shards = [Shard(k, count).of(cells, costs) for k in range(count)]
     assert sorted(cell.key for shard in shards for cell in shard) == sorted(cell.key for cell in cells)
     work = [sum(map(costs, shard)) for shard in shards]
@@ -236,8 +236,9 @@ def test_a_wrong_shard_is_refused(text):
         Shard.parse(text)
 
 
-def test_the_longest_cells_come_first():
-    spec = spec_of({"worlds": ["apartment", "warehouse"], "seeds": 1, "particles": [1, 100]})
-    order = [(cell.place, cell.particles) for cell in by_work(plan(spec, "code", {}), Costs.of(spec))]
-    assert order[0] == ("warehouse", 100)
-    assert order[-1] == ("apartment", 1)
+def test_seeds_come_one_after_another_over_all_worlds():
+    spec = spec_of({"worlds": ["apartment", "warehouse"], "seeds": "3:5", "particles": [1, 100]})
+    order = [(c.seed, c.place, c.particles) for c in seed_by_seed(plan(spec, "code", {}), Costs.of(spec))]
+    assert [seed for seed, _, _ in order] == [3] * 4 + [4] * 4
+    assert order[0] == (3, "warehouse", 100)  # of one seed the longest first
+    assert order[3] == (3, "apartment", 1)

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: MIT
+"""How many seeds (or worlds) would tell: one estimate for the plan, the page, and the lines after each look.
+
+The estimate is the chance that N seeds decide on which side of the margin a difference lies, given the seeds that are
+there. It takes into account that both the difference and its spread are only estimated: the difference that N seeds
+will show is drawn around the present one, and the variance from its chi-square distribution. A few seeds therefore give
+a wide range. Source: Spiegelhalter, Freedman, Blackburn, "Monitoring clinical trials: conditional or predictive
+power?", Controlled Clinical Trials 7(1), 1986.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import chdtri, ndtr, stdtrit
+
+from eval.sweep.look_schedule import ADDING_LEVEL
+from eval.sweep.margin import MARGIN, Margin
+from eval.sweep.statistics import Interval, min_values
+
+MAX_UNITS = 200
+"""More seeds or worlds than this are not counted out."""
+SOME, MOST = 0.2, 0.8
+"""The range of an `Outlook` begins where one in five such sweeps is decided, and ends where four in five are."""
+TYPICAL_DEVIATION = 0.25
+"""Standard deviation between seeds of the paired difference of two counts, as a share of the error. A rule of thumb:
+0.1 to 0.45 in apartment, office and loop (the two largest counts of several sweeps with random routes)."""
+TYPICAL_ERROR = 0.02
+"""Error of the filter's path in these worlds [m]."""
+TYPICAL_UNITS = 6
+"""The rule of thumb is trusted as much as a measurement with so many seeds."""
+_MEDIAN = math.sqrt(math.pi / 2.0)
+"""Standard error of a median of normal values, as a multiple of that of their mean."""
+_QUANTILES = (np.arange(64) + 0.5) / 64
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is known of a difference whose side of the margin is open."""
+
+    gap: float
+    """From the difference to the margin, in the unit of the measure."""
+    deviation: float
+    """Spread: the standard error of the difference with n units is `deviation` / sqrt(n)."""
+    units: int
+    """Seeds or worlds from which both are estimated."""
+    level: float = ADDING_LEVEL
+    """Confidence level of the intervals that will decide."""
+    is_measured: bool = True
+    """False: a rule of thumb. Its units are not among those that will be computed."""
+
+    def chance(self, units: int, *, level: float | None = None) -> float:
+        """The chance that so many units in all decide the question, 0 to 1.
+
+        level: of the intervals; default: that of the outlook.
+        """
+        level = self.level if level is None else level
+        if units < min_values(level) or self.units < 2 or (self.is_measured and units <= self.units):
+            return 0.0
+        if self.deviation <= 0.0:
+            return float(self.gap != 0.0)
+        spread = 1.0 / self.units + (-1.0 if self.is_measured else 1.0) / units
+        critical = float(stdtrit(units - 1, 0.5 + 0.5 * level)) / math.sqrt(units)
+        scale = self.deviation * np.sqrt((self.units - 1) / chdtri(self.units - 1, _QUANTILES))
+        gap = abs(self.gap) / scale
+        width = math.sqrt(spread)
+        return float(np.mean(ndtr((gap - critical) / width) + ndtr((-gap - critical) / width)))
+
+    @cached_property
+    def low(self) -> int | None:
+        """With so many units one in five such sweeps is decided; None: with more than `MAX_UNITS`."""
+        return self.units_for(SOME)
+
+    @cached_property
+    def high(self) -> int | None:
+        """With so many units four in five such sweeps are decided; None: with more than `MAX_UNITS`."""
+        return self.units_for(MOST)
+
+    def units_for(self, chance: float) -> int | None:
+        """The fewest units that decide with this chance; None for more than `MAX_UNITS`."""
+        fewest = max(min_values(self.level), self.units + 1 if self.is_measured else 0)
+        return next((n for n in range(fewest, MAX_UNITS + 1) if self.chance(n) >= chance), None)
+
+    def words(self, unit: str = "seed") -> str:
+        """The range in words: `about 9 seeds`, `10 to 45 seeds`, `45 to more than 200 seeds`."""
+        if self.low is None:
+            return f"more than {MAX_UNITS} {unit}s"
+        low = rounded(self.low)
+        if self.high is None:
+            return f"{low} to more than {MAX_UNITS} {unit}s"
+        high = rounded(self.high)
+        return f"about {low} {unit}s" if low == high else f"{low} to {high} {unit}s"
+
+
+def outlook_of(difference: Interval, limit: float, *, level: float) -> Outlook | None:
+    """The outlook of a measured difference; None if nothing can be said, such as from fewer than two values.
+
+    Seeds that are added after a look are a further look, so at least the level of `--until decided` is assumed.
+    """
+    if difference.count < 2 or not math.isfinite(limit):
+        return None
+    deviation = difference.standard_error * math.sqrt(difference.count)
+    return Outlook(limit - difference.value, deviation, difference.count, max(level, ADDING_LEVEL))
+
+
+def typical_outlook(*, level: float = ADDING_LEVEL, margin: Margin = MARGIN) -> Outlook:
+    """The outlook before anything is computed, for a count that is as good as the largest one."""
+    deviation = _MEDIAN * TYPICAL_DEVIATION * TYPICAL_ERROR
+    return Outlook(margin.of(TYPICAL_ERROR), deviation, TYPICAL_UNITS, max(level, ADDING_LEVEL), is_measured=False)
+
+
+def chance_words(chance: float) -> str:
+    """A chance in words, no finer than it is known: `under 5 %`, `about 25 %`, `over 95 %`."""
+    if chance < 0.05:
+        return "under 5 %"
+    return "over 95 %" if chance > 0.95 else f"about {5 * round(20.0 * chance)} %"
+
+
+def rounded(units: int) -> int:
+    """A number of seeds, no finer than it is known: exact up to 20, then to the next 5, from 100 on to the next 10."""
+    step = 1 if units <= 20 else 5 if units <= 100 else 10
+    return step * math.ceil(units / step)

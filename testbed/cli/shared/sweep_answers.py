@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: MIT
+"""The answers of a sweep as lines, after each look at the results and at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from eval.sweep.answers import answers
+from eval.sweep.results import read_sweep
+from eval.sweep.summary import summarise
+
+MAX_LINES = 20
+"""At most so many worlds and lines are named."""
+
+
+def say_answers(directory: Path, say: Callable[[str], None]) -> None:
+    """Say the answer for each world, or kind of building, and line, from the tables of a sweep."""
+    summary = summarise(read_sweep(directory))
+    lines = summary.table.lines
+    found = [(line, answer) for line in lines for answer in answers(summary, line)]
+    for line, answer in found[:MAX_LINES]:
+        say(f"  {'' if len(lines) == 1 else f'{line}, '}{answer.sentence}")
+    if len(found) > MAX_LINES:
+        say("  … and more, on the page")

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Time left of a set of jobs: begins with the expected times and follows what the jobs really take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from testbed.sweep.execution.local_pool import Event, Started
+from testbed.sweep.spec.cell import Cell
+
+MAX_RISE = 1.2
+"""A new estimate that is larger than what was shown is shown only if it is so many times as large."""
+MAX_RUNNING_SHARE = 0.95
+"""A job that runs counts as done by at most this share."""
+
+
+class TimeLeft:
+    """Adds up the expected times of the jobs that are left, scaled by how fast the jobs so far were.
+
+    The time that is shown falls from second to second, also while jobs run. Where a new estimate is a little larger
+    than what was shown the display stands still instead of rising.
+    """
+
+    def __init__(
+        self,
+        cells: Sequence[Cell],
+        expected: Callable[[Cell], float],
+        workers: int,
+        *,
+        is_in_seconds: bool,
+    ) -> None:
+        """expected: time of a job, in seconds or (not is_in_seconds) in a unit that the first job will show."""
+        self._expected = {cell.key: expected(cell) for cell in cells}
+        self._total = max(sum(self._expected.values()), 1e-9)
+        self._workers = max(min(workers, len(cells)), 1)
+        self._weight = self._total / max(len(cells), 1) * self._workers if is_in_seconds else 0.0
+        """The expected times are trusted as much as one finished job of each worker."""
+        self._started: dict[str, float] = {}
+        self._done: set[str] = set()
+        self._spent = 0.0
+        self._shown: float | None = None
+
+    def event(self, event: Event) -> None:
+        """A job has started or is finished."""
+        key = event.cell.key
+        if isinstance(event, Started):
+            self._started[key] = time.monotonic()
+            return
+        self._spent += time.monotonic() - self._started.pop(key, time.monotonic())
+        self._done.add(key)
+
+    @property
+    def share(self) -> float:
+        """Share of the work that is done, 0 to 1."""
+        return sum(self._expected[key] for key in self._done if key in self._expected) / self._total
+
+    @property
+    def seconds_per_job(self) -> float:
+        """Mean time of a job [s]; 0 if it is unknown."""
+        return (self._scale() or 0.0) * self._total / max(len(self._expected), 1)
+
+    def seconds(self, extra: float) -> float | None:
+        """Time left [s] with `extra` for what follows the jobs; None if nothing is known yet."""
+        scale = self._scale()
+        if scale is None:
+            return None
+        now = time.monotonic()
+        left = 0.0
+        for key, expected in self._expected.items():
+            if key not in self._done:
+                elapsed = now - self._started[key] if key in self._started else 0.0
+                left += max(scale * expected - elapsed, (1.0 - MAX_RUNNING_SHARE) * scale * expected)
+        estimate = left / self._workers + extra
+        if self._shown is None or estimate < self._shown or estimate > MAX_RISE * self._shown:
+            self._shown = estimate
+        return self._shown
+
+    def _scale(self) -> float | None:
+        """How many times as long as expected the jobs take; jobs that run longer than expected count already."""
+        now = time.monotonic()
+        work, spent = self._weight, self._weight
+        work += sum(self._expected.get(key, 0.0) for key in self._done)
+        spent += self._spent
+        if work <= 0.0:
+            return None
+        for key, started in self._started.items():
+            expected = self._expected.get(key, 0.0)
+            if now - started > spent / work * expected:
+                work, spent = work + expected, spent + now - started
+        return spent / work

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""How many seeds would tell: the chance that is stated is the share of simulated sweeps that get an answer."""
+
+import math
+
+import numpy as np
+import pytest
+
+from eval.sweep.decision import decide
+from eval.sweep.outlook import Outlook, chance_words, outlook_of, rounded, typical_outlook
+from eval.sweep.statistics import min_values, paired_difference
+
+LIMIT = 0.005
+
+
+def differences(rng, seeds, mean, deviation=0.006):
+    return mean + deviation * rng.normal(size=seeds)
+
+
+@pytest.mark.parametrize(("now", "later"), [(3, 16), (8, 24), (16, 40)])
+def test_the_stated_chance_is_the_share_of_sweeps_that_get_an_answer(now, later):
+    """Over sweeps whose true difference varies widely, as the estimate assumes."""
+    rng = np.random.default_rng(now)
+    stated, found = [], []
+    for _ in range(400):
+        values = differences(rng, later, rng.uniform(-0.02, 0.03))
+        errors = np.vstack([0.05 + values, np.full(later, 0.05)])
+        none = np.zeros((2, later))
+        if decide((1, 5), errors[:, :now], none[:, :now], level=0.99).kind != "undecided":
+            continue
+        outlook = outlook_of(paired_difference(values[:now], np.zeros(now)), LIMIT, level=0.99)
+        stated.append(outlook.chance(later))
+        found.append(decide((1, 5), errors, none, level=0.99).kind != "undecided")
+    assert len(found) > 60
+    assert np.mean(stated) == pytest.approx(np.mean(found), abs=0.12)
+
+
+def test_few_seeds_give_a_wide_range_and_many_a_narrow_one():
+    few, many = (Outlook(0.004, 0.008, units) for units in (3, 30))
+    assert few.high / few.low > 10.0
+    assert many.high / many.low < 2.0
+    assert Outlook(0.002, 0.01, 9).words() == "40 to more than 200 seeds"
+    assert Outlook(0.006, 0.005, 9).words("world") == "10 to 13 worlds"
+
+
+def test_the_range_never_begins_below_what_can_decide_or_is_there():
+    easy = Outlook(1.0, 1e-6, 2)
+    assert easy.low == easy.high == min_values(0.99)
+    assert Outlook(1.0, 1e-6, 30).low == 31
+    assert easy.chance(7) == 0.0
+    assert Outlook(1.0, 1e-6, 30).chance(30) == 0.0
+
+
+def test_a_difference_at_the_limit_cannot_be_decided():
+    outlook = outlook_of(paired_difference(LIMIT + np.resize([0.001, -0.001], 100), np.zeros(100)), LIMIT, level=0.99)
+    assert outlook.chance(200) < 0.05
+    assert outlook.words() == "more than 200 seeds"
+
+
+def test_no_noise_and_no_data_are_no_errors():
+    assert Outlook(0.004, 0.0, 9).chance(10) == 1.0
+    assert Outlook(0.0, 0.0, 9).chance(10) == 0.0
+    for values in ([], [0.001]):
+        assert outlook_of(paired_difference(values, np.zeros(len(values))), LIMIT, level=0.95) is None
+    assert outlook_of(paired_difference([0.1, 0.2], np.zeros(2)), math.nan, level=0.95) is None
+
+
+def test_more_seeds_and_a_lower_level_raise_the_chance():
+    outlook = typical_outlook()
+    chances = [outlook.chance(n) for n in range(8, 60)]
+    assert chances == sorted(chances)
+    assert outlook.chance(20, level=0.95) > outlook.chance(20)
+
+
+def test_numbers_are_no_finer_than_they_are_known():
+    assert [rounded(n) for n in (7, 20, 21, 96, 101, 191)] == [7, 20, 25, 100, 110, 200]
+    assert [chance_words(c) for c in (0.01, 0.23, 0.77, 0.99)] == ["under 5 %", "about 25 %", "about 75 %", "over 95 %"]
