@@ -46,6 +46,9 @@ class SimulatorOptions:
     """fixed: the tour of the world, the same for every seed; random: the whole tour in another order and direction from
     another start, drawn from the seed; stops: to random stops on all floor, drawn from the seed, as far as the tour is
     long. Only for --driver tour."""
+    start: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
+    """Start as X,Y,DEG [m, deg], in a ROS map in its frame; a tour of all floor is planned from there. Default: the
+    start of the world."""
     clutter: float = 0.0
     """Objects added off the tour, per 10 m² of floor."""
     backend: Literal["pybullet", "fast"] = "pybullet"
@@ -64,6 +67,8 @@ class SimulatorOptions:
     def __post_init__(self) -> None:
         if (self.driver.kind == "recorded") != (self.commands is not None):
             raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
+        if self.start is not None:
+            self._check_start()
         if not self.noise >= 0.0:
             raise ValueError(f"noise must not be negative, got {self.noise}")
         if self.beams is not None and not 1 <= self.beams <= MAX_BEAMS:
@@ -108,6 +113,8 @@ class SimulatorOptions:
         progress: called with the share of the tour that is planned, 0 to 1.
         """
         world, clearance = _load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
+        if self.start is not None:
+            world = self._from_start(world)
         # A recorded drive begins where the drive began that its commands are from.
         on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route != "fixed")
         if world.tour is None and on_tour:
@@ -115,12 +122,34 @@ class SimulatorOptions:
         if (
             self.route == "stops" and on_tour
         ):  # before the clutter, which keeps off this drive: it does not change the path
-            world = worlds.stops_route(world, np.random.default_rng(seeds.route), clearance=clearance)
+            rng = np.random.default_rng(seeds.route)
+            world = worlds.stops_route(world, rng, clearance=clearance, keep_start=self.start is not None)
         if self.clutter:
             world = worlds.add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
         if self.route == "random" and on_tour:
             world = worlds.random_route(world, np.random.default_rng(seeds.route))
         return world
+
+    def _check_start(self) -> None:
+        """Raise ValueError for a start that is not X,Y,DEG, or that a route would not begin at."""
+        from testbed.run.known_map import parse_start  # here: it brings the localisation along
+
+        parse_start(self.start or "")
+        if self.route == "random":
+            raise ValueError(f"--start {self.start}: --route random begins elsewhere, expected fixed or stops")
+
+    def _from_start(self, world: World) -> World:
+        """Return the world with its start at `start` and without a tour, which began elsewhere.
+
+        Raises WorldError where the place is not free.
+        """
+        from testbed.run.known_map import parse_start
+
+        x, y, theta = parse_start(self.start or "")
+        start = worlds.Start(x=x - world.offset[0], y=y - world.offset[1], theta=theta)
+        moved = world.model_copy(update={"start": start, "tour": None, "difficulty": None})
+        worlds.check_world(moved, footprint_radius=load_robot(self.robot).footprint_radius)
+        return moved
 
     def recorded_commands(self) -> list[Command] | None:
         """Return the commands of `commands`; None if no file is given."""

@@ -37,11 +37,12 @@ _CHOICES = 3
 Floats = NDArray[np.float64]
 
 
-def stops_route(world: World, rng: Generator, *, clearance: float) -> World:
+def stops_route(world: World, rng: Generator, *, clearance: float, keep_start: bool = False) -> World:
     """Return the world with a random start and a tour to random stops, as long as the world's own tour.
 
-    clearance: least distance of the tour from walls, measured from the centre of the robot [m]. The same state of `rng`
-    gives the same route. Raises `WorldError` if the world has no tour, or a tour without length.
+    clearance: least distance of the tour from walls, measured from the centre of the robot [m]; keep_start: the drive
+    begins where that of the world begins. The same state of `rng` gives the same route. Raises `WorldError` if the
+    world has no tour, or a tour without length.
     """
     if world.tour is None:
         raise WorldError(f"world {world.name!r} has no tour, expected [tour] with way points to draw a route from")
@@ -50,11 +51,12 @@ def stops_route(world: World, rng: Generator, *, clearance: float) -> World:
     if length == 0.0:
         raise WorldError("the tour has no length, expected way points away from the start")
     roadmap = _Roadmap(world, path, clearance + _MARGIN, rng)
-    points = roadmap.draw_route(length, rng)
+    points = roadmap.draw_route(length, rng, from_start=keep_start)
     (x, y), (x_next, y_next) = points[0].tolist(), points[1].tolist()
+    start = world.start if keep_start else Start(x=x, y=y, theta=math.atan2(y_next - y, x_next - x))
     return world.model_copy(
         update={
-            "start": Start(x=x, y=y, theta=math.atan2(y_next - y, x_next - x)),
+            "start": start,
             "tour": Tour(points=[(x, y) for x, y in points[1:].tolist()]),
             "difficulty": None,
         }
@@ -92,11 +94,11 @@ class _Roadmap:
             self._neighbours[b].append((a, leg_length))
         self._start = number[tour[0].round(6)[0], tour[0].round(6)[1]]
 
-    def draw_route(self, length: float, rng: Generator) -> Floats:
-        """Corners (n, 2) [m] of a route of this length [m]."""
+    def draw_route(self, length: float, rng: Generator, *, from_start: bool) -> Floats:
+        """Corners (n, 2) [m] of a route of this length [m], from the start of the tour or from a stop."""
         stops = self._draw_stops(rng)
-        here = stops[0]
-        unvisited = set(stops[1:])
+        here = self._start if from_start else stops[0]
+        unvisited = set(stops) - {here}
         points, driven = [self.positions[here]], 0.0
         while driven < length:
             unvisited = unvisited or set(stops) - {here}
