@@ -59,9 +59,7 @@ def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, mar
     surface = np.zeros((rows, cols), dtype=np.bool_)
     walls = segments_of(surface_of(_shrunk(solid)))
     in_cells = walls / resolution - np.array([first_col, first_row] * 2)
-    for segment in in_cells:
-        row, col = cells_crossed(segment)
-        surface[row, col] = True
+    surface[cells_crossed(in_cells)] = True
     start = (
         int(np.floor(world.start.y / resolution)) - first_row,
         int(np.floor(world.start.x / resolution)) - first_col,
@@ -87,21 +85,27 @@ def _shrunk(solid: BaseGeometry) -> BaseGeometry:
     return shapely.union_all([*shapely.buffer(parts[areas], -_NUDGE, join_style="mitre"), *parts[~areas]])
 
 
-def cells_crossed(segment: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return rows and columns of the unit cells that share more than a point with a segment `(x0, y0, x1, y1)`.
+def cells_crossed(segments: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns of the unit cells that share more than a point with segments `(x0, y0, x1, y1)`, (n, 4).
 
-    The result is exact: the segment is cut at every grid line, and each piece lies in the cell of its midpoint.
+    The result is exact: segments are cut at every grid line, and each piece lies in the cell of its midpoint.
     """
-    begin, step = segment[:2], segment[2:] - segment[:2]
-    cuts = [np.array([0.0, 1.0])]
+    begin, step = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    every = np.arange(len(segments))
+    cuts = [(every, np.zeros(len(segments))), (every, np.ones(len(segments)))]
     for axis in range(2):
-        if step[axis] != 0.0:
-            low, high = sorted((begin[axis], begin[axis] + step[axis]))
-            lines = np.arange(np.ceil(low), np.floor(high) + 1.0)
-            cuts.append((lines - begin[axis]) / step[axis])
-    at = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))
-    midpoint = begin + 0.5 * (at[:-1] + at[1:])[:, None] * step
-    cells = np.floor(midpoint).astype(np.intp)
+        low, high = np.sort(segments[:, [axis, axis + 2]], axis=1).T
+        first = np.ceil(low)
+        count = np.where(step[:, axis] != 0.0, np.maximum(np.floor(high) + 1.0 - first, 0.0), 0.0).astype(np.int64)
+        which = np.repeat(every, count)
+        line = first[which] + np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+        cuts.append((which, np.clip((line - begin[which, axis]) / step[which, axis], 0.0, 1.0)))
+    which, at = (np.concatenate(parts) for parts in zip(*cuts, strict=True))
+    order = np.lexsort((at, which))
+    which, at = which[order], at[order]
+    piece = (which[1:] == which[:-1]) & (at[1:] > at[:-1])
+    middle, which = 0.5 * (at[:-1] + at[1:])[piece], which[:-1][piece]
+    cells = np.floor(begin[which] + middle[:, None] * step[which]).astype(np.intp)
     return cells[:, 1], cells[:, 0]
 
 

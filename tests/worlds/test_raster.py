@@ -91,7 +91,7 @@ coordinate = st.floats(-20.0, 20.0)
 @settings(max_examples=200, deadline=None)
 def test_cells_crossed_are_those_with_a_part_of_the_segment(x0, y0, x1, y1):
     line = shapely.LineString([(x0, y0), (x1, y1)])
-    rows, cols = cells_crossed(np.array([x0, y0, x1, y1]))
+    rows, cols = cells_crossed(np.array([[x0, y0, x1, y1]]))
     found = set(zip(rows.tolist(), cols.tolist(), strict=True))
     low_x, low_y = int(np.floor(min(x0, x1))) - 1, int(np.floor(min(y0, y1))) - 1
     for row in range(low_y, int(np.ceil(max(y0, y1))) + 1):
