@@ -115,6 +115,8 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
         _print_plan(jobs, missing, datasets)
         return
     datasets.out.mkdir(parents=True, exist_ok=True)
+    if missing and len(missing) < len(jobs):
+        console.print(f"{len(jobs) - len(missing)} of {len(jobs)} datasets exist already; the others are made")
     with dataset_progress(len(missing)) as progress:
         drives = _make_all(missing, datasets, progress)
         summary = ""
