@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -112,13 +111,10 @@ class SimulatorOptions:
         Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
         progress: called with the share of the tour that is planned, 0 to 1.
         """
-        world, clearance = _load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
-        if self.start is not None:
-            world = self._from_start(world)
+        clearance = load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
         # A recorded drive begins where the drive began that its commands are from.
         on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route != "fixed")
-        if world.tour is None and on_tour:
-            world = worlds.plan_tour(world, footprint_radius=clearance, progress=progress)
+        world = self._world_with_tour(name, clearance if on_tour else None, progress)
         if (
             self.route == "stops" and on_tour
         ):  # before the clutter, which keeps off this drive: it does not change the path
@@ -137,6 +133,25 @@ class SimulatorOptions:
         parse_start(self.start or "")
         if self.route == "random":
             raise ValueError(f"--start {self.start}: --route random begins elsewhere, expected fixed or stops")
+
+    def _world_with_tour(self, name: str, clearance: float | None, progress: Callable[[float], None] | None) -> World:
+        """Return the world of that name with its start and, unless `clearance` is None, with a tour.
+
+        The last one is kept: reading a map and planning a tour take seconds, and a job makes many drives in one world.
+        """
+        files = [Path(name)] if worlds.is_map(name) or name.endswith(".toml") else []
+        files += [worlds.map_image(file) for file in files if worlds.is_map(file) and file.is_file()]
+        changed = tuple(file.stat().st_mtime_ns for file in files if file.is_file())
+        key = (name, changed, self.robot, self.start, clearance)
+        if key not in _KEPT:
+            world = worlds.load(name)
+            if self.start is not None:
+                world = self._from_start(world)
+            if world.tour is None and clearance is not None:
+                world = worlds.plan_tour(world, footprint_radius=clearance, progress=progress)
+            _KEPT.clear()
+            _KEPT[key] = world
+        return _KEPT[key]
 
     def _from_start(self, world: World) -> World:
         """Return the world with its start at `start` and without a tour, which began elsewhere.
@@ -166,15 +181,8 @@ class SimulatorOptions:
         return files + [worlds.map_image(path) for path in files[:1] if path == Path(world) and worlds.is_map(path)]
 
 
-def _load(name: str) -> World:
-    """Load a world; those without a file of the user cannot change, so that the last one is kept."""
-    return worlds.load(name) if worlds.is_map(name) or name.endswith(".toml") else _load_named(name)
-
-
-@lru_cache(maxsize=1)
-def _load_named(name: str) -> World:
-    return worlds.load(name)
-
+_KEPT: dict[tuple[object, ...], World] = {}
+"""The last world that was loaded, by what it was made of."""
 
 SIMULATOR = SimulatorOptions()
 

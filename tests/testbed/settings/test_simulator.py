@@ -2,6 +2,7 @@
 """Loading a world by the settings of the simulator: clutter and routes."""
 
 import math
+import os
 
 import numpy as np
 import pytest
@@ -75,3 +76,14 @@ def test_a_start_is_in_the_frame_of_the_map(tmp_path):
 def test_a_start_that_makes_no_sense_is_refused(start, route, complaint):
     with pytest.raises(ValueError, match=complaint):
         SimulatorOptions(start=start, route=route).load_world("office", RunSeeds.from_seed(0))
+
+
+def test_a_world_file_that_changed_is_read_again(tmp_path):
+    file = tmp_path / "place.toml"
+    for size in (10, 16):
+        corners = [[0, 0], [size, 0], [size, size], [0, size]]
+        file.write_text(f"name = 'place'\n[start]\nx = 2\ny = 2\n[[walls]]\npoints = {corners}\nclosed = true\n")
+        os.utime(file, ns=(size, size))
+        first, second = (SimulatorOptions().load_world(str(file), RunSeeds.from_seed(s)) for s in (0, 1))
+        assert first is second  # nothing is planned twice
+        assert first.cross_section().bounds[2] == pytest.approx(size, abs=0.2)
