@@ -36,9 +36,7 @@ def check_world(world: World, *, footprint_radius: float = 0.0, source: str = ""
             f"{source}: start ({world.start.x:g}, {world.start.y:g}) m lies in or within {footprint_radius:g} m "
             f"of {_described(world.elements[near[0]])}, expected a free place"
         )
-    surface = surface_of(
-        shapely.union_all([e for e, of in zip(shapes, world.elements, strict=True) if of.height > 0.0])
-    )
+    surface = surface_of(world.cross_section())
     if floor_around(start, surface) is None:
         raise WorldError(
             f"{source}: the outline about start ({world.start.x:g}, {world.start.y:g}) m is not closed, "

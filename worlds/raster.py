@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from worlds.errors import WorldError
@@ -60,16 +59,14 @@ def true_map(world: World, resolution: float = 0.05, *, height: float = 0.0, mar
     surface = np.zeros((rows, cols), dtype=np.bool_)
     walls = segments_of(surface_of(_shrunk(solid)))
     in_cells = walls / resolution - np.array([first_col, first_row] * 2)
-    for segment in in_cells:
-        row, col = cells_crossed(segment)
-        surface[row, col] = True
+    surface[cells_crossed(in_cells)] = True
     start = (
         int(np.floor(world.start.y / resolution)) - first_row,
         int(np.floor(world.start.x / resolution)) - first_col,
     )
     free = _connected(~surface, start)
     return TrueMap(
-        occupied=surface & ndimage.binary_dilation(free, np.ones((3, 3), dtype=np.bool_)),
+        occupied=surface & _dilated(free),
         free=free,
         resolution=resolution,
         origin=(first_col * resolution, first_row * resolution, 0.0),
@@ -88,29 +85,71 @@ def _shrunk(solid: BaseGeometry) -> BaseGeometry:
     return shapely.union_all([*shapely.buffer(parts[areas], -_NUDGE, join_style="mitre"), *parts[~areas]])
 
 
-def cells_crossed(segment: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return rows and columns of the unit cells that share more than a point with a segment `(x0, y0, x1, y1)`.
+def cells_crossed(segments: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns of the unit cells that share more than a point with segments `(x0, y0, x1, y1)`, (n, 4).
 
-    The result is exact: the segment is cut at every grid line, and each piece lies in the cell of its midpoint.
+    The result is exact: segments are cut at every grid line, and each piece lies in the cell of its midpoint.
     """
-    begin, step = segment[:2], segment[2:] - segment[:2]
-    cuts = [np.array([0.0, 1.0])]
+    begin, step = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    every = np.arange(len(segments))
+    cuts = [(every, np.zeros(len(segments))), (every, np.ones(len(segments)))]
     for axis in range(2):
-        if step[axis] != 0.0:
-            low, high = sorted((begin[axis], begin[axis] + step[axis]))
-            lines = np.arange(np.ceil(low), np.floor(high) + 1.0)
-            cuts.append((lines - begin[axis]) / step[axis])
-    at = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))
-    midpoint = begin + 0.5 * (at[:-1] + at[1:])[:, None] * step
-    cells = np.floor(midpoint).astype(np.intp)
+        low, high = np.sort(segments[:, [axis, axis + 2]], axis=1).T
+        first = np.ceil(low)
+        count = np.where(step[:, axis] != 0.0, np.maximum(np.floor(high) + 1.0 - first, 0.0), 0.0).astype(np.int64)
+        which = np.repeat(every, count)
+        line = first[which] + np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+        cuts.append((which, np.clip((line - begin[which, axis]) / step[which, axis], 0.0, 1.0)))
+    which, at = (np.concatenate(parts) for parts in zip(*cuts, strict=True))
+    order = np.lexsort((at, which))
+    which, at = which[order], at[order]
+    piece = (which[1:] == which[:-1]) & (at[1:] > at[:-1])
+    middle, which = 0.5 * (at[:-1] + at[1:])[piece], which[:-1][piece]
+    cells = np.floor(begin[which] + middle[:, None] * step[which]).astype(np.intp)
     return cells[:, 1], cells[:, 0]
 
 
+def _dilated(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells with their eight neighbours, (rows, cols)."""
+    padded = np.pad(cells, 1)
+    rows = padded[:-2] | padded[1:-1] | padded[2:]
+    return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
+
+
 def _connected(open_cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return the open cells that are connected with cell `start` (row, col) by their sides, (rows, cols)."""
-    labels, _ = ndimage.label(open_cells)
+    """Return the open cells that are connected with cell `start` (row, col) by their sides, (rows, cols).
+
+    Runs of open cells along the rows are joined with the runs that they touch in the next row. This does not need
+    scipy.ndimage, whose import takes longer than most maps.
+    """
     rows, cols = open_cells.shape
-    inside = 0 <= start[0] < rows and 0 <= start[1] < cols
-    label = labels[start] if inside else 0
-    reached: NDArray[np.bool_] = (labels == label) if label else np.zeros_like(open_cells)
+    if not (0 <= start[0] < rows and 0 <= start[1] < cols) or not open_cells[start]:
+        return np.zeros_like(open_cells)
+    edges = np.diff(np.pad(open_cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    row, begin = np.nonzero(edges == 1)
+    end = np.nonzero(edges == -1)[1]
+    width = cols + 1
+    begins, ends = row * width + begin, row * width + end
+    first = np.searchsorted(ends, begins + width, side="right")
+    touching = np.searchsorted(begins, ends + width) - first
+    upper = np.repeat(np.arange(len(row)), touching)
+    lower = np.arange(len(upper)) + np.repeat(first - np.cumsum(touching) + touching, touching)
+    group = _groups(len(row), upper, lower)
+    chosen = group == group[np.searchsorted(begins, start[0] * width + start[1], side="right") - 1]
+    steps = np.zeros((rows, width), dtype=np.int8)
+    steps[row[chosen], begin[chosen]] = 1
+    steps[row[chosen], end[chosen]] = -1
+    reached: NDArray[np.bool_] = np.cumsum(steps, axis=1, dtype=np.int8)[:, :-1] > 0
     return reached
+
+
+def _groups(count: int, a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return for each of `count` nodes the smallest number of a node that the edges between a and b connect it with."""
+    group = np.arange(count)
+    while (group[a] != group[b]).any():
+        low = np.minimum(group[a], group[b])
+        np.minimum.at(group, group[a], low)
+        np.minimum.at(group, group[b], low)
+        while (group[group] != group).any():
+            group = group[group]
+    return group

@@ -7,6 +7,7 @@ One geometry is used everywhere: the physics engine's mesh, the ray caster and t
 
 from __future__ import annotations
 
+import operator
 from typing import Annotated
 
 import numpy as np
@@ -124,8 +125,7 @@ class World(Model):
 
         `glass=False` leaves out elements that are transparent to lidars.
         """
-        shapes = [e.shape() for e in self.elements if e.height > height and (glass or not e.glass)]
-        return shapely.union_all(shapes)
+        return _KEPT.union(tuple(e for e in self.elements if e.height > height and (glass or not e.glass)))
 
     def boundary_segments(self, height: float = 0.0, *, glass: bool = True) -> NDArray[np.float64]:
         """Return the surfaces at `height` [m] as segments `(x0, y0, x1, y1)` [m], (n, 4).
@@ -150,6 +150,29 @@ class World(Model):
             lap = [*self.tour.points, self.tour.points[0]] if self.tour.closed else self.tour.points
             corners += lap + lap[1:] * (self.tour.laps - 1)
         return np.array(corners, dtype=np.float64)
+
+
+class _KeptUnions:
+    """The unions of the last few sets of elements: drives through one world differ in start and tour only.
+
+    Elements are frozen, so that the same objects have the same shapes.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._found: list[tuple[tuple[Element, ...], BaseGeometry]] = []
+
+    def union(self, elements: tuple[Element, ...]) -> BaseGeometry:
+        """Return the union of the shapes of these elements."""
+        for known, union in self._found:
+            if len(known) == len(elements) and all(map(operator.is_, known, elements)):
+                return union
+        union = shapely.union_all([element.shape() for element in elements])
+        self._found = [(elements, union), *self._found[: self._most - 1]]
+        return union
+
+
+_KEPT = _KeptUnions(4)
 
 
 def floor_around(start: Point, surface: BaseGeometry) -> Polygon | None:

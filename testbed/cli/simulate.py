@@ -115,6 +115,8 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
         _print_plan(jobs, missing, datasets)
         return
     datasets.out.mkdir(parents=True, exist_ok=True)
+    if missing and len(missing) < len(jobs):
+        console.print(f"{len(jobs) - len(missing)} of {len(jobs)} datasets exist already; the others are made")
     with dataset_progress(len(missing)) as progress:
         drives = _make_all(missing, datasets, progress)
         summary = ""
@@ -236,7 +238,8 @@ def _checked_name(world: str, simulator: SimulatorOptions, draws: list[Draw]) ->
     if world.startswith("generated:"):
         return label(world)
     seeds = RunSeeds.from_seed(0)
-    loaded = simulator.load_world(world, seeds, SlowProgress("planning a tour"))
+    tour = replace(simulator, route="fixed")  # routes keep as far from walls as the tour
+    loaded = tour.load_world(world, seeds, SlowProgress("planning a tour"))
     announce_world(loaded)
     for possible in with_each_choice(simulator, draws, "robot"):
         check_fits(loaded, possible.simulation(seeds).robot)

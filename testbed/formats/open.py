@@ -12,7 +12,7 @@ from testbed.formats.carmen.reader import MESSAGES, read_carmen
 from testbed.formats.checksums import CONFIG, verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import TABLE, read_parquet
-from testbed.formats.ros.reader import read_bag
+from testbed.formats.ros.reading.reader import read_bag
 from testbed.formats.ros.salvage import bag_files
 from testbed.formats.tum import ODOMETRY, read_trajectories
 

@@ -17,8 +17,8 @@ from testbed.formats.checksums import seal_directory
 from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import write_parquet
-from testbed.formats.ros.storages import Storage
-from testbed.formats.ros.writer import write_bag
+from testbed.formats.ros.writing.storages import Storage
+from testbed.formats.ros.writing.writer import write_bag
 from testbed.formats.tum import write_trajectories
 from testbed.frame_table import FrameTable
 

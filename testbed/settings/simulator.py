@@ -5,14 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
 
-from testbed.formats.commands import read_commands
+import worlds
 from testbed.presets import LidarPreset, load_lidar, load_robot
 from testbed.presets.models import MAX_BEAMS
 from testbed.seeds import RunSeeds
@@ -20,7 +19,7 @@ from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simula
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
 from testbed.simulation.simulator import TOUR_CLEARANCE
-from worlds import World, add_clutter, is_map, load, map_image, plan_tour, random_route, stops_route
+from worlds import World
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
@@ -46,6 +45,9 @@ class SimulatorOptions:
     """fixed: the tour of the world, the same for every seed; random: the whole tour in another order and direction from
     another start, drawn from the seed; stops: to random stops on all floor, drawn from the seed, as far as the tour is
     long. Only for --driver tour."""
+    start: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
+    """Start as X,Y,DEG [m, deg], in a ROS map in its frame; a tour of all floor is planned from there. Default: the
+    start of the world."""
     clutter: float = 0.0
     """Objects added off the tour, per 10 m² of floor."""
     backend: Literal["pybullet", "fast"] = "pybullet"
@@ -64,6 +66,8 @@ class SimulatorOptions:
     def __post_init__(self) -> None:
         if (self.driver.kind == "recorded") != (self.commands is not None):
             raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
+        if self.start is not None:
+            self._check_start()
         if not self.noise >= 0.0:
             raise ValueError(f"noise must not be negative, got {self.noise}")
         if self.beams is not None and not 1 <= self.beams <= MAX_BEAMS:
@@ -107,41 +111,78 @@ class SimulatorOptions:
         Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
         progress: called with the share of the tour that is planned, 0 to 1.
         """
-        world, clearance = _load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
+        clearance = load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
         # A recorded drive begins where the drive began that its commands are from.
         on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route != "fixed")
-        if world.tour is None and on_tour:
-            world = plan_tour(world, footprint_radius=clearance, progress=progress)
+        world = self._world_with_tour(name, clearance if on_tour else None, progress)
         if (
             self.route == "stops" and on_tour
         ):  # before the clutter, which keeps off this drive: it does not change the path
-            world = stops_route(world, np.random.default_rng(seeds.route), clearance=clearance)
+            rng = np.random.default_rng(seeds.route)
+            world = worlds.stops_route(world, rng, clearance=clearance, keep_start=self.start is not None)
         if self.clutter:
-            world = add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
+            world = worlds.add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
         if self.route == "random" and on_tour:
-            world = random_route(world, np.random.default_rng(seeds.route))
+            world = worlds.random_route(world, np.random.default_rng(seeds.route))
         return world
+
+    def _check_start(self) -> None:
+        """Raise ValueError for a start that is not X,Y,DEG, or that a route would not begin at."""
+        from testbed.run.known_map import parse_start  # here: it brings the localisation along
+
+        parse_start(self.start or "")
+        if self.route == "random":
+            raise ValueError(f"--start {self.start}: --route random begins elsewhere, expected fixed or stops")
+
+    def _world_with_tour(self, name: str, clearance: float | None, progress: Callable[[float], None] | None) -> World:
+        """Return the world of that name with its start and, unless `clearance` is None, with a tour.
+
+        The last one is kept: reading a map and planning a tour take seconds, and a job makes many drives in one world.
+        """
+        files = [Path(name)] if worlds.is_map(name) or name.endswith(".toml") else []
+        files += [worlds.map_image(file) for file in files if worlds.is_map(file) and file.is_file()]
+        changed = tuple(file.stat().st_mtime_ns for file in files if file.is_file())
+        key = (name, changed, self.robot, self.start, clearance)
+        if key not in _KEPT:
+            world = worlds.load(name)
+            if self.start is not None:
+                world = self._from_start(world)
+            if world.tour is None and clearance is not None:
+                world = worlds.plan_tour(world, footprint_radius=clearance, progress=progress)
+            _KEPT.clear()
+            _KEPT[key] = world
+        return _KEPT[key]
+
+    def _from_start(self, world: World) -> World:
+        """Return the world with its start at `start` and without a tour, which began elsewhere.
+
+        Raises WorldError where the place is not free.
+        """
+        from testbed.run.known_map import parse_start
+
+        x, y, theta = parse_start(self.start or "")
+        start = worlds.Start(x=x - world.offset[0], y=y - world.offset[1], theta=theta)
+        moved = world.model_copy(update={"start": start, "tour": None, "difficulty": None})
+        worlds.check_world(moved, footprint_radius=load_robot(self.robot).footprint_radius)
+        return moved
 
     def recorded_commands(self) -> list[Command] | None:
         """Return the commands of `commands`; None if no file is given."""
-        return None if self.commands is None else read_commands(self.commands)
+        if self.commands is None:
+            return None
+        from testbed.formats.commands import read_commands  # here: it needs the readers of all formats
+
+        return read_commands(self.commands)
 
     def files(self, world: str) -> list[Path]:
         """Return the user's files among world, robot, lidars and commands, with the image of a ROS map."""
         named = [Path(name) for name in (world, self.robot, *self.lidars, self.commands) if name is not None]
         files = [path for path in named if path.is_file()]
-        return files + [map_image(path) for path in files[:1] if path == Path(world) and is_map(path)]
+        return files + [worlds.map_image(path) for path in files[:1] if path == Path(world) and worlds.is_map(path)]
 
 
-def _load(name: str) -> World:
-    """Load a world; those without a file of the user cannot change, so that the last one is kept."""
-    return load(name) if is_map(name) or name.endswith(".toml") else _load_named(name)
-
-
-@lru_cache(maxsize=1)
-def _load_named(name: str) -> World:
-    return load(name)
-
+_KEPT: dict[tuple[object, ...], World] = {}
+"""The last world that was loaded, by what it was made of."""
 
 SIMULATOR = SimulatorOptions()
 

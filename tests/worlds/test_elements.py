@@ -106,3 +106,14 @@ def test_path_runs_through_all_laps():
     )
     expected = [(1, 1), (2, 1), (2, 2), (2, 1), (2, 2), (2, 1)]
     assert world.path().tolist() == [list(map(float, corner)) for corner in expected]
+
+
+def test_worlds_with_other_elements_have_other_unions():
+    walls = [Wall(points=SQUARE, closed=True, thickness=0.2)]
+    bare = World(name="bare", walls=walls)
+    boxes = [bare.model_copy(update={"boxes": [Box(x=x, y=1.0, width=0.5, depth=0.5)]}) for x in (1.0, 2.0, 3.0)]
+    for _ in range(2):
+        areas = [world.cross_section().area for world in (bare, *boxes)]
+        np.testing.assert_allclose(areas, areas[0] + np.array([0.0, 0.25, 0.25, 0.25]))
+        assert len({world.cross_section().wkt for world in (bare, *boxes)}) == 4
+        assert bare.cross_section(100.0).is_empty

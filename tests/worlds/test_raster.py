@@ -6,10 +6,11 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 import worlds
 from worlds import Box, Start, Wall, World
-from worlds.raster import cells_crossed
+from worlds.raster import _connected, _dilated, cells_crossed
 
 ROOM = World(
     name="room",
@@ -90,7 +91,7 @@ coordinate = st.floats(-20.0, 20.0)
 @settings(max_examples=200, deadline=None)
 def test_cells_crossed_are_those_with_a_part_of_the_segment(x0, y0, x1, y1):
     line = shapely.LineString([(x0, y0), (x1, y1)])
-    rows, cols = cells_crossed(np.array([x0, y0, x1, y1]))
+    rows, cols = cells_crossed(np.array([[x0, y0, x1, y1]]))
     found = set(zip(rows.tolist(), cols.tolist(), strict=True))
     low_x, low_y = int(np.floor(min(x0, x1))) - 1, int(np.floor(min(y0, y1))) - 1
     for row in range(low_y, int(np.ceil(max(y0, y1))) + 1):
@@ -101,3 +102,16 @@ def test_cells_crossed_are_those_with_a_part_of_the_segment(x0, y0, x1, y1):
                 assert found & runs_along_the_edge
             if (row, col) in found:
                 assert shapely.box(col, row, col + 1, row + 1).distance(line) < 1e-6
+
+
+@given(seed=st.integers(0, 2**32 - 1), rows=st.integers(1, 30), cols=st.integers(1, 30), share=st.floats(0.3, 0.95))
+@settings(deadline=None, max_examples=100)
+def test_connected_cells_are_those_of_scipy(seed, rows, cols, share):
+    rng = np.random.default_rng(seed)
+    cells = rng.random((rows, cols)) < share
+    start = (int(rng.integers(rows)), int(rng.integers(cols)))
+    labels, _ = ndimage.label(cells)
+    expected = (labels == labels[start]) & cells[start]
+    np.testing.assert_array_equal(_connected(cells, start), expected)
+    np.testing.assert_array_equal(_dilated(cells), ndimage.binary_dilation(cells, np.ones((3, 3))))
+    assert not _connected(cells, (-1, 0)).any()

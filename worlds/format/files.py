@@ -16,7 +16,6 @@ from pydantic import ValidationError
 from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
 from worlds.errors import WorldError
-from worlds.format.floor_plan import import_map
 from worlds.format.map_file import is_map
 from worlds.movers import Door, Person
 from worlds.world import Difficulty, Start, Tour, World
@@ -52,6 +51,8 @@ def load(name_or_path: str | Path, *, footprint_radius: float = 0.0) -> World:
     wrong type or unit, start inside a wall, open outline, tour too narrow.
     """
     if is_map(name_or_path):
+        from worlds.format.floor_plan import import_map  # here: it needs scipy.ndimage, whose import is slow
+
         world, source = import_map(name_or_path), str(name_or_path)
     else:
         text, source = _read(name_or_path)

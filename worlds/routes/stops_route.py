@@ -9,6 +9,7 @@ tour is long.
 
 from __future__ import annotations
 
+import heapq
 import math
 from itertools import pairwise
 
@@ -16,9 +17,6 @@ import numpy as np
 import shapely
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import KDTree
 from shapely.geometry.base import BaseGeometry
 
 from worlds.errors import WorldError
@@ -33,19 +31,18 @@ _NEIGHBOURS = 10
 """Each place is joined to this many of the nearest ones, where the way is free."""
 _STOP_DISTANCE = 2.5
 """Stops are at least this far from each other [m]."""
-_NEAR = 10.0
-"""Distance within which stops are searched first [m]."""
 _CHOICES = 3
 """The next stop is one of this many of the nearest ones."""
 
 Floats = NDArray[np.float64]
 
 
-def stops_route(world: World, rng: Generator, *, clearance: float) -> World:
+def stops_route(world: World, rng: Generator, *, clearance: float, keep_start: bool = False) -> World:
     """Return the world with a random start and a tour to random stops, as long as the world's own tour.
 
-    clearance: least distance of the tour from walls, measured from the centre of the robot [m]. The same state of `rng`
-    gives the same route. Raises `WorldError` if the world has no tour, or a tour without length.
+    clearance: least distance of the tour from walls, measured from the centre of the robot [m]; keep_start: the drive
+    begins where that of the world begins. The same state of `rng` gives the same route. Raises `WorldError` if the
+    world has no tour, or a tour without length.
     """
     if world.tour is None:
         raise WorldError(f"world {world.name!r} has no tour, expected [tour] with way points to draw a route from")
@@ -54,11 +51,12 @@ def stops_route(world: World, rng: Generator, *, clearance: float) -> World:
     if length == 0.0:
         raise WorldError("the tour has no length, expected way points away from the start")
     roadmap = _Roadmap(world, path, clearance + _MARGIN, rng)
-    points = roadmap.draw_route(length, rng)
+    points = roadmap.draw_route(length, rng, from_start=keep_start)
     (x, y), (x_next, y_next) = points[0].tolist(), points[1].tolist()
+    start = world.start if keep_start else Start(x=x, y=y, theta=math.atan2(y_next - y, x_next - x))
     return world.model_copy(
         update={
-            "start": Start(x=x, y=y, theta=math.atan2(y_next - y, x_next - x)),
+            "start": start,
             "tour": Tour(points=[(x, y) for x, y in points[1:].tolist()]),
             "difficulty": None,
         }
@@ -89,40 +87,65 @@ class _Roadmap:
         legs = self._near_pairs()
         legs = legs[self._is_free(self.positions[legs[:, 0]], self.positions[legs[:, 1]])]
         legs = np.unique(np.vstack([legs, [leg for leg in sorted(on_tour) if leg[0] != leg[1]]]), axis=0)
-        nodes, lengths = len(self.positions), np.hypot(*(self.positions[legs[:, 1]] - self.positions[legs[:, 0]]).T)
-        one_way = sparse.csr_matrix((lengths, (legs[:, 0], legs[:, 1])), shape=(nodes, nodes))
-        self._graph = sparse.csr_matrix(one_way + one_way.T)
-        labels = connected_components(self._graph, directed=False)[1]
-        self._reachable = labels == labels[number[tour[0].round(6)[0], tour[0].round(6)[1]]]
+        lengths = np.hypot(*(self.positions[legs[:, 1]] - self.positions[legs[:, 0]]).T)
+        self._neighbours: list[list[tuple[int, float]]] = [[] for _ in self.positions]
+        for (a, b), leg_length in zip(legs.tolist(), lengths.tolist(), strict=True):
+            self._neighbours[a].append((b, leg_length))
+            self._neighbours[b].append((a, leg_length))
+        self._start = number[tour[0].round(6)[0], tour[0].round(6)[1]]
 
-    def draw_route(self, length: float, rng: Generator) -> Floats:
-        """Corners (n, 2) [m] of a route of this length [m]."""
+    def draw_route(self, length: float, rng: Generator, *, from_start: bool) -> Floats:
+        """Corners (n, 2) [m] of a route of this length [m], from the start of the tour or from a stop."""
         stops = self._draw_stops(rng)
-        here = stops[0]
-        unvisited = set(stops[1:])
+        here = self._start if from_start else stops[0]
+        unvisited = set(stops) - {here}
         points, driven = [self.positions[here]], 0.0
         while driven < length:
             unvisited = unvisited or set(stops) - {here}
-            for limit in (_NEAR, np.inf):  # the next stops are usually near
-                cost, before = dijkstra(self._graph, indices=[here], return_predecessors=True, limit=limit)
-                nearest = sorted((c, stop) for stop in unvisited if np.isfinite(c := cost[0, stop]))[:_CHOICES]
-                if len(nearest) == min(_CHOICES, len(unvisited)):
-                    break
-            _, there = nearest[int(rng.integers(len(nearest)))]
-            way = [there]
-            while way[-1] != here:
-                way.append(int(before[0, way[-1]]))
-            leg = self._straightened(self.positions[way[::-1]])
+            ways = self._ways_to_nearest(here, unvisited)
+            way = ways[int(rng.integers(len(ways)))]
+            leg = self._straightened(self.positions[way])
             driven += float(np.hypot(*np.diff(leg, axis=0).T).sum())
             points.extend(leg[1:])
-            unvisited.discard(there)
-            here = there
+            here = way[-1]
+            unvisited.discard(here)
         last, too_long = points[-1] - points[-2], driven - length
         while too_long > (step := float(np.hypot(*last))):  # the route ends on the way to the last stop
             points.pop()
             last, too_long = points[-1] - points[-2], too_long - step
         points[-1] = points[-1] - last * too_long / step
         return np.array(points)
+
+    def _ways_to_nearest(self, here: int, goals: set[int]) -> list[list[int]]:
+        """The shortest ways to the `_CHOICES` nearest of these nodes, by Dijkstra's algorithm."""
+        best, before, open_nodes = {here: 0.0}, {here: here}, [(0.0, here)]
+        found: list[list[int]] = []
+        settled: set[int] = set()
+        while open_nodes and len(found) < _CHOICES:
+            distance, node = heapq.heappop(open_nodes)
+            if node in settled:
+                continue
+            settled.add(node)
+            if node in goals:
+                way = [node]
+                while way[-1] != here:
+                    way.append(before[way[-1]])
+                found.append(way[::-1])
+            for neighbour, length in self._neighbours[node]:
+                if distance + length < best.get(neighbour, math.inf):
+                    best[neighbour], before[neighbour] = distance + length, node
+                    heapq.heappush(open_nodes, (distance + length, neighbour))
+        return found
+
+    def _reachable(self) -> list[int]:
+        """The nodes that can be reached from the start of the tour, sorted."""
+        reached, stack = {self._start}, [self._start]
+        while stack:
+            for node, _ in self._neighbours[stack.pop()]:
+                if node not in reached:
+                    reached.add(node)
+                    stack.append(node)
+        return sorted(reached)
 
     def _draw_places(self, solid: BaseGeometry, tour: Floats, rng: Generator) -> Floats:
         """Random places off all surfaces (n, 2) [m]; some may lie outside of the world's outline."""
@@ -137,10 +160,15 @@ class _Roadmap:
 
     def _near_pairs(self) -> NDArray[np.int64]:
         """Pairs of neighbours (n, 2), the smaller number first."""
-        near = np.asarray(KDTree(self.positions).query(self.positions, k=min(_NEIGHBOURS + 1, len(self.positions)))[1])
-        pairs = np.column_stack([np.repeat(near[:, 0], near.shape[1] - 1), near[:, 1:].ravel()])
-        found: NDArray[np.int64] = np.unique(np.sort(pairs, axis=1), axis=0)
-        return found
+        nodes = np.arange(len(self.positions))
+        count = min(_NEIGHBOURS + 1, len(nodes))  # the node itself is one of them
+        pairs = []
+        for some in np.array_split(nodes, len(nodes) // 500 + 1):
+            apart = np.hypot(*(self.positions[some, None] - self.positions[None]).transpose(2, 0, 1))
+            near = np.argpartition(apart, count - 1, axis=1)[:, :count]
+            pairs.append(np.column_stack([np.repeat(some, count), near.ravel()]))
+        found = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
+        return found[found[:, 0] < found[:, 1]]
 
     def _is_free(self, begins: Floats, ends: Floats) -> NDArray[np.bool_]:
         """Tell of straight legs between points (n, 2) [m] whether they keep the clearance."""
@@ -151,7 +179,7 @@ class _Roadmap:
 
     def _draw_stops(self, rng: Generator) -> list[int]:
         """Places to visit, spread over the floor."""
-        possible = np.flatnonzero(self._reachable)
+        possible = np.array(self._reachable())
         stops: list[int] = []
         for node in rng.permutation(possible).tolist():
             if all(np.hypot(*(self.positions[stops] - self.positions[node]).T) >= _STOP_DISTANCE):

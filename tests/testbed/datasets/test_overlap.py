@@ -41,6 +41,12 @@ def test_share_of_a_square(second, expected):
     assert share(SQUARE, second) == pytest.approx(expected, abs=0.04)
 
 
+def test_crossings_are_not_shared():
+    straight = line((0, 0), (20, 0))
+    across = line(*[(0.25 + k, y) for k in range(19) for y in ((-2, 2) if k % 2 else (2, -2))])
+    assert share(straight, across) == 0.0
+
+
 def test_stops_on_the_way_do_not_count():
     waiting = np.repeat(SQUARE, np.where(np.arange(len(SQUARE)) == 100, 500, 1), axis=0)
     assert len(path_in_steps(waiting).points) == len(path_in_steps(SQUARE).points)

@@ -22,8 +22,8 @@ from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from testbed.formats import LogError, open_log
 from testbed.formats.head import LogHead, lidars_of
-from testbed.formats.ros.reader import interpolate
-from testbed.formats.ros.writer import write_bag as write_blocks_as_bag
+from testbed.formats.ros.reading.frames import interpolate
+from testbed.formats.ros.writing.writer import write_bag as write_blocks_as_bag
 from testbed.frame import Frame
 from testbed.frame_table import FrameTable
 

@@ -70,3 +70,12 @@ def test_a_world_without_a_tour_is_refused():
         route(worlds.load("office").model_copy(update={"tour": None}), 0)
     with pytest.raises(WorldError, match="tour has no length"):
         route(room(10.0, [(1.0, 1.0)]), 0)
+
+
+def test_a_start_can_be_kept():
+    office = worlds.load("office")
+    for seed in range(5):
+        drawn = stops_route(office, np.random.default_rng(seed), clearance=ROBOT, keep_start=True)
+        assert drawn.start == office.start
+        worlds.check_world(drawn, footprint_radius=ROBOT)
+        assert shapely.LineString(drawn.path()).length == pytest.approx(shapely.LineString(office.path()).length)

@@ -14,7 +14,7 @@ import numpy as np
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum
 from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.mcap import MESSAGE_HEAD, McapStorage, message_heads
-from testbed.formats.ros.records import Bytes, Framing, Records
+from testbed.formats.ros.writing.records import Bytes, Framing, Records
 from testbed.frame_table import Integers
 
 Storage = Literal["mcap", "sqlite", "rosbag1"]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from testbed.formats.ros import layouts
 from testbed.formats.ros.layouts import CDR_HEADER, Encoding, message_layout
-from testbed.formats.ros.transforms import MAX_TILT, planar_pose
+from testbed.formats.ros.reading.transforms import MAX_TILT, planar_pose
 from testbed.frame_table import Floats
 
 NANOSECONDS = 1_000_000_000

@@ -26,8 +26,8 @@ from testbed.formats.beams import same_mount
 from testbed.formats.head import LogHead
 from testbed.formats.log import LogError
 from testbed.formats.ros.messages import Joint, Messages, joints_of, planar_joint
-from testbed.formats.ros.records import RecordMaker, nanoseconds
-from testbed.formats.ros.storages import Bag, Storage, new_bag
+from testbed.formats.ros.writing.records import RecordMaker, nanoseconds
+from testbed.formats.ros.writing.storages import Bag, Storage, new_bag
 from testbed.frame_table import FrameTable
 
 MAX_STAMP = 2**31 - 1

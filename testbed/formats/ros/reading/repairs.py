@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam.motion.continuous_odometry import has_jumped
-from testbed.formats.ros.decode import RawScan, Track
+from testbed.formats.ros.reading.content import BagContent, RawMessage
+from testbed.formats.ros.reading.decode import RawScan, Track, seconds
 
 Floats = NDArray[np.float64]
 Stamped = TypeVar("Stamped", Track, Sequence[RawScan])
@@ -108,3 +109,32 @@ def bridged(track: Track) -> tuple[Track, list[str]]:
             f"{spans[first]:.2f} s at {track.stamps[first]:.2f} s{more}, as where it starts again: the path is joined"
         )
     return track._replace(poses=poses), notes
+
+
+def one_clock(content: BagContent, times: NDArray[np.float64], track: Track) -> Track:
+    """Odometry without repeated passes, with the bag's `times` [s], (n,), where all of its stamps are equal."""
+    mended = bag_time(track.stamps, times, 0.0)
+    if mended is not None:
+        content.notes.append(f"all stamps of the odometry are {track.stamps[0]:g} s: the bag's own times are used")
+        track = track._replace(stamps=mended)
+    else:
+        content.clock_offset = float(np.median(times - track.stamps))
+    count = first_pass(track.stamps)
+    if count < len(track.stamps):
+        content.notes.append(
+            f"time steps back by {track.stamps[:count].max() - track.stamps[count]:.1f} s: the recording was played "
+            f"more than once; the first pass is used, {len(track.stamps) - count} messages of odometry are left out"
+        )
+    return track.first(count)
+
+
+def in_one_pass(content: BagContent, raws: list[RawMessage], scans: list[RawScan]) -> list[RawScan]:
+    """Scans of a topic without repeated passes, by the times of the bag where all of their stamps are equal."""
+    stamps = np.array([scan.stamp for scan in scans])
+    times = np.array([seconds(raw.time) for raw in raws])
+    mended = bag_time(stamps, times, content.clock_offset)
+    if mended is not None:
+        content.notes.append(f"all stamps of the scans are {stamps[0]:g} s: the bag's own times are used")
+        stamps = mended
+        scans = [scan._replace(stamp=stamp) for scan, stamp in zip(scans, stamps.tolist(), strict=True)]
+    return scans[: first_pass(stamps)]

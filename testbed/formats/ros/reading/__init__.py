@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""ROS bags, read: messages to a log."""

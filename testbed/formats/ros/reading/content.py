@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+"""What is read of a bag, before it becomes a log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.occupancy import OccupancyGrid
+from testbed.formats.ros.reading.decode import NO_TRACK, RawScan, Track
+from testbed.formats.ros.reading.transforms import Moving, Transforms
+
+
+@dataclass
+class BagContent:
+    """Topics, messages and transforms of a bag that is being read."""
+
+    laser_offset: float | None = None
+    """The lidar's place ahead of the robot's centre as the user gave it [m]."""
+    notes: list[str] = field(default_factory=list)
+    """What was found and mended, for the user."""
+    topics: dict[str, str] = field(default_factory=dict)
+    """Topics of odometry, truth, commands and map, as far as there are any."""
+    others: list[str] = field(default_factory=list)
+    """Topics that are left out, as the user reads them."""
+    scans: dict[str, list[RawScan]] = field(default_factory=dict)
+    """The scans of each topic."""
+    places: dict[int, str] = field(default_factory=dict)
+    """Number and topic of each scan in the bag, by its `id`, for messages to the user."""
+    odometry: Track = NO_TRACK
+    truth: Track = NO_TRACK
+    commands: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    """Stamp [s], speed [m/s], turn rate [rad/s], in the order of the bag."""
+    transforms: Transforms = field(default_factory=Transforms)
+    moving: Moving = field(default_factory=Moving)
+    """Transforms of topics that are not static; only read where odometry or mounts are nowhere else."""
+    clock_offset: float = 0.0
+    """How far the bag's own times lie behind the stamps of odometry [s]."""
+    truth_map: OccupancyGrid | None = None
+    robot_urdf: str | None = None
+    messages: int = 0
+
+
+class RawMessage(NamedTuple):
+    """A serialised message."""
+
+    number: int
+    """Counts the messages that are read, from 1."""
+    time: int
+    """Time of the bag [ns]."""
+    data: bytes

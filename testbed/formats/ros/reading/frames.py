@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""Put odometry, scans, commands and truth of a bag together to frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam.se2 import Pose
+from testbed.formats.log import Log, LogError
+from testbed.formats.ros.reading.content import BagContent
+from testbed.formats.ros.reading.decode import RawScan, Track
+from testbed.formats.ros.reading.repairs import bridged
+from testbed.formats.ros.reading.scans import ScanColumns, one_topic_per_lidar
+from testbed.frame_table import FrameTable
+
+ODOMETRY_REACH = 0.2
+"""A scan may lie outside of the odometry's time by this much [s], one period of slow odometry."""
+
+
+def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
+    """Make a log of what was read of a bag; notes say which topics were used and which scans were left out.
+
+    range_max [m] overrides what the scans say. Raises LogError where the clocks of scans and odometry do not meet, or
+    where several topics have scans of one lidar.
+    """
+    track, jumps = bridged(content.odometry.in_time())
+    content.notes += jumps
+    first, last = track.stamps[0], track.stamps[-1]
+    scans, repeated = one_topic_per_lidar(path, content)
+    reachable = [scan for scan in scans if first - ODOMETRY_REACH <= scan.stamp <= last + ODOMETRY_REACH]
+    if scans and not reachable:
+        raise LogError(
+            f"{path}: the clocks of scans and odometry do not meet: scans from {scans[0].stamp:.3f} to "
+            f"{scans[-1].stamp:.3f} s, odometry from {first:.3f} to {last:.3f} s"
+        )
+    chosen = " and ".join(topic for topic in content.scans if topic not in repeated) or "nowhere"
+    notes = [f"scans from {chosen}, odometry from {content.topics['odometry']}"]
+    if len(reachable) < len(scans):
+        outside = len(scans) - len(reachable)
+        notes.append(f"{outside} of {len(scans)} scans lie outside of the odometry's time and are left out")
+    if left_out := [*(f"{topic} (the same lidar)" for topic in repeated), *content.others]:
+        notes.append(f"topics left out: {', '.join(left_out[:8])}{' and others' if left_out[8:] else ''}")
+    table = _table(path, content, track, reachable, range_max)
+    return Log(
+        path=path,
+        format="ROS bag",
+        table=table,
+        notes=(*notes, *content.notes),
+        truth_map=content.truth_map,
+        robot_urdf=content.robot_urdf,
+    )
+
+
+def _table(path: Path, content: BagContent, track: Track, scans: list[RawScan], range_max: float | None) -> FrameTable:
+    """A frame for each scan, and one for each odometry message at whose stamp there is no scan."""
+    stamps = np.array([scan.stamp for scan in scans])
+    alone = ~np.isin(track.stamps, stamps)
+    at = np.clip(np.searchsorted(track.stamps, stamps), 0, len(track.stamps) - 1)
+    all_stamps = np.concatenate([track.stamps[alone], stamps])
+    order = np.argsort(all_stamps, kind="stable")
+    twists = np.concatenate([track.twists[alone], track.twists[at]])[order]
+    twists[~np.isfinite(twists).all(axis=1)] = np.nan
+    all_stamps, seen = all_stamps[order], ScanColumns(path, content, scans, range_max)
+    rows = np.empty(len(order), dtype=np.int64)
+    rows[order] = np.arange(len(order))
+    return FrameTable(
+        stamps=all_stamps,
+        odometry=np.concatenate([track.poses[alone], interpolate(track.stamps, track.poses, stamps)])[order],
+        twist=twists,
+        command=_latest(content.commands, all_stamps),
+        truth=_truth_at(content.truth, all_stamps),
+        scan_rows=rows[int(alone.sum()) :],
+        scan_lidars=np.array(seen.lidar_of, dtype=np.int64),
+        scan_patterns=np.array(seen.pattern_of, dtype=np.int64),
+        scan_starts=np.cumsum([0, *(scan.ranges.size for scan in scans)], dtype=np.int64),
+        ranges=np.concatenate([scan.ranges for scan in scans]) if scans else np.empty(0, dtype=np.float32),
+        range_limits=np.array(seen.limits).reshape(-1, 2),
+        mounts=np.array(seen.mounts).reshape(-1, 3),
+        lidars=tuple(seen.lidars),
+        patterns=tuple(seen.patterns),
+    )
+
+
+def interpolate(stamps: NDArray[np.float64], poses: Pose, times: NDArray[np.float64]) -> Pose:
+    """Poses (m, 3) at `times` (m,) between their neighbours in time, along a constant motion; beyond the ends the
+    nearest.
+
+    stamps (n,) increasing [s];  poses (n, 3)
+    """
+    after = np.searchsorted(stamps, times)
+    inside = (after > 0) & (after < len(stamps))
+    found: Pose = poses[np.minimum(after, len(stamps) - 1)]
+    after, times = after[inside], times[inside]
+    share = (times - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
+    between = se2.compose(poses[after - 1], share[:, None] * se2.between(poses[after - 1], poses[after]))
+    exact = share == 1.0  # where the frame was written with its odometry
+    found[inside] = np.where(exact[:, None], poses[after], between)
+    return found
+
+
+def _truth_at(truth: Track, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The true poses (n, 3) where their topic covers the stamps (n,), NaN elsewhere."""
+    found = np.full((len(stamps), 3), np.nan)
+    if len(truth.stamps):
+        track = truth.in_time()
+        covered = (track.stamps[0] - 1e-9 <= stamps) & (stamps <= track.stamps[-1] + 1e-9)
+        found[covered] = interpolate(track.stamps, track.poses, stamps[covered])
+    return found
+
+
+def _latest(commands: NDArray[np.float64], stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The latest command at stamps (n,), NaN where there is none by then, (n, 2)."""
+    found = np.full((len(stamps), 2), np.nan)
+    if len(commands):
+        commands = commands[np.argsort(commands[:, 0], kind="stable")]
+        latest = np.searchsorted(commands[:, 0], stamps, side="right") - 1
+        found[latest >= 0] = commands[latest[latest >= 0], 1:]
+    return found

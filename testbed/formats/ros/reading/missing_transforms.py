@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""Find odometry and mounts that a bag does not state in the usual place: in /tf, or in the robot's description."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbed.formats.log import LogError
+from testbed.formats.ros.reading.content import BagContent, RawMessage
+from testbed.formats.ros.reading.decode import Track
+from testbed.formats.ros.reading.repairs import one_clock, with_twists
+from testbed.formats.ros.reading.topics import DESCRIPTION, ODOMETRY_TYPE, TRANSFORM_TYPE
+from testbed.formats.ros.reading.transforms import Moving, joint_transforms, planar_transform
+
+
+def complete_transforms(
+    path: Path, content: BagContent, raws: dict[str, tuple[Any, list[RawMessage]]], reader: Any
+) -> None:
+    """Look for odometry in /tf, and for mounts in /tf and the robot's description, where they are nowhere else."""
+    lidars = {scan.frame_id for scans in content.scans.values() for scan in scans}
+    robot = content.odometry.child_frame
+    from_tf = content.topics["odometry"] == "/tf"
+    if from_tf or not all(content.transforms.leads(robot, lidar) for lidar in lidars):
+        for topic, (connection, messages) in raws.items():
+            if connection.msgtype == TRANSFORM_TYPE and "static" not in topic:
+                for raw in messages:
+                    content.moving.add(reader.deserialize(raw.data, connection.msgtype))
+    if from_tf:
+        pair = content.moving.odometry()
+        if pair is None:
+            raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and /tf has no transform from odom")
+        track = _track_of(content.moving, pair)
+        content.odometry = with_twists(one_clock(content, track.stamps, track))
+        content.topics["odometry"] = f"/tf ({pair[0]} to {pair[1]})"
+        robot = pair[1]
+    if lidars and not all(content.transforms.leads(robot, lidar) for lidar in lidars):
+        _find_mounts(content, robot, lidars)
+
+
+def _track_of(moving: Moving, pair: tuple[str, str]) -> Track:
+    """Odometry out of transforms; ValueError where one leans."""
+    poses = [planar_transform(matrix) for matrix in moving.matrices[pair]]
+    stamps = np.array(moving.stamps[pair])
+    return Track(stamps, np.array(poses), np.full((len(stamps), 3), np.nan), *pair)
+
+
+def _find_mounts(content: BagContent, robot: str, lidars: set[str]) -> None:
+    """Complete the static transforms from /tf and the robot's description; notes say where mounts were found."""
+    known = content.transforms.parents
+    sources = {"/tf": content.moving.fixed()}
+    if content.robot_urdf is not None:
+        sources[DESCRIPTION] = joint_transforms(content.robot_urdf)
+    for source, found in sources.items():
+        missing = {lidar for lidar in lidars if not content.transforms.leads(robot, lidar)}
+        if missing:
+            content.transforms.parents = found | known | content.transforms.parents
+            if reached := sorted(lidar for lidar in missing if content.transforms.leads(robot, lidar)):
+                content.notes.append(f"the mount of {', '.join(reached)} is taken from {source}")
+            else:
+                content.transforms.parents = known
+            known = content.transforms.parents

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""Choose the topics of a bag that are read, by their types and names."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+from testbed.formats.checksums import SEAL_TOPIC
+from testbed.formats.log import LogError
+from testbed.formats.ros.reading.content import BagContent
+
+SCAN_TYPE = "sensor_msgs/msg/LaserScan"
+ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
+TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
+COMMAND_TYPES = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
+MAP_TYPE = "nav_msgs/msg/OccupancyGrid"
+DESCRIPTION = "/robot_description"
+COMMANDS = "/cmd_vel"
+TRUTH_WORDS = ("ground_truth", "truth", "groundtruth")
+"""A topic whose name contains one of these words holds the true pose."""
+
+
+def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
+    """Connections that are to be read; what they are for goes into `content`."""
+    by_type: defaultdict[str, set[str]] = defaultdict(set)
+    for connection in reader.connections:
+        by_type[connection.msgtype].add(connection.topic)
+    poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
+    truths = [topic for topic in poses if _is_ground_truth(topic)]
+    others = [topic for topic in poses if topic not in truths]
+    commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
+    content.scans = {topic: [] for topic in sorted(by_type[SCAN_TYPE])}
+    if not others and by_type[SCAN_TYPE] and "/tf" in by_type[TRANSFORM_TYPE]:
+        content.topics = {"odometry": "/tf"}
+    else:
+        content.topics = {"odometry": _choose(path, ODOMETRY_TYPE, others, "/odom", reader)}
+    if truths:
+        content.topics["truth"] = truths[0]
+    if COMMANDS in commands or len(commands) == 1:
+        content.topics["commands"] = COMMANDS if COMMANDS in commands else commands[0]
+    if true_maps := [topic for topic in maps if _is_ground_truth(topic)]:
+        content.topics["map"] = true_maps[0]
+    taken = {*content.topics.values(), *content.scans, *(by_type["std_msgs/msg/String"] & {DESCRIPTION})}
+    wanted = [c for c in reader.connections if c.topic in taken or c.msgtype == TRANSFORM_TYPE]
+    derived = {SEAL_TOPIC, *(f"{topic}_cloud" for topic in content.scans)}
+    content.others = sorted(
+        {
+            f"{c.topic} ({c.msgtype}, {c.msgcount} messages)"
+            for c in reader.connections
+            if c not in wanted and c.topic not in derived
+        }
+    )
+    return wanted
+
+
+def _is_ground_truth(topic: str) -> bool:
+    return any(word in topic.lower() for word in TRUTH_WORDS)
+
+
+def _choose(path: Path, kind: str, topics: list[str], usual: str, reader: Any) -> str:
+    if not topics:
+        there = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:8]) or "nothing"
+        raise LogError(f"{path}: no topic of type {kind}; there is: {there}")
+    if len(topics) > 1 and usual not in topics:
+        raise LogError(f"{path}: several topics of type {kind} and none is {usual}: {', '.join(topics)}")
+    return usual if usual in topics else topics[0]
