@@ -21,7 +21,7 @@ from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.gather import gather
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.code_version import code_version
-from testbed.sweep.spec.plan import Costs, seed_by_seed, input_digests, plan
+from testbed.sweep.spec.plan import Costs, input_digests, plan, seed_by_seed
 from testbed.sweep.spec.spec import SweepSpec, parse_spec
 from testbed.sweep.store import SweepDirectory
 from tests.shell import call
