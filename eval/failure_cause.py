@@ -30,17 +30,22 @@ GAP_FACTOR, MIN_GAP_S = 5.0, 1.0
 
 
 def find_cause(
-    stamp: float, *, odometry: Trajectory | None, reference: Trajectory | None, steps: Columns | None = None
+    stamp: float,
+    *,
+    odometry: Trajectory | None,
+    reference: Trajectory | None,
+    steps: Columns | None = None,
+    estimate: Trajectory | None = None,
 ) -> str | None:
     """Name what went wrong at a time [s] as a sentence, or None where the data show nothing.
 
     odometry: the wheels' poses at the scans;  reference: the true poses at the same stamps, or the scans' own where
-    the truth is unknown;  steps: the table of the run
+    the truth is unknown;  steps: the table of the run;  estimate: the poses that are judged
     """
     for found in (_lost_scans(stamp, odometry), _blind_lidar(stamp, steps), _wrong_motion(stamp, odometry, reference)):
         if found is not None:
             return found
-    return _failed_matching(stamp, steps)
+    return _failed_matching(stamp, steps) or _wrong_place(stamp, odometry, reference, estimate)
 
 
 def _lost_scans(stamp: float, odometry: Trajectory | None) -> str | None:
@@ -121,8 +126,8 @@ def _earlier_slips(odometry: Trajectory, true: Pose) -> str:
     if slips == 0:
         return "; they had not slipped before"
     return (
-        f"; they had slipped in {slips} of the {len(pieces)} pieces of {2.0 * WINDOW_S:.0f} s before as well, without "
-        "lasting harm"
+        f"; they slipped in {slips} of the {len(pieces)} intervals of {2.0 * WINDOW_S:.0f} s before this one too, and "
+        "the estimate recovered each time"
     )
 
 
@@ -163,6 +168,28 @@ def _failed_matching(stamp: float, steps: Columns | None) -> str | None:
     if (column(steps, "loop_closed")[near] == 1.0).any():
         return "the robot had come back to a known place, and the particles settled on a wrong history"
     return None
+
+
+def _wrong_place(
+    stamp: float, odometry: Trajectory | None, reference: Trajectory | None, estimate: Trajectory | None
+) -> str | None:
+    """The estimate's motion about the moment where it is wrong and that of the wheels is right."""
+    if odometry is None or reference is None or estimate is None:
+        return None
+    stamps = np.intersect1d(np.intersect1d(odometry.stamps, reference.stamps), estimate.stamps)
+    stamps = stamps[np.abs(stamps - stamp) <= WINDOW_S]
+    if len(stamps) < 2:
+        return None
+    true, estimated = (source.poses[np.isin(source.stamps, stamps)] for source in (reference, estimate))
+    if not _slipped(true, estimated):
+        return None
+    moved, reported = between(true[0], true[-1]), between(estimated[0], estimated[-1])
+    start = odometry.stamps[0]
+    return (
+        f"the scans were matched to a wrong place of the map: from {stamps[0] - start:.1f} to "
+        f"{stamps[-1] - start:.1f} s the estimate moved by {_in_words(reported)}, the robot by {_in_words(moved)}, as "
+        "its wheels reported"
+    )
 
 
 def _in_words(motion: Pose) -> str:

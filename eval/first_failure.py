@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +19,20 @@ from eval.wording import length
 from slam.se2 import Pose, between, compose
 
 Rows = NDArray[np.intp]
+Numbers = Any
+"""A number or an array (n,)."""
 
 BAD_M, BAD_DEG = 0.15, 5.0
 """A metre of path is bad if the estimate's motion over it is wrong by more than either."""
 HEAL_M, HEAL_DEG = 0.25, 6.0
-"""The estimate has come back if, aligned to the truth before the moment, it is wrong by less than both …"""
+"""The estimate has come back if it is wrong by less than both, aligned to the truth over the path before the moment or
+over the first of the path: the part of the map before the moment may be the one that is warped …"""
 HEAL_DRIFT_M, HEAL_DRIFT_DEG, HEAL_DRIFT_PATH = 0.01, 0.2, 10.0
 """… plus these for each metre of path since, up to so many metres: an estimate that drifts has not failed."""
 HEAL_PATH = 3.0
-"""… over this much of the path, or what is left of it [m]. The alignment is a mean over as much path before."""
+"""… over this much of the path, or what is left of it [m]. Alignments are means over as much path."""
+MIN_HEAL_PATH = 1.0
+"""Less path is enough if the next excursion begins after it, but no less than this [m]."""
 BAD_MATCHED_SHARE = 0.5
 """Without truth: a scan is bad if less than this part of the run's usual share of beams met the map's walls …"""
 BAD_FAILURE_SHARE = 0.5
@@ -44,6 +50,11 @@ class Blip:
     metres: float
     degrees: float
     """The worst error of the motion over a metre of path in it."""
+
+    @property
+    def severity(self) -> float:
+        """The larger of its errors in units of what makes a metre bad."""
+        return max(self.metres / BAD_M, self.degrees / BAD_DEG)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +104,9 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
     """Find the first moment from which the estimate does not come back to the truth.
 
     A metre of path is bad if the estimate's motion over it is wrong by more than `BAD_M` or `BAD_DEG`. Bad metres that
-    touch are one excursion; after it the estimate has come back if it fits the truth again as it did before. Where all
-    excursions heal, it is the first revisit that shows an open loop, else the worst metre, which is not bad. None for
-    paths shorter than a metre, or without a common time.
+    touch are one excursion; after it the estimate has come back if it fits the truth again as it did before it, or as
+    it did at the start of the run. Where all excursions heal, it is the first revisit that shows an open loop, else the
+    worst metre, which is not bad. None for paths shorter than a metre, or without a common time.
     """
     try:
         matched = associate(estimate, truth)
@@ -109,18 +120,22 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
     blips: list[Blip] = []
     excursions: list[tuple[int, int, int]] = []  # rows at which those that healed began, were bad, and were over
     back = -1
-    for pieces in _excursions(first, last, severity > 1.0):
+    groups = _excursions(first, last, severity > 1.0)
+    begins: list[int | None] = [int(first[pieces].min()) for pieces in groups]
+    for pieces, next_begin in zip(groups, [*begins[1:], None][: len(groups)], strict=True):
         begin, end = int(first[pieces[0]]), int(last[pieces].max())
         if begin < back:
             continue  # on the way back from the excursion before
-        returned = _back_at(matched, begin, end)
-        if returned is None:
-            moment = _moment(matched, begin, int(last[pieces[0]]))
-            reason = f"the estimate leaves the truth and does not come back; {_a_metre_later(matched, begin, moment)}"
-            return _failure(matched, begin, moment, reason, bad=True, blips=blips)
-        back, stamps = returned, matched.estimate.stamps
+        returned = _back_at(matched, begin, end, next_begin)
         worst = (float(translation[pieces].max()), float(rotation[pieces].max()))
         moment = _moment(matched, begin, int(last[pieces[0]]))
+        if returned is None:
+            reason = (
+                "the estimate leaves the truth and does not come back; over a metre of path its motion is wrong by up "
+                f"to {_amount(*worst)}"
+            )
+            return _failure(matched, begin, moment, reason, bad=True, blips=blips)
+        back, stamps = returned, matched.estimate.stamps
         excursions.append((begin, moment, back))
         blips.append(Blip(float(stamps[moment]), float(stamps[back]), *worst))
     loop = _open_loop(matched)
@@ -144,24 +159,44 @@ def _excursions(first: Rows, last: Rows, bad: NDArray[np.bool_]) -> list[Rows]:
     return np.split(pieces, new)
 
 
-def _back_at(matched: Association, begin: int, end: int) -> int | None:
-    """The row from which the estimate fits the truth again as it did before the row `begin`; None where it never does.
+def _back_at(matched: Association, begin: int, end: int, next_begin: int | None) -> int | None:
+    """The row from which the estimate fits the truth again as it did before the row `begin`, or at the start of the
+    run; None where it never does.
 
-    Rows up to `end` are those of the excursion.
+    Rows up to `end` are those of the excursion; the next one begins at the row `next_begin`, None = there is none.
+    """
+    path = matched.reference.distance
+    before = np.flatnonzero((path <= path[begin]) & (path >= path[begin] - HEAL_PATH))
+    at_start = np.flatnonzero(path <= HEAL_PATH)
+    after = np.arange(min(end + 1, len(path) - 1), len(path))
+    found = [_first_fit(matched, begin, after, rows, next_begin) for rows in (before, at_start)]
+    return min((row for row in found if row is not None), default=None)
+
+
+def _first_fit(matched: Association, begin: int, after: Rows, aligned: Rows, next_begin: int | None) -> int | None:
+    """The first of the rows `after` an excursion from which the estimate fits the truth for long enough, aligned to it
+    over the rows `aligned`; None where there is none. The excursion begins at the row `begin`.
     """
     path, true, estimated = matched.reference.distance, matched.reference.poses, matched.estimate.poses
-    before = np.flatnonzero((path <= path[begin]) & (path >= path[begin] - HEAL_PATH))
-    T_truth_estimate = _mean_alignment(true[before], estimated[before])
-    after = np.arange(min(end + 1, len(path) - 1), len(path))
+    T_truth_estimate = _mean_alignment(true[aligned], estimated[aligned])
     miss = between(true[after], compose(T_truth_estimate, estimated[after]))
-    since = np.minimum(path[after] - path[begin], HEAL_DRIFT_PATH)
-    near = np.hypot(miss[:, 0], miss[:, 1]) <= HEAL_M + HEAL_DRIFT_M * since
-    good = near & (np.degrees(np.abs(miss[:, 2])) <= HEAL_DEG + HEAL_DRIFT_DEG * since)
+    metres, degrees = np.hypot(miss[:, 0], miss[:, 1]), np.degrees(np.abs(miss[:, 2]))
+    good = np.asarray(has_come_back(metres, degrees, path[after] - path[begin]))
     needed = min(HEAL_PATH, float(path[-1] - path[after[0]])) - 1e-6
     for run in np.split(np.arange(len(good)), np.flatnonzero(np.diff(good.astype(np.int8))) + 1):
-        if good[run[0]] and path[after[run[-1]]] - path[after[run[0]]] >= needed:
-            return int(after[run[0]])
+        first, last = after[run[0]], after[run[-1]]
+        until_next = next_begin is not None and last >= next_begin
+        enough = MIN_HEAL_PATH if until_next else needed
+        if good[run[0]] and path[last] - path[first] >= enough:
+            return int(first)
     return None
+
+
+def has_come_back(metres: Numbers, degrees: Numbers, driven: Numbers) -> Numbers:
+    """Whether an estimate that is off by so much [m], [deg] fits the truth again, so much of the path [m] after it had
+    left it: the rule of `HEAL_M`, for numbers or arrays (n,)."""
+    since = min(driven, HEAL_DRIFT_PATH) if isinstance(driven, float) else np.minimum(driven, HEAL_DRIFT_PATH)
+    return (metres <= HEAL_M + HEAL_DRIFT_M * since) & (degrees <= HEAL_DEG + HEAL_DRIFT_DEG * since)
 
 
 def _mean_alignment(true: Pose, estimated: Pose) -> Pose:
@@ -215,15 +250,6 @@ def _failure_of_loop(
     ago = stamps[last] - stamps[first]
     reason = f"the robot is back where it was {ago:.0f} s before, and the estimate is off by {amount}"
     return _failure(matched, first, last, reason, bad=True, blips=blips)
-
-
-def _a_metre_later(matched: Association, begin: int, moment: int) -> str:
-    """How wrong the motion is from a row to a metre after another."""
-    path = matched.reference.distance
-    until = min(int(np.searchsorted(path, path[moment] + 1.0)), len(path) - 1)
-    rows = np.array([begin]), np.array([until])
-    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
-    return f"a metre later its motion is wrong by {_amount(translation[0], rotation[0])}"
 
 
 def _failure(matched: Association, begin: int, moment: int, reason: str, *, bad: bool, blips: list[Blip]) -> Failure:

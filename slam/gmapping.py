@@ -81,7 +81,8 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         self.maps.integrate_scan(particles.poses, taken.rays)
-        self._loops.update(se2.transform_points(particles.poses[0], taken.hits), 0.0)
+        start = particles.poses[0]
+        self._loops.update(se2.transform_points(start, taken.hits), start, 0.0)
         clock.end_stage("map")
         particles.ancestry.add(particles.poses)
         pose, used = particles.poses[self.best].copy(), self.maps.bytes_in_use
@@ -105,12 +106,14 @@ class GMapping:
         resampled = self._resample(report)
         clock.end_stage("resample")
 
+        loop = self._loops.update(se2.transform_points(pose, taken.hits), pose, taken.distance)
         return replace(
             report,
             resampled=resampled,
             unique_ancestors=self.ancestry.unique_ancestors,
             map_bytes=self.maps.bytes_in_use,
-            loop_length=self._loops.update(se2.transform_points(pose, taken.hits), taken.distance),
+            loop_length=loop.length,
+            loop_at_place=loop.at_place,
             seconds=clock.seconds,
         )
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from worlds.names import expand_names, family, label, load
     from worlds.raster import TrueMap, true_map
     from worlds.routes.random_route import random_route
+    from worlds.routes.stops_route import stops_route
     from worlds.world import Difficulty, Start, Tour, World
 
 __all__ = [
@@ -55,6 +56,7 @@ __all__ = [
     "measure_difficulty",
     "plan_tour",
     "random_route",
+    "stops_route",
     "true_map",
     "world_from_grid",
 ]
@@ -91,6 +93,7 @@ _HOMES = {
     "measure_difficulty": "worlds.difficulty",
     "plan_tour": "worlds.generation.tour_planner",
     "random_route": "worlds.routes.random_route",
+    "stops_route": "worlds.routes.stops_route",
     "true_map": "worlds.raster",
     "world_from_grid": "worlds.format.floor_plan",
 }

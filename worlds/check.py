@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import shapely
 from shapely.geometry import LineString, Point
@@ -104,9 +102,7 @@ def _check_movers(world: World, surface: BaseGeometry, footprint_radius: float, 
                     f"expected at least {footprint_radius + PERSON_CLEARANCE:.2f} m"
                 )
     for index, door in enumerate(world.doors):
-        angle = door.closed + door.swing
-        tip = (door.x + door.width * math.cos(angle), door.y + door.width * math.sin(angle))
-        distance = LineString([(door.x, door.y), tip]).distance(drive)
+        distance = door.open_leaf().distance(drive)
         if distance <= footprint_radius:
             raise WorldError(
                 f"{source}: doors[{index}] {door.name!r} stands {distance:.2f} m from the tour when open, "

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field
@@ -51,3 +52,9 @@ class Door(Model):
     """Rotation from closed to open, counter-clockwise if positive [rad]."""
     stay: Annotated[float, Field(strict=True, gt=0.0, le=3600.0)] = 10.0
     """Mean time that it stays open or closed [s]."""
+
+    def open_leaf(self) -> LineString:
+        """Return the leaf of the open door as a line."""
+        angle = self.closed + self.swing
+        tip = (self.x + self.width * math.cos(angle), self.y + self.width * math.sin(angle))
+        return LineString([(self.x, self.y), tip])

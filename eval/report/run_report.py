@@ -9,6 +9,7 @@ from typing import Any
 
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
+from eval.loss_watch import lost_spells
 from eval.report import plots
 from eval.report.map_plots import failure_plot, map_plots, path_plots
 from eval.report.page import Plot, flat, render
@@ -16,6 +17,9 @@ from eval.report.report_context import ReportContext
 from eval.report.time_plots import error_plots, filter_plots
 from eval.report.verdict import verdict
 from eval.wording import length
+
+MAX_SPELLS = 6
+"""More times at which the estimate was lost are counted only."""
 
 
 def write_report(run_directory: str | os.PathLike[str]) -> Path:
@@ -36,11 +40,15 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
     failure = context.failure
     return {
         "name": run.name,
+        "path": run.path,
+        "title": _title(run),
         "verdict": verdict(run),
         "metrics": run.metrics,
         "command": run.config.get("command", ""),
         "failure": failure,
         "failure_time": failure.stamp - context.start if failure else None,
+        "lost_while_driving": _lost_while_driving(context),
+        "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "failure_plot": failure_plot(context),
         "start": context.start,
         "length": length,
@@ -55,6 +63,30 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "settings": dict(flat(run.config.get("settings", {}))),
         "all_metrics": {key: _number(value) for key, value in flat(run.metrics) if not isinstance(value, list)},
     }
+
+
+def _lost_while_driving(context: ReportContext) -> str:
+    """When the estimate was lost by its recording, which judges the pose while driving; empty where that is unknown."""
+    steps = context.run.steps
+    if steps is None or context.run.truth is None:
+        return ""
+    spells, start = lost_spells(steps), context.start
+    if not spells:
+        return "The recording judges the pose while driving, and does not call it lost at any time."
+    times = [
+        f"from {spell.start - start:.1f} s " + ("on" if spell.end is None else f"to {spell.end - start:.1f} s")
+        for spell in spells[:MAX_SPELLS]
+    ]
+    more = f", and {len(spells) - MAX_SPELLS} times more" if len(spells) > MAX_SPELLS else ""
+    return f"The recording judges the pose while driving, and calls it lost {', '.join(times)}{more}."
+
+
+def _title(run: RunFiles) -> str:
+    """The log or world of the run, and the name of its directory where that does not name it."""
+    settings = run.config.get("settings", {})
+    source = Path(str(settings.get("log") or settings.get("world") or "")).name
+    subject = source.split(".")[0] if settings.get("log") else source.removesuffix(".toml").removesuffix(".yaml")
+    return run.name if subject in run.name else f"{subject} ({run.name})"
 
 
 def _spaced(piece: str) -> str:

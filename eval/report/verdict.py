@@ -8,6 +8,7 @@ from typing import Literal
 
 from eval.files.run_reader import RunFiles
 from eval.wording import length, share, spread
+from slam.step.loop_detector import LoopDetector
 
 Severity = Literal["good", "fair", "bad", "none"]
 OUTCOME_SENTENCES: dict[str, tuple[str, Severity]] = {
@@ -35,6 +36,16 @@ class Headline:
 
 
 @dataclass(frozen=True)
+class Loop:
+    """What is said of the largest loop closure."""
+
+    sentence: str
+    """Empty where nothing is known of loops."""
+    time: float | None = None
+    """When it began to close, since the first scan [s]; None where none was seen."""
+
+
+@dataclass(frozen=True)
 class Verdict:
     """The judgement on a run."""
 
@@ -42,6 +53,7 @@ class Verdict:
     severity: Severity
     lead: str
     sentences: tuple[str, ...]
+    loop: Loop
     headlines: tuple[Headline, ...]
 
 
@@ -60,9 +72,8 @@ def verdict(run: RunFiles) -> Verdict:
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
-        _loop_sentence(run),
     ]
-    return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), tuple(_headlines(run)))
+    return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), _loop(run), tuple(_headlines(run)))
 
 
 def _sentence(text: str) -> str:
@@ -138,12 +149,18 @@ def _map_sentence(run: RunFiles) -> str:
     return f"{text}; {share(double)} of the walls are double." if double is not None else f"{text}."
 
 
-def _loop_sentence(run: RunFiles) -> str:
+def _loop(run: RunFiles) -> Loop:
+    """Name the largest loop closure, or say that none was seen."""
     metres, stamp = run.metric("filter.largest_loop_m"), run.metric("filter.largest_loop_stamp")
+    if run.metric("filter.loop_closures") == 0:
+        return Loop(
+            "No loop closure was seen: no scan met enough walls that had been out of sight for "
+            f"{LoopDetector.LOOP:.0f} m of driving."
+        )
     if metres is None or stamp is None or run.estimate is None or len(run.estimate) == 0:
-        return ""
+        return Loop("")
     time = stamp - float(run.estimate.stamps[0])
-    return f"The largest loop closure: {time:.1f} s, after {metres:.0f} m of driving."
+    return Loop(f"The largest loop closure: {time:.1f} s, after {metres:.0f} m of driving.", time)
 
 
 def _wall_distance(run: RunFiles) -> str:

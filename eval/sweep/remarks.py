@@ -23,9 +23,9 @@ def seeds_change(table: SweepTable) -> str:
     if table.recorded:
         return "seeds change the random numbers of the filter only"
     routes = {str(route) for route in table.columns.get("setting.route", np.array([None], dtype=object)).ravel()}
-    if routes == {"random"}:
+    if routes <= {"random", "stops"}:
         return "each seed drives another route through the whole world"
-    return "some filters drive another route with each seed" if "random" in routes else FIXED
+    return "some filters drive another route with each seed" if routes - {"fixed", "None"} else FIXED
 
 
 def described(table: SweepTable) -> str:

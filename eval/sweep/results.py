@@ -114,7 +114,7 @@ class SweepTable:
     def routes(self, places: Iterable[int], line: int) -> int:
         """How many routes the computed runs of one line in these places drove: with fixed routes one per place."""
         unknown = np.full(self.shape, None, dtype=object)
-        is_random = np.isin(self.columns.get("setting.route", unknown).astype(str), ("random",))
+        is_random = np.isin(self.columns.get("setting.route", unknown).astype(str), ("random", "stops"))
         seeds_that_ran = self.ran[:, line].any(axis=1).sum(axis=-1)
         return sum(int(seeds_that_ran[p] if is_random[p, line].any() else min(seeds_that_ran[p], 1)) for p in places)
 

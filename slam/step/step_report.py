@@ -46,7 +46,10 @@ class StepReport:
     map_bytes: int = 0
     """Memory of all maps [bytes]."""
     loop_length: float = 0.0
-    """Length of the loop that this scan closes: driven since the walls that it sees were last seen [m]; 0 = none."""
+    """Length of the loop that this scan closes: driven since the walls that it sees were last seen, or since the robot
+    was last where it is [m]; 0 = none."""
+    loop_at_place: bool = False
+    """Whether the robot is back at a place where it was; else the loop is that of the walls."""
     odometry_jumped: bool = False
     """Whether the odometry has jumped since the scan before; it is then joined (`slam.motion.continuous_odometry`)."""
     seconds: dict[str, float] = field(default_factory=dict)

@@ -27,7 +27,8 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     as_json
         Print JSON, for other programs.
     """
-    from testbed.datasets import open_collection
+    from testbed.datasets import Collection, open_collection
+    from testbed.datasets.index import SPLITS, natural_order
 
     collection = open_collection(directory)
     totals = collection.totals()
@@ -37,15 +38,26 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     table = Table(box=None, pad_edge=False)
     for name in ("split", "datasets", "worlds", "hours", "km", "scans", "MB"):
         table.add_column(name, justify="left" if name == "split" else "right")
-    for split in ("train", "validation", "test", "all"):
-        part = (collection if split == "all" else collection.split(split)).totals()
+    for split in (*SPLITS, "all"):
+        rows = [row for row in collection.rows if split in ("all", row["split"])]
+        part = Collection(directory, rows).totals()
         numbers = (part["datasets"], part["worlds"], f"{part['seconds'] / 3600:.2f}", f"{part['metres'] / 1000:.2f}")
         table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}")))
     results.print(table)
-    for name in ("world", "robot", "lidar", "format"):
-        values = sorted({str(row[name]) for row in collection.rows})
+    if advice := collection.split_advice():
+        results.print(advice)
+    for name in ("world", "robot", "format"):
+        values = sorted({str(row[name]) for row in collection.rows}, key=natural_order)
         more = f" and {len(values) - 12} others" if values[12:] else ""
         results.print(f"{name}{'' if len(values) == 1 else 's'}: {', '.join(values[:12])}{more}")
+    lidars = Table(box=None, pad_edge=False)
+    for name in ("lidar", *SPLITS):
+        lidars.add_column(name, justify="left" if name == "lidar" else "right")
+    for lidar, counts in totals["lidars"].items():
+        lidars.add_row(lidar, *(str(counts[split]) for split in SPLITS))
+    results.print(lidars)
+    if totals["largest_overlap"] is not None:
+        results.print(f"two drives of one world share at most {100.0 * totals['largest_overlap']:.0f} % of their way")
     for trouble in ("collided", "stuck"):
         if count := sum(bool(row[trouble]) for row in collection.rows):
             results.print(f"{trouble}: {count}")
@@ -53,7 +65,14 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
 
 
 @app.command
-def index(directory: Path, *, test: str = "", validation: str = "") -> None:
+def index(
+    directory: Path,
+    *,
+    test: str = "",
+    validation: str = "",
+    by_hash: Annotated[bool, Parameter(negative=())] = False,
+    title: str | None = None,
+) -> None:
     """Write index, card and contact sheet of a collection again, for instance after its last shard.
 
     Parameters
@@ -65,11 +84,17 @@ def index(directory: Path, *, test: str = "", validation: str = "") -> None:
         those that are added later. Default: as the last index was made, at first by a hash of the worlds' names.
     validation
         Worlds for validation, separated by commas.
+    by_hash
+        Undo an earlier choice by `--test` or `--validation`: a hash of the worlds' names decides again.
+    title
+        Title of the card (README.md); default: that of the card that is there, at first the name of the directory.
     """
-    from testbed.cli.simulate import describe
+    from testbed.datasets.description import describe
 
     named = {"test": test, "validation": validation}
     choices = [(world.strip(), split) for split, text in named.items() for world in text.split(",") if world.strip()]
     if twice := {world for world, _ in choices if sum(world == other for other, _ in choices) > 1}:
         raise ValueError(f"{', '.join(sorted(twice))}: named twice, expected each world in one split")
-    describe(directory, chosen=dict(choices) or None)
+    if by_hash and choices:
+        raise ValueError("--by-hash: undoes a choice, expected no --test and no --validation with it")
+    results.print(describe(directory, title=title, chosen={} if by_hash else dict(choices) or None))

@@ -118,7 +118,9 @@ def _write_scored(out: Path, dataset: Path, estimate: Trajectory, map_: Path | N
         (out / "finding.json").unlink(missing_ok=True)
         return
     if failure.bad:
-        cause = find_cause(failure.stamp, odometry=known.get("odometry"), reference=known.get("truth"))
+        cause = find_cause(
+            failure.stamp, odometry=known.get("odometry"), reference=known.get("truth"), estimate=estimate
+        )
         failure = replace(failure, cause=cause)
     write_failure(out / "finding.json", failure, _scan_points(dataset, failure.stamp))
 

@@ -8,24 +8,27 @@ import shlex
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
-from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, results
+from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, console, results
+from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
 from testbed.cli.shared.variants import variants
-from testbed.datasets.card import write_card, write_contact_sheet
-from testbed.datasets.index import datasets_in, settings_of, write_index
+from testbed.datasets.description import describe
+from testbed.datasets.index import datasets_in, settings_of
 from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
 from testbed.settings.comparison import changed_settings
@@ -60,13 +63,18 @@ class DatasetOptions:
     """KEY=A,B,C: the same drives with each of these values of lidar, beams, noise, clutter, odometry.… or layers.…; may
     be repeated, for all combinations."""
     draw: tuple[str, ...] = ()
-    """KEY=A,B or KEY=LOW..HIGH: for each dataset a value of robot, lidar, beams, noise, clutter, odometry.… or layers.…
-    drawn at random, each dataset for itself, so that the values are not equally frequent; may be repeated."""
+    """KEY=A,B: for each dataset one of these values of robot, lidar, beams, noise, clutter, odometry.… or layers.…, in
+    random turn, so that each world gets each of them equally often; KEY=LOW..HIGH: a random number from this range; may
+    be repeated."""
     shard: str | None = None
     """i/n: make only shard i of n (from 0); `testbed datasets index` combines the shards."""
     scheduler: str | None = None
     """Address of a dask.distributed scheduler, such as tcp://host:8786, whose workers make the datasets; --out must be
     a directory that they share."""
+    plan: Annotated[bool, Parameter(negative=())] = False
+    """Make nothing; print what the job will take in time and on disk, measured by some of its drives."""
+    title: str | None = None
+    """Title of the card (README.md); default: that of the card that is there, at first the name of --out."""
     variant: Annotated[str, Parameter(show=False)] = ""
     """Part of the datasets' names; --vary sets it."""
     config: Path | None = None
@@ -103,38 +111,44 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
         jobs = jobs[shard.index :: shard.count]
     missing = [job for job in jobs if not _is_kept(job)]
     announce_compilation()
+    if datasets.plan:
+        _print_plan(jobs, missing, datasets)
+        return
     datasets.out.mkdir(parents=True, exist_ok=True)
     with dataset_progress(len(missing)) as progress:
         drives = _make_all(missing, datasets, progress)
+        summary = ""
+        if len(datasets_in(datasets.out)) > 1:
+            progress.stage("writing index, card and contact sheet")
+            command = "testbed " + shlex.join(sys.argv[1:])
+            summary = describe(datasets.out, command=command, title=datasets.title)
     results.print(f"{datasets.out}: {_written(len(missing), len(jobs) - len(missing))}")
     for trouble in ("collided", "stuck"):
         if names := sorted(job.path.name for job, drive in drives.items() if drive[trouble]):
             results.print(f"{len(names)} {trouble}: {', '.join(names[:10])}{' and others' if names[10:] else ''}")
-    if len(datasets_in(datasets.out)) > 1:
-        describe(datasets.out, "testbed " + shlex.join(sys.argv[1:]))
+    if summary:
+        results.print(summary)
 
 
-def describe(directory: Path, command: str | None = None, chosen: dict[str, str] | None = None) -> None:
-    """Write index, card and contact sheet of a collection, and print what it holds.
+def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions) -> None:
+    """Print what the missing datasets will take."""
+    there = f"; {len(jobs) - len(missing)} exist already" if len(missing) < len(jobs) else ""
+    results.print(f"{options.out}: {len(missing)} datasets to make{there}")
+    if not missing:
+        return
+    with TemporaryDirectory(prefix="testbed-plan-") as directory:
 
-    command: the command that has made datasets of it, for the card
-    chosen: split of worlds by name, see `write_index`
-    """
-    from testbed.datasets import Collection
+        def make(number: int) -> Measured:
+            job = replace(missing[number], path=Path(directory) / str(number))
+            begun = time.monotonic()
+            drive = _make(job)
+            return Measured(time.monotonic() - begun, drive["seconds"], drive["metres"], drive["bytes"])
 
-    rows = write_index(directory, chosen)
-    if not rows:
-        raise ValueError(f"{directory}: no datasets in it, expected directories that testbed simulate wrote")
-    card = write_card(directory, rows, command)
-    write_contact_sheet(directory, rows)
-    totals = Collection(directory, rows).totals()
-    splits = ", ".join(f"{count} {split}" for split, count in totals["splits"].items())
-    worlds = f"{totals['worlds']} world{'' if totals['worlds'] == 1 else 's'}"
-    results.print(
-        f"{directory}: {totals['datasets']} datasets of {worlds} ({splits}), "
-        f"{totals['seconds'] / 3600:.2f} h, {totals['metres'] / 1000:.2f} km, {totals['bytes'] / 1e6:.0f} MB; see "
-        + ("README.md and contact_sheet.png" if card else "contact_sheet.png; README.md is yours and was kept")
-    )
+        kinds = [job.simulator.lidar for job in missing]
+        with console.status("measuring some of the drives"):
+            measured = measure_some(kinds, make)
+    for line in plan_lines(measured, kinds, options.workers, options.out):
+        results.print(line)
 
 
 def _written(new: int, old: int) -> str:
@@ -209,7 +223,7 @@ def _job(
     variant: str,
     options: DatasetOptions,
 ) -> _Job:
-    settings, values = drawn(simulator, draws, label(world), seed)
+    settings, values = drawn(simulator, draws, world, seed)
     values = draws_of_config(options.config, settings, seed) | values
     return _Job(path, world, settings, seed, variant, values, options.format, options.compress)
 
@@ -248,14 +262,21 @@ def _make(job: _Job) -> dict[str, Any]:
 
 def _make_all(jobs: list[_Job], options: DatasetOptions, progress: DatasetProgress) -> dict[_Job, dict[str, Any]]:
     """Make all datasets; return how each drive went."""
-    drives = {}
-    for job, drive in _made(jobs, options):
-        drives[job] = drive
-        progress.done(job.path.name, drive["seconds"], drive["bytes"])
+    drives: dict[_Job, dict[str, Any]] = {}
+    try:
+        for job, drive in _made(jobs, options, progress):
+            drives[job] = drive
+            progress.done(job.path.name, drive["seconds"], drive["bytes"])
+    except KeyboardInterrupt:
+        progress.stage("interrupted")
+        console.print(f"{len(drives)} of {len(jobs)} datasets were made; the same command continues with the others")
+        raise
     return drives
 
 
-def _made(jobs: list[_Job], options: DatasetOptions) -> Iterator[tuple[_Job, dict[str, Any]]]:
+def _made(
+    jobs: list[_Job], options: DatasetOptions, progress: DatasetProgress
+) -> Iterator[tuple[_Job, dict[str, Any]]]:
     """Make datasets in this process, in a pool, or on a cluster; yield each as it is finished."""
     if options.scheduler is not None:
         from testbed.sweep.execution.dask_cluster import compute_on_cluster
@@ -265,6 +286,7 @@ def _made(jobs: list[_Job], options: DatasetOptions) -> Iterator[tuple[_Job, dic
         for job in jobs:
             yield job, _make(job)
     else:
+        progress.stage(f"starting {min(options.workers, len(jobs))} workers")
         yield from _made_by_pool(jobs, options.workers)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from eval.files.atomic_write import atomic_write
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
-from testbed.datasets.index import COLUMNS, INDEX
+from testbed.datasets.index import COLUMNS, INDEX, SPLITS
+from testbed.datasets.overlap import NEAR
 from testbed.formats.parquet import COLUMNS as FRAME_COLUMNS
 from testbed.presets import PresetError, load_lidar, load_robot
 
@@ -36,6 +38,10 @@ START, END = (0, 150, 60), (210, 30, 30)
 MAX_PIECES = 400
 """Pieces of one colour that a path is drawn in."""
 LEGEND = "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end)"
+LINE_LENGTH = 120
+"""Characters in a line of a card's paragraphs."""
+PAPER = "https://doi.org/10.1109/TRO.2006.889486"
+"""The paper whose filter the testbed implements."""
 MADE_BY = "## Made by\n```\n"
 """Begin of the part of a card that holds the commands."""
 TOPICS = {
@@ -54,20 +60,30 @@ TOPICS = {
 """Topics of a bag and what they hold."""
 
 
-def write_card(directory: Path, rows: Sequence[dict[str, Any]], command: str | None = None) -> bool:
+def write_card(
+    directory: Path, rows: Sequence[dict[str, Any]], command: str | None = None, title: str | None = None
+) -> bool:
     """Write the card of a collection; False, and no change, where its README.md was written by somebody else.
 
     rows: of the index
     command: a command that made some of the datasets; the card names it after those that it names already
+    title: of the card; None = as it is, at first the name of the directory
     """
     path = directory / CARD
     old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
     if old and MARK not in old:
         return False
     commands = [*old.partition(MADE_BY)[2].partition("\n```")[0].splitlines(), *([command] if command else [])]
+    title = title or _title_of(old) or directory.resolve().name
+    text = _card(title, directory.resolve().name, rows, list(dict.fromkeys(commands)))
     with atomic_write(path) as temporary:
-        temporary.write_text(_card(directory.resolve().name, rows, list(dict.fromkeys(commands))), encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
     return True
+
+
+def _title_of(card: str) -> str | None:
+    """The title of a card, which its owner may have edited; None where it has none."""
+    return next((line.removeprefix("# ").strip() for line in card.splitlines() if line.startswith("# ")), None)
 
 
 def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -75,7 +91,7 @@ def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None
     from PIL import Image, ImageDraw
 
     chosen = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_TILES)).astype(int))]
-    tiles = [_tile(directory / row["dataset"], _title(row)) for row in chosen]
+    tiles = [_tile(directory / row["dataset"], _tile_title(row)) for row in chosen]
     lines = [tiles[k : k + COLUMNS_OF_TILES] for k in range(0, len(tiles), COLUMNS_OF_TILES)]
     heights = [max(tile.size[1] for tile in line) + GAP for line in lines]
     width = GAP + max(map(len, lines)) * (TILE + GAP)
@@ -90,7 +106,7 @@ def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None
         sheet.save(temporary, format="PNG", optimize=True)
 
 
-def _title(row: dict[str, Any]) -> str:
+def _tile_title(row: dict[str, Any]) -> str:
     length = f", {row['metres']:.0f} m" if row["metres"] is not None else ""
     return f"{row['dataset']}\n{row['split']}, {row['lidar']}, {row['seconds']:.0f} s{length}"
 
@@ -128,39 +144,43 @@ def _coloured(pixels: NDArray[np.float64]) -> Iterator[tuple[list[tuple[float, f
         yield [(x, y) for x, y in pixels[begin : end + 1].tolist()], (red, green, blue)
 
 
-def _card(name: str, rows: Sequence[dict[str, Any]], commands: Sequence[str]) -> str:
+def _card(title: str, directory: str, rows: Sequence[dict[str, Any]], commands: Sequence[str]) -> str:
     seconds, metres = sum(row["seconds"] for row in rows), sum(row["metres"] or 0.0 for row in rows)
     size, worlds = sum(row["bytes"] for row in rows), sorted({row["world"] for row in rows})
     formats = ", ".join(f"`{kind}`" for kind in sorted({row["format"] for row in rows}))
-    drives = (
-        "Each seed drives another route: from another start along the corridors of the world's tour, in another order "
-        "and direction."
-        if all(row["route"] == "random" for row in rows)
-        else ("**Drives of one world with a fixed route follow the same path**; they differ in their noise.")
+    summary = (
+        f"{len(rows)} simulated drives of a robot with a 2D lidar, with their true poses and true maps, for SLAM: "
+        f"{_hours(seconds)} and {metres / 1000:.2f} km in {len(worlds)} world{'' if len(worlds) == 1 else 's'}, "
+        f"{_size(size)} as {formats}. {_routes(rows)}"
     )
+    split_note = "No world is in two splits, so that a method is tested in buildings that it has not seen."
+    licence, map_note = _licence(rows)
+    licence_note = f"CC-BY-4.0: use and publish the data for any purpose, with a reference to its source. {map_note}"
     return f"""---
-pretty_name: {name}
-license: cc-by-4.0
+pretty_name: {json.dumps(title, ensure_ascii=False)}
+{licence}
 tags: [robotics, slam, lidar, 2d-mapping]
 configs:
 - config_name: index
   data_files: {INDEX}
 ---
 {MARK}
-# {name}
+# {title}
 
-{len(rows)} simulated drives of a robot with a 2D lidar, with their true poses and true maps, for SLAM:
-{_hours(seconds)} and {metres / 1000:.2f} km in {len(worlds)} world{"" if len(worlds) == 1 else "s"}, {_size(size)} as
-{formats}. {drives}
+{fill(summary, LINE_LENGTH)}
 
 ![The drives on the maps of their worlds]({SHEET})
 
 ## Splits
-No world is in two splits, so that a method is tested in buildings that it has not seen. {_split_note(rows, worlds)}
+{fill(split_note, LINE_LENGTH)}
 
 | split | datasets | time | metres | worlds |
 |---|---|---|---|---|
-{_lines(_split_line(rows, split) for split in ("train", "validation", "test"))}
+{_lines(_split_line(rows, split) for split in SPLITS)}
+
+| lidar | train | validation | test |
+|---|---|---|---|
+{_lines(_lidar_line(rows, lidar) for lidar in sorted({row["lidar"] for row in rows}))}
 
 ## Sensors
 {_lines(_sensors(rows))}
@@ -178,19 +198,83 @@ other files.
 Angles in radians, counter-clockwise; distances in metres; times in seconds.
 
 ## Load
+{_without_testbed(rows)}With the Python package slam-testbed {version("slam-testbed")} (MIT licence), for all formats:
+
 ```python
 from testbed.datasets import open_collection
 
-for dataset in open_collection("{name}").split("train"):
+for dataset in open_collection("{directory}").split("train"):
     dataset.scans, dataset.odometry, dataset.truth  # (n, beams) [m], (n, 3) and (n, 3) [m, m, rad]
 ```
 
 ## Licence and citation
-CC-BY-4.0: use and publish the data for any purpose, with a reference to its source:
+{fill(licence_note, LINE_LENGTH)}
 
-> {name}: simulated 2D lidar drives, made with slam-testbed {version("slam-testbed")}, CC-BY-4.0.
+> {title}: simulated 2D lidar drives, made with slam-testbed {version("slam-testbed")}, CC-BY-4.0.
+
+slam-testbed is a testbed for the particle filter of Grisetti, Stachniss and Burgard, Improved Techniques for Grid
+Mapping With Rao-Blackwellized Particle Filters, IEEE Transactions on Robotics 23 (2007), {PAPER}.
 
 {_made_by(commands)}"""
+
+
+def _routes(rows: Sequence[dict[str, Any]]) -> str:
+    """How the drives of one world differ, and how much they have in common."""
+    sentences = {
+        "stops": "Each drive begins elsewhere and visits other stops on the floor, drawn from its seed.",
+        "random": "Each drive begins elsewhere on the tour of its world and takes it in its own order and direction.",
+        "fixed": "**Drives of one world with a fixed route follow the same path**; they differ in their noise.",
+    }
+    routes = {row["route"] for row in rows}
+    text = " ".join(sentence for route, sentence in sentences.items() if route in routes)
+    overlaps = [row["overlap"] for row in rows if row["overlap"] is not None]
+    if not overlaps:
+        return text
+    return (
+        f"{text} Two drives of one world have at most {100.0 * max(overlaps):.0f} % of their way in common, that is "
+        f"the same places (to {NEAR:g} m) in the same direction and order; half of the drives have at most "
+        f"{100.0 * np.median(overlaps):.0f} % in common with any other one (column `overlap`)."
+    )
+
+
+def _licence(rows: Sequence[dict[str, Any]]) -> tuple[str, str]:
+    """The licence for the head of the card, and a sentence on worlds that somebody else may have a right to."""
+    sources = {row["world"]: str(json.loads(row["settings"]).get("world", "")) for row in rows}
+    files = sorted(f"`{world}`" for world, source in sources.items() if source.endswith((".toml", ".yaml", ".yml")))
+    if not files:
+        return "license: cc-by-4.0", "The worlds are part of slam-testbed or generated by it."
+    return "license: other\nlicense_name: cc-by-4.0-and-that-of-the-maps", (
+        f"The map of {', '.join(files)} is from a file that is not part of slam-testbed: the licence of that file "
+        "applies to the data too."
+    )
+
+
+def _without_testbed(rows: Sequence[dict[str, Any]]) -> str:
+    """How to read a recording with other software."""
+    formats, name = {row["format"] for row in rows}, rows[0]["dataset"]
+    text = ""
+    if any(kind.startswith("rosbag") for kind in formats):
+        path = next(row["dataset"] for row in rows if row["format"].startswith("rosbag"))
+        path += f"/{path}.bag" if "rosbag1" in formats else ""
+        text += f"""Bags, by everything that reads rosbag2 or rosbag1, such as `pip install rosbags`:
+
+```python
+from pathlib import Path
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+with AnyReader([Path("{path}")], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+    connections = [connection for connection in bag.connections if connection.topic == "/scan"]
+    for connection, time, raw in bag.messages(connections):
+        scan = bag.deserialize(raw, connection.msgtype)  # scan.ranges, scan.angle_min, scan.angle_increment
+```
+
+"""
+    if "parquet" in formats:
+        text += f'Tables, by pandas: `pandas.read_parquet("{name}/frames.parquet")`.\n\n'
+    if "carmen" in formats:
+        text += "CARMEN logs are packed text with a message a line, such as `ROBOTLASER1`.\n\n"
+    return text
 
 
 def _made_by(commands: Sequence[str]) -> str:
@@ -219,20 +303,17 @@ def _lines(lines: Iterable[str]) -> str:
     return "\n".join(lines)
 
 
-def _split_note(rows: Sequence[dict[str, Any]], worlds: Sequence[str]) -> str:
-    if len(worlds) == 1:
-        return "There is one world only, so that all datasets are for training: add a second world for testing."
-    if len(worlds) == 2 and "validation" not in {row["split"] for row in rows}:
-        return "Two worlds leave none for validation: add a third."
-    return ""
-
-
 def _split_line(rows: Sequence[dict[str, Any]], split: str) -> str:
     chosen = [row for row in rows if row["split"] == split]
     worlds = sorted({row["world"] for row in chosen})
     named = ", ".join(worlds[:6]) + (f" and {len(worlds) - 6} others" if worlds[6:] else "")
     seconds, metres = sum(row["seconds"] for row in chosen), sum(row["metres"] or 0.0 for row in chosen)
     return f"| {split} | {len(chosen)} | {_hours(seconds)} | {metres:.0f} | {named or '–'} |"
+
+
+def _lidar_line(rows: Sequence[dict[str, Any]], lidar: str) -> str:
+    counts = Counter(row["split"] for row in rows if row["lidar"] == lidar)
+    return f"| {lidar} | {' | '.join(str(counts[split]) for split in SPLITS)} |"
 
 
 def _sensors(rows: Sequence[dict[str, Any]]) -> list[str]:

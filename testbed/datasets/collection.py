@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from testbed.datasets.index import INDEX, datasets_in, index_rows, read_index
+from testbed.datasets.index import INDEX, SPLITS, datasets_in, index_rows, natural_order, read_index
 from testbed.datasets.loading import Dataset, open_dataset
 from testbed.formats import LogError
 from testbed.formats.checksums import CONFIG
@@ -42,16 +43,49 @@ class Collection(Sequence[Dataset]):
         return (self[number] for number in range(len(self)))
 
     def split(self, name: str) -> Collection:
-        """The datasets of `train`, `validation` or `test`; no world is in two of them."""
-        if name not in ("train", "validation", "test"):
+        """The datasets of `train`, `validation` or `test`; no world is in two of them. Warns where there are none."""
+        if name not in SPLITS:
             raise ValueError(f"split {name!r}: expected train, validation or test")
-        return self.where(split=name)
+        return self._where(split=name)
 
     def where(self, **values: object) -> Collection:
-        """The datasets whose columns of the index have these values, such as `where(world="office", lidar="lds01")`."""
+        """The datasets whose columns of the index have these values, such as `where(world="office", lidar="lds01")`.
+
+        Raises ValueError for unknown columns. Warns where there are no such datasets.
+        """
+        return self._where(**values)
+
+    def _where(self, **values: object) -> Collection:
         if unknown := [name for name in values if self.rows and name not in self.rows[0]]:
             raise ValueError(f"no column {', '.join(unknown)} in the index, expected {', '.join(self.rows[0])}")
-        return Collection(self.path, [row for row in self.rows if all(row[n] == v for n, v in values.items())])
+        found = Collection(self.path, [row for row in self.rows if all(row[n] == v for n, v in values.items())])
+        if self.rows and not found.rows:
+            warnings.warn(f"{self.path}: {self._why_none(values)}", stacklevel=3)
+        return found
+
+    def _why_none(self, values: Mapping[str, object]) -> str:
+        """Say why no datasets have these values."""
+        for name, value in values.items():
+            there = sorted({str(row[name]) for row in self.rows}, key=natural_order)
+            if str(value) not in there:
+                more = f" and {len(there) - 12} others" if there[12:] else ""
+                advice = f" {self.split_advice()}" if name == "split" else ""
+                return f"no dataset has {name} {value}, only {', '.join(there[:12])}{more}.{advice}".rstrip()
+        return f"no dataset has {' and '.join(f'{name} {value}' for name, value in values.items())} at the same time."
+
+    def split_advice(self) -> str:
+        """Why a split is empty and what to do; an empty text where none is."""
+        splits, worlds = self.totals()["splits"], len({row["world"] for row in self.rows})
+        missing = " and ".join(name for name in SPLITS if not splits[name])
+        if not missing or len(self.rows) == 1:
+            return ""
+        if worlds == 1:
+            return f"Nothing for {missing}: there is one world, and three or more give all splits."
+        if worlds == 2 and splits["train"] and splits["test"]:
+            return f"Nothing for {missing}: there are two worlds, and three or more give all splits."
+        return (
+            f"Nothing for {missing}: the splits were chosen; `testbed datasets index --help` says how to change them."
+        )
 
     def to_pandas(self) -> pd.DataFrame:
         """The index as a table, a row a dataset."""
@@ -65,8 +99,13 @@ class Collection(Sequence[Dataset]):
         return frame
 
     def totals(self) -> dict[str, Any]:
-        """How much there is: datasets, worlds, seconds, metres, scans, bytes, and the datasets of each split."""
+        """How much there is: datasets, worlds, seconds, metres, scans, bytes, and the datasets of each split.
+
+        `lidars` has the datasets of each lidar by split; `largest_overlap` is the largest share of its way that a drive
+        has in common with another one of its world, None where no world has two.
+        """
         rows = self.rows
+        overlaps = [row["overlap"] for row in rows if row.get("overlap") is not None]
         return {
             "datasets": len(rows),
             "worlds": len({row["world"] for row in rows}),
@@ -74,13 +113,23 @@ class Collection(Sequence[Dataset]):
             "metres": round(sum(row["metres"] or 0.0 for row in rows), 3),
             "scans": sum(row["scans"] or 0 for row in rows),
             "bytes": sum(row["bytes"] for row in rows),
-            "splits": {name: sum(row["split"] == name for row in rows) for name in ("train", "validation", "test")},
+            "splits": _by_split(rows),
+            "lidars": {
+                lidar: _by_split([row for row in rows if row["lidar"] == lidar])
+                for lidar in sorted({row["lidar"] for row in rows})
+            },
+            "largest_overlap": max(overlaps, default=None),
         }
 
     def __repr__(self) -> str:
         parts = self.totals()
         splits = ", ".join(f"{count} {name}" for name, count in parts["splits"].items())
         return f"<Collection {self.path.name!r}: {parts['datasets']} datasets of {parts['worlds']} worlds ({splits})>"
+
+
+def _by_split(rows: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """Number of datasets of each split."""
+    return {name: sum(row["split"] == name for row in rows) for name in SPLITS}
 
 
 def open_collection(path: str | Path) -> Collection:

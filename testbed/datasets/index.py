@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from eval.files.atomic_write import atomic_write
+from testbed.datasets.overlap import largest_overlaps
 from testbed.formats import LogError
 from testbed.formats.checksums import CONFIG, MAX_CONFIG
 
@@ -19,6 +21,7 @@ INDEX = "datasets.parquet"
 TEST_SHARE, VALIDATION_SHARE = 0.15, 0.15
 """Shares of the worlds that are kept for testing and for validation."""
 
+SPLITS = ("train", "validation", "test")
 CHOSEN = b"testbed_splits"
 """Key of the chosen splits in the table's metadata."""
 
@@ -31,9 +34,10 @@ COLUMNS = {
     "format": "format of the recording",
     "robot": "preset of the robot",
     "lidar": "preset of the lidar, such as `lds01`, several are separated by commas; frames name its mount instead",
-    "route": "fixed: the world's tour; random: drawn from the seed",
+    "route": "fixed: the world's tour; random: all of the tour, in another order; stops: to random stops on all floor",
     "seconds": "simulated time [s]",
     "metres": "length of the true path [m]",
+    "overlap": "largest share of its way that another drive of this world has too: same places, direction and order",
     "scans": "number of scans, of all lidars",
     "bytes": "size of all files [bytes]",
     "finished": "the robot finished its route",
@@ -47,25 +51,35 @@ COLUMNS = {
 
 
 def datasets_in(directory: Path) -> list[Path]:
-    """The directories of datasets in a directory, sorted by name."""
+    """The directories of datasets in a directory, sorted by name: `rooms-2` comes before `rooms-10`."""
     if not directory.is_dir():
         return []
-    return sorted(path for path in directory.iterdir() if path.is_dir() and _is_dataset(path))
+    return sorted(
+        (path for path in directory.iterdir() if path.is_dir() and _is_dataset(path)),
+        key=lambda path: natural_order(path.name),
+    )
+
+
+def natural_order(name: str) -> list[tuple[int, str]]:
+    """Sort key of a name: its text and its numbers, in turn."""
+    return [(int(part), part) if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", name)]
 
 
 def write_index(directory: Path, chosen: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
     """Write the index of all datasets in a directory; its rows. Equal datasets give equal bytes.
 
-    chosen: split of worlds, by name, see `splits`; None = as the last index of the directory was made
+    chosen: split of worlds by name, see `splits`; empty = by the hash; None = as the last index of the directory
     Raises LogError where a config.toml cannot be read, ValueError where a chosen world has no datasets.
     """
-    chosen = _last_choice(directory) if chosen is None else chosen
+    chosen = chosen_splits(directory) if chosen is None else chosen
     rows = index_rows(directory, chosen)
     if rows:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         table = pa.Table.from_pylist(rows)
+        overlap = table.column_names.index("overlap")
+        table = table.set_column(overlap, "overlap", table["overlap"].cast(pa.float64()))  # where all are unknown
         if chosen:
             table = table.replace_schema_metadata({CHOSEN: json.dumps(dict(sorted(chosen.items())))})
         with atomic_write(directory / INDEX) as temporary:
@@ -77,10 +91,12 @@ def index_rows(directory: Path, chosen: Mapping[str, str] | None = None) -> list
     """Rows of the index of all datasets in a directory, as `write_index` writes them."""
     rows = [_row(path) for path in datasets_in(directory)]
     split = splits((row["world"] for row in rows), chosen)
-    return [{name: (row | {"split": split[row["world"]]})[name] for name in COLUMNS} for row in rows]
+    for row, overlap in zip(rows, largest_overlaps(directory, rows), strict=True):
+        row |= {"split": split[row["world"]], "overlap": overlap}
+    return [{name: row[name] for name in COLUMNS} for row in rows]
 
 
-def _last_choice(directory: Path) -> dict[str, str]:
+def chosen_splits(directory: Path) -> dict[str, str]:
     """The split of worlds that was chosen for the index of a directory; empty where there is none."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -154,7 +170,7 @@ def _config(path: Path) -> tuple[dict[str, Any], bytes]:
 
 
 def _row(path: Path) -> dict[str, Any]:
-    """A row of the index, without the split."""
+    """A row of the index, without split and overlap."""
     file = path / CONFIG
     config, content = _config(path)
     try:

@@ -134,7 +134,7 @@ def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, es
         return
     if failure.bad:
         odometry = estimation.trajectory_at_scans("odometry")
-        cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps)
+        cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps, estimate=estimate.at_scans)
         failure = replace(failure, cause=cause)
     row = int(estimate.scan_frames[failure.scan])
     frame = estimation.frames[row]

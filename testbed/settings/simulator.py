@@ -20,12 +20,13 @@ from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simula
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
 from testbed.simulation.simulator import TOUR_CLEARANCE
-from worlds import World, add_clutter, is_map, load, map_image, plan_tour, random_route
+from worlds import World, add_clutter, is_map, load, map_image, plan_tour, random_route, stops_route
 
 SIMULATOR_GROUP = Group("Simulator", sort_key=5)
 DEFAULT = SimulationConfig()
 CLUTTER_CLEARANCE = 0.1
 """Additional distance between the robot and the objects of --clutter [m]."""
+Route = Literal["fixed", "random", "stops"]
 
 
 @Parameter(name="*")
@@ -41,9 +42,10 @@ class SimulatorOptions:
     """Beams in a scan; default: those of the lidar."""
     noise: float = 1.0
     """Factor on the random error of ranges."""
-    route: Literal["fixed", "random"] = "fixed"
+    route: Route = "fixed"
     """fixed: the tour of the world, the same for every seed; random: the whole tour in another order and direction from
-    another start, drawn from the seed. Only for --driver tour."""
+    another start, drawn from the seed; stops: to random stops on all floor, drawn from the seed, as far as the tour is
+    long. Only for --driver tour."""
     clutter: float = 0.0
     """Objects added off the tour, per 10 m² of floor."""
     backend: Literal["pybullet", "fast"] = "pybullet"
@@ -100,16 +102,20 @@ class SimulatorOptions:
         )
 
     def load_world(self, name: str, seeds: RunSeeds, progress: Callable[[float], None] | None = None) -> World:
-        """Load the world of that name or file, with --clutter added and, for --route random, a route of the seed.
+        """Load the world of that name or file, with --clutter added and, unless --route fixed, a route of the seed.
 
         Where a tour is to be driven and the world has none, it gets a tour of all the floor that the robot can reach.
         progress: called with the share of the tour that is planned, 0 to 1.
         """
         world, clearance = _load(name), load_robot(self.robot).footprint_radius + TOUR_CLEARANCE
         # A recorded drive begins where the drive began that its commands are from.
-        on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route == "random")
+        on_tour = self.driver.kind == "tour" or (self.driver.kind == "recorded" and self.route != "fixed")
         if world.tour is None and on_tour:
             world = plan_tour(world, footprint_radius=clearance, progress=progress)
+        if (
+            self.route == "stops" and on_tour
+        ):  # before the clutter, which keeps off this drive: it does not change the path
+            world = stops_route(world, np.random.default_rng(seeds.route), clearance=clearance)
         if self.clutter:
             world = add_clutter(world, self.clutter, clearance=clearance + CLUTTER_CLEARANCE)
         if self.route == "random" and on_tour:
@@ -147,15 +153,16 @@ class FastSimulatorOptions(SimulatorOptions):
 
     backend: Literal["pybullet", "fast"] = "fast"
     """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics."""
-    route: Literal["fixed", "random"] | None = None  # type: ignore[assignment]  # settled before use
-    """random: the whole tour in another order and direction from another start for each seed; fixed: the tour of the
-    world, the same for every seed. Default: random for --driver tour, otherwise fixed."""
+    route: Route | None = None  # type: ignore[assignment]  # settled before use
+    """stops: to random stops on all floor, others for each seed, as far as the tour is long; random: the whole
+    tour in another order and direction from another start for each seed; fixed: the tour of the world, the same for
+    every seed. Default: stops for --driver tour, otherwise fixed."""
 
     def settled(self) -> FastSimulatorOptions:
         """Return the options with the route decided."""
         if self.route is not None:
             return self
-        return replace(self, route="random" if self.driver.kind == "tour" else "fixed")
+        return replace(self, route="stops" if self.driver.kind == "tour" else "fixed")
 
 
 FAST_SIMULATOR = FastSimulatorOptions()

@@ -53,13 +53,28 @@ def test_a_slip_is_said_with_its_stretch_and_with_those_that_healed():
     assert "from 18.5 to 21.5 s, over 1.50\N{NO-BREAK SPACE}m of path" in found
     assert found.endswith("they had not slipped before")
     found = cause(odometry=after(after(first, 100, slip), 40, slip))
-    assert found.endswith("they had slipped in 2 of the 7 pieces of 3 s before as well, without lasting harm")
+    assert found.endswith(
+        "they slipped in 2 of the 7 intervals of 3 s before this one too, and the estimate recovered each time"
+    )
 
 
 def test_a_robot_that_is_carried_is_told_from_slip():
     found = cause(truth=after(TRUTH, 200, [2.0, 1.0, 0.5]))
     assert found.startswith("the robot was pushed or carried: within 0.1 s")
     assert "29 degrees" in found
+
+
+def test_scans_matched_to_a_wrong_place_are_named_last():
+    """The estimate jumps while wheels and robot agree; a slip at the same moment is the cause itself."""
+    estimate = Trajectory(STAMPS, after(TRUTH, 200, [0.7, 0.1, np.radians(5.0)]))
+    both = {"odometry": Trajectory(STAMPS, TRUTH), "reference": Trajectory(STAMPS, TRUTH)}
+    found = find_cause(20.0, **both, steps=STEPS, estimate=estimate)
+    assert found.startswith("the scans were matched to a wrong place of the map: from 18.5 to 21.5 s")
+    assert "moved by 2.20\N{NO-BREAK SPACE}m and 5 degrees, the robot by 1.50\N{NO-BREAK SPACE}m and 0 degrees" in found
+    assert find_cause(20.0, **both, steps=STEPS, estimate=both["reference"]) is None
+    slipped = Trajectory(STAMPS, after(TRUTH, 200, [0.0, 0.0, np.radians(-33.0)]))
+    found = find_cause(20.0, odometry=slipped, reference=both["reference"], steps=STEPS, estimate=estimate)
+    assert found.startswith("the wheels slipped")
 
 
 def test_an_odometry_that_starts_anew_is_named():

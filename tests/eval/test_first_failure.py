@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eval.first_failure import find_failure, first_bad_match, first_bad_stretch
+from eval.first_failure import BAD_DEG, BAD_M, find_failure, first_bad_match, first_bad_stretch
 from eval.trajectory.relations import Relations
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import between, compose
@@ -47,6 +47,38 @@ def test_a_blip_that_heals_is_listed_and_the_loss_after_it_is_the_moment():
     assert blip.stamp == pytest.approx(8.0, abs=0.11)
     assert blip.end < 9.5
     assert blip.degrees == pytest.approx(np.degrees(0.3), abs=0.5)
+
+
+def test_a_loss_soon_after_a_blip_is_the_moment():
+    truth = straight()
+    poses = jumped(truth, 110, [0.0, 0.0, 1.3])
+    poses[80:82] = compose(poses[80:82], [0.1, 0.2, 0.3])
+    failure = first_bad_stretch(Trajectory(truth.stamps, poses), truth)
+    assert failure.bad
+    assert abs(failure.scan - 110) <= 2
+    assert len(failure.blips) == 1
+
+
+def test_a_return_from_a_warped_part_of_the_map_is_no_departure():
+    """The estimate drifts into a warped part of the map, has a blip there, and comes back to where the map is right;
+    metres later it is drawn into the warped part again, where it is lost."""
+    truth = straight(600)
+    warp = [0.2, 0.55, np.radians(5.0)]
+    poses = truth.poses.copy()
+    poses[100:400] = compose(truth.poses[100:400], np.minimum(np.arange(300) / 100.0, 1.0)[:, None] * warp)
+    poses[390:393] = compose(poses[390:393], [0.0, 0.0, np.radians(25.0)])
+    poses[450:] = compose(truth.poses[450:], warp)
+    lost = compose(compose(poses[480], [0.1, 0.0, np.radians(85.0)]), between(poses[480], poses[480:]))
+    poses[480:] = lost
+    failure = first_bad_stretch(Trajectory(truth.stamps, poses), truth)
+    assert failure.bad
+    assert abs(failure.scan - 450) <= 2
+    last = np.array([failure.since, failure.since + 10])
+    error = between(between(*truth.poses[last]), between(*poses[last]))
+    assert np.hypot(error[0], error[1]) > BAD_M or abs(np.degrees(error[2])) > BAD_DEG  # the rule of the page
+    (blip,) = failure.blips
+    assert blip.stamp == pytest.approx(39.0, abs=0.2)
+    assert 40.0 <= blip.end <= 41.1  # within the metre that holds the return
 
 
 def test_an_estimate_that_comes_back_after_metres_has_not_failed():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Draw the pictures of a run in the Rerun viewer, for README.md and docs/views.md.
 
-    python -m tools.docs.make_pictures            # runs `testbed run office`, then draws it
-    python -m tools.docs.make_pictures RUN        # draws RUN/recording.rrd
+    python -m tools.docs.make_pictures               # runs `testbed run office` and a run that ends lost, draws both
+    python -m tools.docs.make_pictures --only lost
 
-Writes: docs/pictures/office.png, docs/pictures/office.gif
+Writes: docs/pictures/office.png, docs/pictures/office.gif; docs/pictures/lost.png
 
 The native viewer draws them without a display or a graphics card (Debian: apt-get install mesa-vulkan-drivers).
 """
@@ -20,28 +20,58 @@ from pathlib import Path
 
 from PIL import Image
 
+from eval.files.failure_json import read_failure
+from eval.files.tum import read_tum
 from tools.headless_viewer import HeadlessViewer, headless_viewer
 
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 FRAMES = 48
 FRAME_MS = 120
 LAST_FRAME_MS = 2500
+LOST_RUN = (
+    "run maze --backend fast --robot pioneer3dx --lidar lms200 --odometry.grade poor --odometry.slip-rate 0.5 "
+    "--odometry.slip-distance 0.5 --particles 1 --no-refine"
+)
+"""The example of docs/views.md of a run that ends lost."""
+AFTER_S = 3.0
+"""Its picture is taken so long after the moment that its report names [s]."""
 
 
 def main() -> None:
     """Make all pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("run", type=Path, nargs="?", help="directory of a run (default: a new one of the office)")
-    run = parser.parse_args().run
-    with tempfile.TemporaryDirectory() as folder:
-        if run is None:
-            run = Path(folder) / "office"
-            subprocess.run([Path(sys.executable).with_name("testbed"), "run", "office", "--out", str(run)], check=True)
-        with headless_viewer() as viewer:
-            end = viewer.open(run / "recording.rrd")
-            PICTURES.mkdir(exist_ok=True)
-            (PICTURES / "office.png").write_bytes(viewer.picture(0.72 * end, largest=1400))
-            save_animation(viewer, end, PICTURES / "office.gif")
+    parser.add_argument("--only", choices=("office", "lost"), help="make the pictures of one run only")
+    only = parser.parse_args().only
+    PICTURES.mkdir(exist_ok=True)
+    for name, draw in (("office", draw_office), ("lost", draw_lost)):
+        if only in (None, name):  # in a viewer of its own: the layout of the one before would stay
+            with tempfile.TemporaryDirectory() as folder, headless_viewer() as viewer:
+                draw(viewer, Path(folder) / name)
+
+
+def draw_office(viewer: HeadlessViewer, run: Path) -> None:
+    """Run the office into a directory, and draw it as a picture and as an animation."""
+    testbed("run office", run)
+    end = viewer.open(run / "recording.rrd")
+    (PICTURES / "office.png").write_bytes(viewer.picture(0.72 * end, largest=1400))
+    save_animation(viewer, end, PICTURES / "office.gif")
+
+
+def draw_lost(viewer: HeadlessViewer, run: Path) -> None:
+    """Run what ends lost into a directory, and draw it where it goes wrong."""
+    testbed(LOST_RUN, run)
+    failure = read_failure(run / "finding.json").failure
+    if not failure.bad:
+        raise RuntimeError(f"testbed {LOST_RUN}: it does not end lost any more; choose another example")
+    viewer.open(run / "recording.rrd")
+    moment = failure.stamp - float(read_tum(run / "estimate.tum").stamps[0])
+    (PICTURES / "lost.png").write_bytes(viewer.picture(moment + AFTER_S, largest=1400))
+
+
+def testbed(command: str, run: Path) -> None:
+    """Run a command of the testbed into a directory."""
+    program = Path(sys.executable).with_name("testbed")
+    subprocess.run([program, *command.split(), "--out", str(run)], check=True)
 
 
 def save_animation(viewer: HeadlessViewer, end: float, path: Path) -> None:

@@ -65,10 +65,11 @@ def judge(frames: list[Frame], fault: str, at: float) -> tuple[bool, bool, bool,
         estimation.process(frame)
     truth, odometry = (estimation.trajectory_at_scans(name) for name in ("truth", "odometry"))
     steps = estimation.steps.columns()
-    failure = find_failure(estimation.filtered().at_scans, truth=truth)
+    estimate = estimation.filtered().at_scans
+    failure = find_failure(estimate, truth=truth)
     if failure is None or not failure.bad or truth is None:
         return False, False, False, "did not fail"
-    cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps) or ""
+    cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps, estimate=estimate) or ""
     path = np.interp([at, at + lasts, failure.stamp], truth.stamps, truth.distance)
     late = max(at - failure.stamp, failure.stamp - at - lasts, 0.0)
     far = max(path[0] - path[2], path[2] - path[1], 0.0)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from testbed.kernels import compile_kernels, is_compiled
 
@@ -26,8 +26,13 @@ def announce_compilation() -> None:
     """Compile the kernels if they are not compiled yet, and say so, because it takes a while."""
     if is_compiled():
         return
-    console.print("Compiling the kernels: once per version, about a minute …")
-    seconds = compile_kernels()
+    words = "Compiling the kernels: once per version, one to three minutes"
+    if not console.is_terminal:
+        console.print(f"{words} …")
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        progress.add_task(words, total=None)
+        seconds = compile_kernels()
     console.print(f"The kernels were compiled in {seconds:.0f} s and are kept on disk.")
 
 
@@ -65,13 +70,17 @@ class ProgressLine:
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
-        self._task = progress.add_task("", total=None, status="")
+        self._task = progress.add_task("starting", total=None, status="")
         self._started = self._reported = time.perf_counter()
         self._first_stamp: float | None = None
+        self._said = False  # whether a line was printed: short jobs print none
 
     def stage(self, text: str) -> None:
-        """Show that a new stage of the job begins."""
-        self._progress.update(self._task, description=text, status="")
+        """Show that a new stage of the job begins: what is left of it is unknown."""
+        self._progress.remove_task(self._task)  # a task of unknown length cannot be made of one whose length is known
+        self._task = self._progress.add_task(text, total=None, status="")
+        if not console.is_terminal and self._said:
+            console.print(f"{text} …", soft_wrap=True)
 
     def step(self, stamp: float, share: float | None, error: float | None) -> None:
         """Show that one scan is done, see `RunProgress.step`."""
@@ -82,7 +91,7 @@ class ProgressLine:
         status = f"{seconds:7.1f} s  {factor:5.1f} x real time" + ("" if error is None else f"  error {error:.3f} m")
         self._progress.update(self._task, total=None if share is None else 1.0, completed=share or 0.0, status=status)
         if not console.is_terminal and time.perf_counter() - self._reported > REPORT_PERIOD:
-            self._reported = time.perf_counter()
+            self._reported, self._said = time.perf_counter(), True
             done = "" if share is None else f"  {share:.0%} done"
             console.print(f"{status.strip()}{done}", soft_wrap=True)
 

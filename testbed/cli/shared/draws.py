@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`--draw KEY=A,B` and `--draw KEY=LOW..HIGH`: settings drawn at random for each dataset."""
+"""`--draw KEY=A,B` and `--draw KEY=LOW..HIGH`: settings that differ between datasets, drawn by their seeds."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import numpy as np
 
 from testbed.cli.shared.variants import KEYS, value_of, with_value
 from testbed.settings.simulator import SimulatorOptions
+from worlds import family, label
+from worlds.names import GeneratedName
 
 DRAWN_KEYS = {"robot": SimulatorOptions, **KEYS}
 """Settings that may be drawn, and the class of each."""
@@ -50,13 +52,31 @@ class Draw(NamedTuple):
         return cls(key, choices)
 
     def value(self, world: str, seed: int) -> str:
-        """The value for a world and a seed, as text; it does not depend on what else is drawn."""
-        rng = np.random.default_rng((seed, zlib.crc32(f"{world} {self.key}".encode())))
+        """The value for a world and a seed, as text; it does not depend on what else is drawn.
+
+        Choices are dealt in turn: of n consecutive seeds of one world, or of n generated worlds of one kind with
+        consecutive seeds, each of the n choices gets one, in random order.
+        """
         if self.choices:
-            return self.choices[int(rng.integers(len(self.choices)))]
+            group, first = _place_in_turn(world)
+            turn, place = divmod(first + seed, len(self.choices))
+            order = np.random.default_rng((turn, _digest(f"{group} {self.key}"))).permutation(len(self.choices))
+            return self.choices[int(order[place])]
+        rng = np.random.default_rng((seed, _digest(f"{label(world)} {self.key}")))
         if DRAWN_KEYS[self.key] is SimulatorOptions and self.key == "beams":
             return str(int(rng.integers(round(self.low), round(self.high) + 1)))
         return repr(float(rng.uniform(self.low, self.high)))
+
+
+def _place_in_turn(world: str) -> tuple[str, int]:
+    """The worlds that share the turns of a world, and its place among them."""
+    if (kind := family(world)) is None:
+        return label(world), 0
+    return kind, GeneratedName.parse(world).seed
+
+
+def _digest(text: str) -> int:
+    return zlib.crc32(text.encode())
 
 
 def parse_draws(texts: Sequence[str], simulator: SimulatorOptions) -> list[Draw]:
@@ -80,7 +100,10 @@ def with_each_choice(simulator: SimulatorOptions, draws: Sequence[Draw], key: st
 def drawn(
     simulator: SimulatorOptions, draws: Sequence[Draw], world: str, seed: int
 ) -> tuple[SimulatorOptions, dict[str, Any]]:
-    """The settings for a world and a seed, and the values that were drawn by key."""
+    """The settings for a world and a seed, and the values that were drawn by key.
+
+    world: name or file, as `worlds.load` takes it
+    """
     values = {}
     for draw in draws:
         simulator = with_value(simulator, draw.key, draw.value(world, seed), "--draw")

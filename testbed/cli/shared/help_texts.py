@@ -21,7 +21,8 @@ testbed run --config runs/office-20250101-120000/config.toml
 
 Each dataset is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for
 byte. Datasets that exist already are kept: a job that was cut off can be started again, and a larger `--count` adds to
-them. Each seed drives another route through its world, unless `--route fixed` is given. The default backend is `fast`.
+them. Each seed drives to other stops in its world, unless `--route fixed` is given. `--plan` says what a job
+will take. The default backend is `fast`.
 Several datasets also get an index (datasets.parquet) with splits by world, a card (README.md) and a picture of the
 drives.
 
@@ -37,7 +38,7 @@ testbed slam data/office-0000
 
 ```
 testbed datasets info data
-testbed datasets index data
+testbed datasets index data --test office --validation lab
 ```
 """,
     "slam": """Map a recorded log, or localise in a finished map; score it where truth is known.

@@ -30,6 +30,8 @@ HEADLINES = (
 def headline_table(metrics: Mapping[str, Any]) -> Table:
     """Make the table: the outcome, its reason unless it is `ok`, and the figures that these metrics have."""
     table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(no_wrap=True)  # in a narrow terminal only the reason takes several lines
+    table.add_column(overflow="fold")
     table.add_row("outcome", f"{metrics['outcome']}")
     reason = metrics.get("outcome_reason") or metrics.get("reason")
     if metrics["outcome"] != "ok" and reason:

@@ -161,7 +161,7 @@ def _routes(spec: SweepSpec) -> str:
     routes = {str(line.settings.get("route", "fixed")) for line in spec.lines()}
     if spec.logs or len(routes) > 1:
         return ""
-    number = len(spec.seeds) if routes == {"random"} else 1
+    number = len(spec.seeds) if "fixed" not in routes else 1
     each = " in each world" if len(spec.worlds) > 1 else ""
     return f" ({'one route' if number == 1 else f'{number} routes'}{each})"
 

@@ -56,6 +56,8 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
         plot(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m),
         plot(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg),
     ]
+    # one particle has none
+    spread = [plot(entities.SPREAD, "Spread of the particles", "cm")] if scenery.particles > 1 else []
     return rrb.Horizontal(
         rrb.Vertical(
             map_view("Map", scenery.extent),
@@ -68,10 +70,10 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
             *([rrb.Tabs(*errors, active_tab=0)] if scenery.truth else []),
             rrb.Tabs(
                 plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
-                plot(entities.SPREAD, "Spread of the particles", "cm"),
+                *spread,
                 plot(entities.MATCHED, "Share of beams on known walls", "", 1.0),
                 plot(entities.STAGES, "Time per update", "ms"),
-                active_tab=1,
+                active_tab=1,  # the spread, or the share of beams
             ),
             rrb.Tabs(
                 rrb.TextLogView(origin=entities.EVENTS, name="Events"),
@@ -88,16 +90,19 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
 def map_view(name: str, extent: Extent | None, follow: str = entities.ESTIMATED_ROBOT) -> rrb.Spatial3DView:
     """The world from above, x to the right, with everything that is known at the time."""
     contents = [f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)]
+    contents += [f"- {robot}/outline" for robot in (entities.ESTIMATED_ROBOT, entities.TRUE_ROBOT)]
     return top_view(name, contents, eye(extent, follow), origin=entities.WORLD)
 
 
 def close_view(name: str, height: float) -> rrb.Spatial3DView:
     """The world close up, from a height [m] above the robot.
 
-    The shapes of the robots are left out: they would hide the particles, and a view whose contents have named frames,
-    as the parts of a URDF have, stays at the world's origin (seen with Rerun 0.41).
+    Instead of the robots' shapes there are their outlines: the shapes would hide the particles, and a view whose
+    contents have named frames, as the parts of a URDF have, stays at the world's origin (seen with Rerun 0.41).
     """
-    return top_view(name, [f"+ {entities.WORLD}/**"], eye_above((0.0, 0.0), height), origin=entities.AROUND)
+    contents = [f"+ {entities.WORLD}/**"]
+    contents += [f"- {robot}/body" for robot in (entities.ESTIMATED_ROBOT, entities.TRUE_ROBOT)]
+    return top_view(name, contents, eye_above((0.0, 0.0), height), origin=entities.AROUND)
 
 
 def top_view(

@@ -46,10 +46,8 @@ def world_places(T_world_map: Pose) -> Build:
 
 
 def spreads(rows: Sequence[Values]) -> rr.ComponentColumnList:
-    """Rows (covariance (3, 3),) as standard deviations of the position [cm]."""
-    covariances = np.array([row[0] for row in rows])
-    variances = np.maximum(covariances[:, 0, 0] + covariances[:, 1, 1], 0.0)
-    return rr.Scalars.columns(scalars=100.0 * np.sqrt(variances))
+    """Rows (poses (n, 3), weights (n,)) as standard deviations of the position over the particles [cm]."""
+    return rr.Scalars.columns(scalars=100.0 * drawing.spreads([(poses, weights) for poses, weights in rows]))
 
 
 def numbers(rows: Sequence[Values]) -> rr.ComponentColumnList:
@@ -106,6 +104,16 @@ def images(rows: Sequence[Values]) -> rr.ComponentColumnList:
     return rr.GridMap.columns(data=image_buffers([row[0] for row in rows]))
 
 
+def text_lines(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (text, level) of a log."""
+    return rr.TextLog.columns(text=[row[0] for row in rows], level=[row[1] for row in rows])
+
+
+def states(rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (state,) of a lane."""
+    return rr.StateChange.columns(state=[row[0] for row in rows])
+
+
 def _lengths(rows: Sequence[Values]) -> list[int]:
     return [len(row[0]) for row in rows]
 
@@ -129,6 +137,12 @@ class ErrorColumns:
 
     def __call__(self, rows: Sequence[Values]) -> rr.ComponentColumnList:
         """Errors (rows, 2)."""
+        errors = self.of(rows)
+        self.maximum = max(self.maximum, float(errors.max()))
+        return rr.Scalars.columns(scalars=errors.ravel()).partition([2] * len(rows))
+
+    def of(self, rows: Sequence[Values]) -> NDArray[np.float64]:
+        """Errors (rows, 2) of estimate and odometry [m] or [deg]."""
         truth, estimate, odometry = (np.array(part) for part in zip(*rows, strict=True))
         miss = np.stack(
             [
@@ -137,9 +151,14 @@ class ErrorColumns:
             ],
             axis=1,
         )
-        errors = np.degrees(np.abs(miss[..., 2])) if self.heading else np.hypot(miss[..., 0], miss[..., 1])
-        self.maximum = max(self.maximum, float(errors.max()))
-        return rr.Scalars.columns(scalars=errors.ravel()).partition([2] * len(rows))
+        errors: NDArray[np.float64] = (
+            np.degrees(np.abs(miss[..., 2])) if self.heading else np.hypot(miss[..., 0], miss[..., 1])
+        )
+        return errors
+
+    def estimates(self, rows: Sequence[Values]) -> rr.ComponentColumnList:
+        """Errors (rows,) of the estimate alone."""
+        return rr.Scalars.columns(scalars=self.of(rows)[:, 0])
 
 
 BUILD: dict[str, Build] = {
@@ -159,6 +178,11 @@ BUILD: dict[str, Build] = {
     entities.SPREAD: spreads,
     entities.MATCHED: numbers,
     entities.STAGES: numbers,
+    entities.EVENTS: text_lines,
+    entities.ESTIMATE_STATE: states,
+    entities.MATCHING_STATE: states,
+    entities.ROBOT_STATE: states,
+    entities.LOCALIZATION_STATE: states,
 }
 """How the rows of an entity become columns; those of the others are stated with the rows."""
 
@@ -173,22 +197,33 @@ class Columns:
     build: dict[str, Build] = field(default_factory=lambda: dict(BUILD))
     """How the rows of each entity become columns."""
     _rows: dict[str, tuple[list[tuple[float, int]], list[Values]]] = field(default_factory=dict)
+    _late: set[str] = field(default_factory=set)  # entities whose rows are not in the order of time
 
-    def add(self, entity: str, *values: NDArray[Any] | float | str, build: Build | None = None) -> None:
-        """Keep one row of an entity that is in `build`, or is built by the argument of that name."""
+    def add(
+        self,
+        entity: str,
+        *values: NDArray[Any] | float | str,
+        build: Build | None = None,
+        at: tuple[float, int] | None = None,
+    ) -> None:
+        """Keep one row of an entity that is in `build`, or is built by the argument of that name; at: when it belongs
+        to another time than the next rows."""
         if build is not None:
             self.build[entity] = build
         kept = self._rows.get(entity)
         if kept is None:
             kept = self._rows[entity] = ([], [])
         times, rows = kept
-        times.append(self.time)
+        if at is not None:
+            self._late.add(entity)
+        times.append(self.time if at is None else at)
         rows.append(values)
 
     def send(self) -> None:
         """Send all rows."""
         made: dict[tuple[tuple[float, int], ...], list[rr.TimeColumn]] = {}
-        for entity, (times, rows) in self._rows.items():
+        for entity in self._rows:
+            times, rows = self._in_order(entity)
             key = tuple(times)
             if key not in made:  # most entities have rows at the same times
                 stamps, numbers = np.array(times).T
@@ -198,6 +233,15 @@ class Columns:
                 ]
             self.rec.send_columns(entity, made[key], self.build[entity](rows))
         self._rows.clear()
+        self._late.clear()
+
+    def _in_order(self, entity: str) -> tuple[list[tuple[float, int]], list[Values]]:
+        """Times and rows of an entity in the order of the scans: the viewer mixes up those of a log that are not."""
+        times, rows = self._rows[entity]
+        if entity not in self._late:
+            return times, rows
+        order = sorted(range(len(times)), key=lambda row: times[row][1])
+        return [times[row] for row in order], [rows[row] for row in order]
 
 
 def line_columns(z: float) -> Build:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +96,18 @@ def ellipses(covariances: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDA
     variances, axes = np.linalg.eigh(covariances[:, :2, :2])
     half = ELLIPSE_SIGMAS * np.sqrt(np.maximum(variances[:, ::-1], 0.0))
     return half, np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
+
+
+def spreads(rows: Sequence[tuple[Pose, NDArray[np.float64]]]) -> NDArray[np.float64]:
+    """Standard deviations (rows,) of the position over the particles [m]; rows (poses (n, 3), weights (n,), whose sum
+    is 1)."""
+    positions, weights = np.concatenate([row[0][:, :2] for row in rows]), np.concatenate([row[1] for row in rows])
+    lengths = [len(row[1]) for row in rows]
+    starts = np.cumsum([0, *lengths[:-1]])
+    means = np.add.reduceat(weights[:, None] * positions, starts)
+    off = positions - np.repeat(means, lengths, axis=0)
+    deviations: NDArray[np.float64] = np.sqrt(np.add.reduceat(weights * (off * off).sum(axis=1), starts))
+    return deviations
 
 
 def wall_lines(grid: OccupancyGrid) -> list[NDArray[np.float64]]:

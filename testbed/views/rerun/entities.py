@@ -54,6 +54,7 @@ FINAL_TRUTH = "/final_truth/path"
 """The whole true path, in the world's frame."""
 
 POSITION_ERROR = "/metrics/position_error"
+ANOTHER_BEST = "/metrics/position_error/another_best"
 HEADING_ERROR = "/metrics/heading_error"
 ESS = "/metrics/ess"
 ESS_VALUE = "/metrics/ess/value"

@@ -41,7 +41,7 @@ from testbed.views.rerun.layers.loop_watch import LoopWatch
 from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
-from testbed.views.rerun.layers.prediction import Predictions, Time
+from testbed.views.rerun.layers.prediction import Predictions
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
 from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN
@@ -63,6 +63,8 @@ MAX_WAITING = 1024
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
 
+MIN_STEP_M = 0.03
+"""Another particle that becomes the best is marked if it moves the estimate by more than this [m]."""
 MIN_SPACE = 1 << 16
 """Bytes; with less than this left a disk counts as full."""
 
@@ -92,6 +94,7 @@ class RerunView:
         self._visited = {entities.TRUE_PATH: GrowingPath(), entities.ODOMETRY_PATH: GrowingPath()}
         self._updates_in_tree = 0  # since the tree was drawn
         self._slots = comparison.slots(self._images)
+        self._ends: dict[str, Pose] = {}  # last pose of each path that was sent
         self._styled: set[str] = set()
         self._hits: columns.Values | None = None  # of the last scan that was added
         self._whole_map: OccupancyGrid | None = None
@@ -107,6 +110,7 @@ class RerunView:
         self._rec.send_recording_name(scene.title)
         self._columns = Columns(self._rec)
         self._arrows = arrow_columns(ARROW * scene.robot_radius)
+        self._newest = {entity: line_columns(z) for entity, (_, _, z) in styles.PATHS.items()}
         styles.log_scene(self._rec, scene)
         self._viewers: list[LiveViewer] = start_viewers(recording, run, self._scenery(None), options)
 
@@ -172,7 +176,7 @@ class RerunView:
         self._rec.reset_time()
         self._set_time(last)
         text = "final pass: map and path before and after it are in the tab Final pass"
-        self._log(entities.EVENTS, rr.TextLog(text, level="INFO"))
+        self._columns.add(entities.EVENTS, text, "INFO")
         self._fit_view(grid)
 
     def close(self) -> None:
@@ -197,7 +201,7 @@ class RerunView:
         self._add_map_and_paths(last, everything=True)
         self._add_comparison(last, everything=True)
         for text in self._loops.end():
-            self._log(entities.EVENTS, rr.TextLog(text, level="INFO"))
+            self._columns.add(entities.EVENTS, text, "INFO")
 
     @contextmanager
     def _file_errors(self) -> Iterator[None]:
@@ -245,24 +249,21 @@ class RerunView:
         self._timed = False
         self._scans += 1
 
-    def _log(self, entity: str, *what: rr.AsComponents, at: Time | None = None) -> None:
-        """Log something at the time of the snapshot, or at another one."""
-        if at is not None or not self._timed:
-            stamp, scan = self._columns.time if at is None else at
+    def _log(self, entity: str, *what: rr.AsComponents) -> None:
+        """Log something at the time of the snapshot."""
+        if not self._timed:
+            stamp, scan = self._columns.time
             self._rec.set_time(entities.TIMELINE, duration=stamp)
             self._rec.set_time(entities.SCAN_TIMELINE, sequence=scan)
-            self._timed = at is None
+            self._timed = True
         self._rec.log(entity, *what)
 
     def _send(self) -> None:
         self._sent = time.monotonic()
-        now = self._columns.time
         for at, pose, covariance, disagreement in self._predictions.take() if self._predictions is not None else ():
-            self._columns.time = at
-            self._columns.add(entities.PROPOSAL_PRIOR, pose, covariance)
+            self._columns.add(entities.PROPOSAL_PRIOR, pose, covariance, at=at)
             if disagreement is not None:
-                self._log(entities.EVENTS, rr.TextLog(disagreement, level="WARN"), at=at)
-        self._columns.time = now
+                self._columns.add(entities.EVENTS, disagreement, "WARN", at=at)
         self._columns.send()
         self._images.clear()
         for viewer in self._viewers:
@@ -277,6 +278,12 @@ class RerunView:
         self._hits = None if snapshot.scan is None else drawing.thinned_hits(snapshot.scan, MAX_POINTS)
         if self._hits is not None:
             add(entities.SCAN, *self._hits)
+        poses = {entities.PATH: snapshot.estimate, entities.ODOMETRY_PATH: snapshot.odometry}
+        if snapshot.truth is not None:
+            poses[entities.TRUE_PATH] = snapshot.truth
+        for entity, pose in poses.items():
+            if entity in self._ends:
+                add(f"{entity}/newest", np.array([self._ends[entity], pose]), build=self._newest[entity])
         if snapshot.truth is None:
             return
         add(entities.TRUE_ROBOT, snapshot.truth)
@@ -286,12 +293,13 @@ class RerunView:
     def _log_events(self, snapshot: Snapshot, died: int) -> None:
         step, loops = snapshot.step, []
         if step is not None and step.updated:
-            loops = self._loops.update(self._columns.time[0], self._travelled, step, died)
-        lines, states = self._events.update(snapshot, self._travelled, died, loops)
-        for lane, state in states.items():
-            self._log(lane, rr.StateChange(state=state))
-        for level, text in lines:
-            self._log(entities.EVENTS, rr.TextLog(text, level=level))
+            spread = _spread_of(snapshot) if step.loop_closed or self._loops.closing else None
+            loops = self._loops.update(self._columns.time[0], self._travelled, step, died, spread)
+        lines, states = self._events.update(snapshot, self._columns.time, died, loops)
+        for lane, state, at in states:
+            self._columns.add(lane, state, at=at)
+        for level, text, at in lines:
+            self._columns.add(entities.EVENTS, text, level, at=at)
 
     # --- each update of the filter
 
@@ -304,12 +312,22 @@ class RerunView:
             if pose is not None:
                 self._visited[entity].append(pose)
         before, self._last_update = self._last_update, snapshot
-        # once lost, the scans are no better witness than the wheels
-        judged = snapshot.localization is None and not self._events.lost
-        if before is not None and self._predictions is not None and judged:
+        if before is not None and self._predictions is not None and snapshot.localization is None:
             self._predictions.add(self._columns.time, before, snapshot)
+        if before is not None:
+            self._mark_another_best(before, snapshot, step)
         self._add_proposal(snapshot)
         return self._add_to_tree(snapshot, step)
+
+    def _mark_another_best(self, before: Snapshot, snapshot: Snapshot, step: StepReport) -> None:
+        """Mark the error where the estimate moves because another particle became the best."""
+        if snapshot.truth is None or step.proposed is None or before.best == step.best:
+            return
+        if snapshot.localization is not None:  # whose numbers of particles do not go on from update to update
+            return
+        if math.dist(step.proposed.pose[before.best][:2], step.pose[:2]) > MIN_STEP_M:
+            row = snapshot.truth, snapshot.estimate, snapshot.odometry
+            self._columns.add(entities.ANOTHER_BEST, *row, build=self._errors[0].estimates)
 
     def _add_filter(self, step: StepReport) -> None:
         """Add what the filter says of itself."""
@@ -317,7 +335,6 @@ class RerunView:
         add(entities.ESS_VALUE, step.ess)
         if step.resampled:
             add(entities.ESS_RESAMPLED, step.ess)
-        add(entities.SPREAD, step.covariance)
         add(entities.PROPOSAL_EYE, step.pose)
         add(entities.AROUND, step.pose, build=self._around)
         add(entities.MATCHED, step.matched_share)
@@ -328,6 +345,8 @@ class RerunView:
         if snapshot.poses is None or snapshot.weights is None:
             return
         self._columns.add(entities.PARTICLES, snapshot.poses, snapshot.weights, build=self._arrows)
+        if self._scene.particles > 1:
+            self._columns.add(entities.SPREAD, snapshot.poses, snapshot.weights)
         self._columns.add(entities.PARTICLE_DOTS, snapshot.poses, snapshot.weights)
 
     def _add_proposal(self, snapshot: Snapshot) -> None:
@@ -364,9 +383,13 @@ class RerunView:
         self._schedule.map_was_logged(snapshot.stamp, self._travelled)
         self._pending = False
         if snapshot.path is not None:
-            self._add_path(entities.PATH, self._path.changes(snapshot.path(None)))
+            path = snapshot.path(None)
+            self._add_path(entities.PATH, self._path.changes(path))
+            self._ends[entities.PATH] = path[-1]
         for entity, visited in self._visited.items():
             self._add_path(entity, visited.changes())
+            if len(visited.poses):
+                self._ends[entity] = visited.poses[-1].copy()
         resampled = snapshot.step is not None and snapshot.step.resampled
         if everything or resampled or self._updates_in_tree >= TREE_UPDATES:
             self._updates_in_tree = 0
@@ -441,3 +464,10 @@ class RerunView:
         self._send()
         scenery = self._scenery(drawing.extent_of(grid, self._T_world_map))
         self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)
+
+
+def _spread_of(snapshot: Snapshot) -> float | None:
+    """Standard deviation of the position over the particles [m]; None with a single one, or where they are unknown."""
+    if snapshot.poses is None or snapshot.weights is None or len(snapshot.poses) == 1:
+        return None
+    return float(drawing.spreads([(snapshot.poses, snapshot.weights)])[0])

@@ -7,6 +7,8 @@ import re
 import shutil
 from html.parser import HTMLParser
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from eval.files.run_reader import RunFilesError
@@ -101,6 +103,21 @@ def test_a_broken_run_is_called_so_and_its_moment_is_named(texts):
     named = int(re.search(r"Around scan (\d+)", " ".join(page.headings))[1])
     assert BREAK <= named <= BREAK + 1.0 / 0.06
     assert "Where it went wrong" not in Page(texts["good"]).headings
+
+
+def test_the_report_says_when_the_recording_calls_it_lost(runs, texts, tmp_path):
+    """The estimate that turns by 12 degrees at one scan has a broken loop; one that turns by 90 is lost there."""
+    assert "does not call it lost at any time" in Page(texts["broken"]).text
+    assert "The recording judges" not in texts["log"]
+    folder = tmp_path / "run"
+    shutil.copytree(runs["broken"], folder)
+    steps = pq.read_table(folder / "steps.parquet").to_pydict()
+    steps["theta"] = [theta + (1.57 if row >= BREAK else 0.0) for row, theta in enumerate(steps["theta"])]
+    pq.write_table(pa.table(steps), folder / "steps.parquet")
+    found = re.search(
+        r"calls it lost from ([0-9.]+) s on", " ".join(Page(write_report(folder).read_text()).text.split())
+    )
+    assert float(found[1]) == pytest.approx(0.1 * BREAK, abs=0.5)
 
 
 def drawn(text: str, title: str) -> str:

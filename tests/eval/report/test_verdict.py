@@ -36,6 +36,19 @@ def test_the_largest_loop_closure_is_said_with_its_time(tmp_path):
     run = write_run(tmp_path / "run")
     metrics = json.loads((run / "metrics.json").read_text())
     start = read_run(run).estimate.stamps[0]
-    metrics.setdefault("filter", {}).update(largest_loop_m=63.7, largest_loop_stamp=start + 129.72)
+    metrics.setdefault("filter", {}).update(loop_closures=1, largest_loop_m=63.7, largest_loop_stamp=start + 129.72)
     (run / "metrics.json").write_text(json.dumps(metrics))
-    assert "The largest loop closure: 129.7 s, after 64 m of driving." in verdict(read_run(run)).sentences
+    loop = verdict(read_run(run)).loop
+    assert loop.sentence == "The largest loop closure: 129.7 s, after 64 m of driving."
+    assert loop.time == pytest.approx(129.72)
+
+
+def test_a_run_without_a_loop_says_so(tmp_path):
+    run = write_run(tmp_path / "run")
+    metrics = json.loads((run / "metrics.json").read_text())
+    metrics.setdefault("filter", {}).update(loop_closures=0, largest_loop_m=None, largest_loop_stamp=None)
+    (run / "metrics.json").write_text(json.dumps(metrics))
+    loop = verdict(read_run(run)).loop
+    assert loop.sentence.startswith("No loop closure was seen: ")
+    assert "15 m" in loop.sentence
+    assert loop.time is None

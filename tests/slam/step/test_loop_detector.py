@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Loops are found where the robot sees walls again that it has not seen for long."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -16,11 +18,14 @@ def around(x, count=10):
 
 
 def lengths(places, distance=1.0):
-    """What the detector returns for scans `distance` [m] apart, each of the walls about a place."""
+    """What the detector returns for scans `distance` [m] apart, each of the walls about a place; the robot itself is
+    always at a new place."""
     detector = LoopDetector()
-    return [
-        detector.update(place if isinstance(place, np.ndarray) else around(float(place)), distance) for place in places
-    ]
+    found = []
+    for number, place in enumerate(places):
+        hits = place if isinstance(place, np.ndarray) else around(float(place))
+        found.append(detector.update(hits, np.array([0.0, 10.0 * number, 0.0]), distance).length)
+    return found
 
 
 def test_a_loop_is_as_long_as_the_way_since_its_walls_were_last_seen():
@@ -54,14 +59,55 @@ def test_a_second_loop_counts_after_the_robot_has_left_the_first():
     np.testing.assert_array_equal(np.flatnonzero(found), [20, 59])
 
 
+def returns(walls, robots, count=1.0):
+    """Scan number, length and kind of the loops that the detector finds, for scans 1 m apart."""
+    detector = LoopDetector()
+    loops = [
+        detector.update(around(float(wall)), np.array([float(robot), 0.0, 0.0]), count)
+        for wall, robot in zip(walls, robots, strict=True)
+    ]
+    return [(number, loop.length, loop.at_place) for number, loop in enumerate(loops) if loop.length]
+
+
+def test_a_robot_that_is_back_at_a_place_closes_the_longer_loop():
+    """It sees the walls of the tenth scan first, and is then back where it began: that loop is the longer one."""
+    walls = [*range(30), 10, 10, 10, 0, 0, 1]
+    robots = [*range(0, 300, 10), 400, 410, 420, 0, 10, 20]
+    assert returns(walls, robots) == [(30, 20.0, False), (33, 33.0, True)]
+
+
+def test_a_robot_is_at_a_place_within_about_a_metre():
+    walls = [*range(30), 0]
+    assert returns(walls, [*range(0, 300, 10), 0.6])[-1] == (30, 30.0, True)
+    assert returns([*range(30), 5], [*range(0, 300, 10), 1.4])[-1] == (30, 25.0, False)
+
+
+def test_a_place_without_old_walls_closes_no_loop():
+    assert returns([*range(30), 40], [*range(0, 300, 10), 0]) == []
+
+
+def test_a_loop_that_becomes_much_longer_is_told_again():
+    """Back along the way that it came, walls and places lie two metres further back with each metre."""
+    walls = [*range(40), *range(38, 0, -1)]
+    found = returns(walls, walls)
+    lengths_found = [length for _, length, _ in found]
+    assert lengths_found[0] == pytest.approx(LoopDetector.LOOP, abs=2.0)
+    assert np.all(np.diff(lengths_found[1:]) >= LoopDetector.LOOP)
+    assert 76.0 - lengths_found[-1] < LoopDetector.LOOP + 2.0
+
+
 def test_the_state_goes_on_where_it_was():
-    places = [*range(20), 1, 2, 3]
-    first, second = LoopDetector(), LoopDetector()
-    for place in places[:15]:
-        first.update(around(float(place)), 1.0)
-    second.restore(first.state())
-    found = [second.update(around(float(place)), 1.0) for place in places[15:]]
-    assert found == lengths(places)[15:]
+    walls, robots = [*range(30), 10, 10, 0, 0], [*range(0, 300, 10), 400, 410, 0, 10]
+    whole, second = LoopDetector(), LoopDetector()
+    found = []
+    for number, (wall, robot) in enumerate(zip(walls, robots, strict=True)):
+        scan = around(float(wall)), np.array([float(robot), 0.0, 0.0]), 1.0
+        found.append(whole.update(*scan))
+        if number == 30:  # between the first sight of the old walls and the place
+            second.restore(json.loads(json.dumps(whole.state())))
+        elif number > 30:
+            assert second.update(*scan) == found[-1]
+    assert found[-2].at_place
 
 
 def test_a_robot_that_stays_in_one_room_closes_no_loop():

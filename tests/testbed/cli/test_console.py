@@ -23,12 +23,15 @@ def test_a_world_in_centimetres_is_questioned(capsys):
 
 
 def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys, monkeypatch):
-    for period, expected in ((60.0, 0), (-1.0, 2)):
+    for period, expected in ((60.0, 0), (-1.0, 3)):
         monkeypatch.setattr(console, "REPORT_PERIOD", period)
         with progress_line() as line:
+            line.stage("mapping")
             line.step(100.0, 0.0, None)
             line.step(130.0, 0.25, 0.012)
+            line.stage("scoring")
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == expected
-    assert lines[-1].startswith("30.0 s")
-    assert lines[-1].endswith("error 0.012 m  25% done")
+    assert lines[1].startswith("30.0 s")
+    assert lines[1].endswith("error 0.012 m  25% done")
+    assert lines[2] == "scoring …"

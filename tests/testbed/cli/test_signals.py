@@ -72,7 +72,9 @@ def test_a_signal_to_simulate_leaves_whole_datasets_only(tmp_path, number):
     process.send_signal(number)
     _, errors = process.communicate(timeout=LIMIT)
     assert process.returncode == 130
-    assert errors.splitlines()[-1] == "testbed: interrupted"
+    *_, progress, last = errors.splitlines()
+    assert "of 4 datasets were made; the same command continues" in progress
+    assert last == "testbed: interrupted"
     assert "Traceback" not in errors
     assert all(is_complete(path) for path in out.iterdir() if path.is_dir())
     deadline = time.monotonic() + LIMIT

@@ -25,7 +25,8 @@ def simulate(*arguments: str) -> int:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("made")
-    assert simulate("office", "--out", str(out), "--duration", "2.5", "--format", "rosbag2-lean", *VARY) == 0
+    common = ("--route", "fixed", "--duration", "2.5", "--format", "rosbag2-lean")
+    assert simulate("office", "--out", str(out), *common, *VARY) == 0
     return out
 
 
@@ -44,7 +45,7 @@ def test_variants_share_the_path_and_whatever_did_not_vary(made):
 
 def test_variants_that_are_there_are_kept(made, capsys):
     times = [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]
-    common = ("--duration", "2.5", "--format", "rosbag2-lean", "--workers", "2")
+    common = ("--route", "fixed", "--duration", "2.5", "--format", "rosbag2-lean", "--workers", "2")
     assert simulate("office", "--out", str(made), *common, *VARY) == 0
     assert "wrote 0 datasets; 4 existed already and were kept" in capsys.readouterr().out
     assert times == [(made / name / "config.toml").stat().st_mtime_ns for name in NAMES]

@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from eval.files.tum import read_tum
+from testbed.cli.shared.draws import Draw
 from testbed.datasets import open_collection, open_dataset
 from testbed.datasets.card import TOPICS
 from testbed.datasets.index import COLUMNS, datasets_in, splits, write_index
@@ -45,6 +46,16 @@ def test_fixed_routes_are_the_same_for_each_seed(tmp_path):
     first, second = open_collection(tmp_path)
     np.testing.assert_array_equal(first.truth, second.truth)
     assert np.abs(first.odometry - second.odometry).max() > 0.0
+
+
+def test_variants_of_one_drive_have_the_same_path(tmp_path):
+    common = ("--duration", "5", "--format", "parquet", "--seed", "3")
+    varied = ("--vary", "clutter=0,3", "--vary", "lidar=lds01,rplidar_a2")
+    assert call("simulate", "office", "--out", tmp_path, *common, *varied) == 0
+    worlds = {(path / "world.toml").read_bytes() for path in datasets_in(tmp_path)}
+    assert len(worlds) == 2
+    ends = [open_dataset(path).table.truth[-1] for path in datasets_in(tmp_path)]
+    np.testing.assert_array_equal(ends, [ends[0]] * 4)
 
 
 def test_arrays_are_the_frames(made):
@@ -123,9 +134,9 @@ def test_no_world_is_in_two_splits(made):
     assert all(len(found) == 1 for found in worlds)
     assert len(set.union(*worlds)) == 3
     assert sum(map(len, parts)) == len(collection)
-    assert {row["dataset"] for row in collection.where(world="office", split=parts[0].rows[0]["split"]).rows} <= {
-        f"office-000{seed}" for seed in range(3)
-    }
+    (split,) = {row["split"] for row in collection.where(world="office").rows}
+    found = collection.where(world="office", split=split).rows
+    assert {row["dataset"] for row in found} == {f"office-000{seed}" for seed in range(3)}
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 10, 100])
@@ -152,6 +163,91 @@ def test_splits_can_be_chosen_and_stay(made, tmp_path, capsys):
     assert (tmp_path / "datasets.parquet").read_bytes() == index
 
 
+def test_the_hash_decides_the_splits_again(made, tmp_path, capsys):
+    for name in ("loop-0000", "office-0000", "maze-1-0000"):
+        shutil.copytree(made / name, tmp_path / name)
+    assert call("datasets", "index", tmp_path, "--test", "office,loop,maze-1") == 0
+    output = capsys.readouterr().out
+    assert "Nothing for train and validation" in output
+    assert f"`testbed datasets index {tmp_path} --by-hash` undoes the choice" in output
+    assert call("datasets", "index", tmp_path, "--by-hash") == 0
+    assert "undoes" not in capsys.readouterr().out
+    found = {row["world"]: row["split"] for row in open_collection(tmp_path).rows}
+    assert found == splits(["office", "loop", "maze-1"])
+    assert_refused(capsys, "--by-hash: undoes a choice", "datasets", "index", tmp_path, "--by-hash", "--test", "loop")
+
+
+def test_each_lidar_is_dealt_equally_often():
+    draw = Draw.parse("lidar=lds01,lds02,rplidar_a2")
+    for world in ("office", "loop"):
+        for first in (0, 3, 30):
+            assert len({draw.value(world, seed) for seed in range(first, first + 3)}) == 3
+    generated = [draw.value(f"generated:rooms:{seed}", 0) for seed in range(30)]
+    assert {generated.count(lidar) for lidar in draw.choices} == {10}
+    assert len({tuple(generated[k : k + 3]) for k in range(0, 30, 3)}) > 2
+
+
+def test_datasets_are_in_the_order_of_their_numbers(made, tmp_path):
+    for name in ("rooms-10-0000", "rooms-2-0000", "rooms-2-0011", "office-0000"):
+        shutil.copytree(made / "loop-0000", tmp_path / name)
+    names = [path.name for path in datasets_in(tmp_path)]
+    assert names == ["office-0000", "rooms-2-0000", "rooms-2-0011", "rooms-10-0000"]
+
+
+def test_a_choice_without_datasets_is_a_warning(made, tmp_path):
+    collection = open_collection(made)
+    with pytest.warns(UserWarning, match="no dataset has lidar lds1, only lds01, rplidar_a2"):
+        assert len(collection.where(lidar="lds1")) == 0
+    with pytest.warns(UserWarning, match="no dataset has world loop and seed 7|no dataset has seed 7, only 0, 1, 2"):
+        collection.where(world="loop", seed=7)
+    for name in ("loop-0000", "loop-0001"):
+        shutil.copytree(made / name, tmp_path / name)
+    assert call("datasets", "index", tmp_path) == 0
+    with pytest.warns(UserWarning, match="only train. Nothing for validation and test: there is one world"):
+        open_collection(tmp_path).split("test")
+
+
+def test_a_title_stays_until_another_is_given(made, tmp_path):
+    for name in ("loop-0000", "loop-0001"):
+        shutil.copytree(made / name, tmp_path / name)
+    assert call("datasets", "index", tmp_path) == 0
+    card = tmp_path / "README.md"
+    assert f"\n# {tmp_path.name}\n" in card.read_text()
+    for options in (("--title", "Two: laps"), ()):
+        assert call("datasets", "index", tmp_path, *options) == 0
+        text = card.read_text()
+        assert "\n# Two: laps\n" in text
+        assert 'pretty_name: "Two: laps"\n' in text
+        assert "> Two: laps: simulated" in text
+        assert f'open_collection("{tmp_path.name}")' in text
+
+
+def test_the_card_names_maps_that_have_a_licence_of_their_own(made, tmp_path):
+    plan = made / "office-0000" / "truth_map.yaml"
+    common = ("--duration", "2", "--format", "parquet", "--out", tmp_path, "--count", "2")
+    assert call("simulate", f"{plan},loop", *common) == 0
+    text = (tmp_path / "README.md").read_text()
+    assert "The map of `truth_map` is from a file" in " ".join(text.split())
+    assert "license: other\n" in text
+    assert "license: cc-by-4.0\n" in (made / "README.md").read_text()
+
+
+def test_a_plan_makes_nothing(tmp_path, capsys):
+    out = tmp_path / "data"
+    arguments = ("office,loop", "--count", "3", "--duration", "4", "--format", "parquet", "--out", out, *DRAWS)
+    assert call("simulate", *arguments, "--plan") == 0
+    output = capsys.readouterr().out
+    assert f"{out}: 6 datasets to make\n" in output
+    assert "0.01 h of driving" in output  # 6 x 4 s
+    assert not out.exists()
+    assert call("simulate", *arguments) == 0
+    planned = float(re.search(r"about (\d+) MB", output).group(1))
+    assert planned == pytest.approx(open_collection(out).totals()["bytes"] / 1e6, rel=0.3, abs=1.0)
+    capsys.readouterr()
+    assert call("simulate", *arguments, "--plan") == 0
+    assert "0 datasets to make; 6 exist already" in capsys.readouterr().out
+
+
 def test_the_index_is_the_same_again(made):
     before = (made / "datasets.parquet").read_bytes()
     write_index(made)
@@ -162,11 +258,14 @@ def test_the_card_says_what_there_is_and_whose_it_is(made):
     text = (made / "README.md").read_text()
     for part in (
         "9 simulated drives",
-        "3 worlds",
+        "in 3\nworlds",
         "license: cc-by-4.0",
         "`lds01`",
         "`noise`",
-        "Each seed drives another",
+        "visits other stops",
+        "of their way in common",
+        "https://",
+        "read_parquet",
     ):
         assert part in text
     for column in COLUMNS:
@@ -230,7 +329,9 @@ def test_info_prints_the_totals(made, capsys):
     totals = json.loads(capsys.readouterr().out)
     assert totals == open_collection(made).totals()
     assert call("datasets", "info", made) == 0
-    assert "lidars: lds01, rplidar_a2" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert re.search(r"lds01 +\d +\d +\d\nrplidar_a2 +\d +\d +\d\n", output)
+    assert "share at most" in output
 
 
 def test_shards_make_the_same_datasets(made, tmp_path):
@@ -289,7 +390,10 @@ def test_bad_requests_are_refused_before_anything_is_made(tmp_path, capsys, opti
 def test_one_dataset_is_a_collection_without_an_index(made, tmp_path):
     shutil.copytree(made / "loop-0000", tmp_path / "loop-0000")
     (row,) = open_collection(tmp_path).rows
-    assert row == next(row for row in open_collection(made).rows if row["dataset"] == "loop-0000") | {"split": "train"}
+    assert row == next(row for row in open_collection(made).rows if row["dataset"] == "loop-0000") | {
+        "split": "train",
+        "overlap": None,
+    }
 
 
 def test_what_is_no_collection_is_refused(made, tmp_path):

@@ -181,6 +181,51 @@ def test_a_log_without_truth_has_neither_true_robot_nor_errors(tmp_path: Path) -
     assert rows(path, entities.ESTIMATED_ROBOT, "Transform3D:translation")[0][0] == 0.0  # times count from the start
 
 
+def test_the_spread_is_that_of_the_particles_and_a_single_one_has_none(recorded: Recorded, tmp_path: Path) -> None:
+    last = [s for s in recorded.snapshots if s.step is not None and s.step.updated][-1]
+    assert last.poses is not None
+    off = last.poses[:, :2] - np.average(last.poses[:, :2], axis=0, weights=last.weights)
+    expected = 100.0 * np.sqrt(np.average((off**2).sum(axis=1), weights=last.weights))
+    shown = rows(recorded.path, entities.SPREAD, "Scalars:scalars")
+    assert shown[-1][1][0] == pytest.approx(expected)
+    alone = tmp_path / "alone.rrd"
+    with open_view(alone, scene(particles=1)) as view:
+        for snapshot in snapshots(1.0, particles=1):
+            view.show(snapshot)
+    assert rows(alone, entities.SPREAD, "Scalars:scalars") == []
+
+
+def test_paths_reach_the_newest_poses(recorded: Recorded) -> None:
+    poses = {
+        entities.PATH: [s.estimate for s in recorded.snapshots],
+        entities.TRUE_PATH: [s.truth for s in recorded.snapshots],
+        entities.ODOMETRY_PATH: [s.odometry for s in recorded.snapshots],
+    }
+    for entity, expected in poses.items():
+        shown = rows(recorded.path, f"{entity}/newest", "LineStrips3D:strips")
+        late = shown[len(shown) // 2 :]
+        ends = np.array([strip[0][-1][:2] for _, strip in late])
+        starts = np.array([strip[0][0][:2] for _, strip in late])
+        for stamp, end in zip([stamp for stamp, _ in late], ends, strict=True):
+            np.testing.assert_allclose(end, expected[round(stamp / 0.1)][:2], atol=1e-5)
+        assert np.hypot(*(ends - starts).T).max() < 0.7  # as far as a path may lag, and a scan more
+
+
+def test_another_best_particle_is_marked_where_it_moves_the_estimate(recorded: Recorded) -> None:
+    marked = dict(rows(recorded.path, entities.ANOTHER_BEST, "Scalars:scalars"))
+    errors = dict(rows(recorded.path, entities.POSITION_ERROR, "Scalars:scalars"))
+    expected = []
+    for before, now in zip(recorded.snapshots[:-1], recorded.snapshots[1:], strict=True):
+        if now.step is None or now.step.proposed is None or now.step.best == before.best:
+            continue
+        way = now.step.proposed.pose[before.best] - now.step.pose
+        if np.hypot(*way[:2]) > 0.03:
+            expected.append(now.stamp)
+    assert len(expected) > 2
+    assert list(marked) == pytest.approx(expected)
+    assert all(value[0] == pytest.approx(errors[stamp][0]) for stamp, value in marked.items())
+
+
 def test_collisions_and_notes_are_in_the_event_log(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     with open_view(path, scene()) as view:

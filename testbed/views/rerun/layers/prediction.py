@@ -105,8 +105,8 @@ def _disagree(by_wheels: Pose, by_scans: Pose, deviations: NDArray[np.float64]) 
 
 def _sentence(by_wheels: Pose, by_scans: Pose) -> str:
     wheels, scans = _in_words(by_wheels), _in_words(by_scans)
-    return f"wheels {wheels}, scans {scans}: the odometry disagrees with the scans"
+    return f"the odometry disagrees: wheels {wheels}, scans {scans}"
 
 
 def _in_words(motion: Pose) -> str:
-    return f"{np.hypot(motion[0], motion[1]):.2f} m and {np.degrees(motion[2]):.0f} degrees"
+    return f"{np.hypot(motion[0], motion[1]):.2f} m and {np.degrees(motion[2]):.0f}°"

@@ -7,12 +7,15 @@ import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import rerun as rr
 
 from testbed.views.view import Scene
 
 HEIGHT = 0.1
 """Height of the plain disc [m]."""
+OUTLINE_Z = 0.045
+"""Height of the outline that is drawn close up [m]: above the paths, below the particles."""
 OUTLINED = ("cylinder", "sphere", "box")
 """Elements of a URDF's geometry that are drawn as outlines; meshes stay as they are."""
 
@@ -22,6 +25,7 @@ def log_robot(rec: rr.RecordingStream, scene: Scene, robot: str, model: str, col
     line = rr.Radius.ui_points(1.0)
     forward = rr.LineStrips3D([[[0, 0, 0.01], [1.5 * scene.robot_radius, 0, 0.01]]], radii=line, colors=colour)
     rec.log(f"{robot}/heading", forward, static=True)
+    rec.log(f"{robot}/outline", footprint(scene.robot_radius, colour), static=True)
     if scene.robot_urdf is not None:
         log_urdf(rec, scene.robot_urdf, robot, model, colour)
         return
@@ -34,6 +38,17 @@ def log_robot(rec: rr.RecordingStream, scene: Scene, robot: str, model: str, col
         fill_mode="majorwireframe",
     )
     rec.log(f"{robot}/body", disc, static=True)
+
+
+def footprint(radius: float, colour: tuple[int, int, int]) -> rr.LineStrips3D:
+    """A circle about the robot's centre with a line to the front: drawn close up, where the shape would hide particles.
+
+    radius [m]
+    """
+    angles = np.linspace(0.0, 2.0 * np.pi, 49)
+    circle = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(49, OUTLINE_Z)])
+    front = np.array([[0.0, 0.0, OUTLINE_Z], [1.5 * radius, 0.0, OUTLINE_Z]])
+    return rr.LineStrips3D([circle, front], radii=rr.Radius.ui_points(1.5), colors=colour)
 
 
 def log_urdf(rec: rr.RecordingStream, urdf: str, robot: str, model: str, colour: tuple[int, int, int]) -> None:

@@ -22,7 +22,7 @@ RED, GREY = (210, 50, 50), (150, 160, 170)
 Z_TRUE_WALLS, Z_TRUTH, Z_ODOMETRY, Z_FAN, Z_ESTIMATE, Z_TOP = 0.01, 0.02, 0.03, 0.035, 0.04, 0.06
 """Heights at which things are drawn [m], so that they do not fight for the same pixels."""
 STATES = {
-    entities.ESTIMATE_STATE: {events.GOOD: TRUTH, events.LOST: RED},
+    entities.ESTIMATE_STATE: {events.GOOD: TRUTH, events.DRIFTED: ODOMETRY, events.LOST: RED},
     entities.LOCALIZATION_STATE: {events.SEARCHING: RED, events.AMBIGUOUS: ODOMETRY, events.FOUND: TRUTH},
     entities.MATCHING_STATE: {events.MATCHED: GREY, events.POORLY_MATCHED: ODOMETRY, events.MATCH_FAILED: RED},
     entities.ROBOT_STATE: {events.DRIVING: GREY, events.COLLIDED: RED},
@@ -121,6 +121,8 @@ def log_shapes(rec: rr.RecordingStream) -> None:
     """Log colours and widths of what is on the map."""
     for entity, (colour, width) in LINES.items():
         rec.log(entity, line_style(colour, width), static=True)
+    for entity in (entities.PATH, entities.TRUE_PATH, entities.ODOMETRY_PATH):
+        rec.log(f"{entity}/newest", line_style(*PATHS[entity][:2]), static=True)
     for entity in (entities.SCAN, entities.PROPOSAL_SCAN):
         rec.log(entity, rr.Points3D.from_fields(colors=[SCAN], radii=rr.Radius.ui_points(1.5)), static=True)
     for entity, size in ((entities.PARTICLE_DOTS, 2.5), (entities.PROPOSAL_SAMPLES, 3.5)):
@@ -146,5 +148,7 @@ def log_plots(rec: rr.RecordingStream) -> None:
         rec.log(entity, rr.SeriesLines(names=names, colors=colours, widths=[1.5]), static=True)
     marks = rr.SeriesPoints(names="resampled", colors=RED, markers="diamond", marker_sizes=4.0)
     rec.log(entities.ESS_RESAMPLED, marks, static=True)
+    marks = rr.SeriesPoints(names="another particle became the best", colors=RED, markers="diamond", marker_sizes=3.0)
+    rec.log(entities.ANOTHER_BEST, marks, static=True)
     for lane, states in STATES.items():
         rec.log(lane, rr.StateConfiguration(values=list(states), colors=list(states.values())), static=True)

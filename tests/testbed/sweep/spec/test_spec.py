@@ -136,7 +136,7 @@ def test_values_take_the_type_of_their_setting():
         ({"worlds": ["generated:castle*3"]}, "unknown kind of world 'castle'"),
         ({"worlds": ["office"], "measure": "accuracy"}, "measure 'accuracy': expected one of online, filter, refined"),
         ({"worlds": ["office"], "measure": "trajectory"}, "measure 'trajectory': expected one of"),
-        ({"worlds": ["office"], "settings": {"route": "round"}}, "expected 'fixed' or 'random'"),
+        ({"worlds": ["office"], "settings": {"route": "round"}}, "expected 'fixed', 'random' or 'stops'"),
         ({"logs": [{"log": "a.log"}], "settings": {"route": "random"}}, "recorded logs are not simulated"),
     ],
 )

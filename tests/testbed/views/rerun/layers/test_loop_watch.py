@@ -3,59 +3,58 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
 from slam.step.step_report import StepReport
 from testbed.views.rerun.layers.loop_watch import LoopWatch
 from tests.testbed.views.synthetic import snapshots
 
 
-def step(spread: float, loop_length: float = 0.0) -> StepReport:
-    """A report of an update with this standard deviation of the position [m]."""
+def step(loop_length: float = 0.0, at_place: bool = False) -> StepReport:
+    """A report of an update."""
     (first,) = snapshots(0.0, particles=2)
     assert first.step is not None
-    return StepReport(
-        updated=True,
-        pose=np.zeros(3),
-        covariance=np.diag([0.5 * spread**2, 0.5 * spread**2, 0.0]),
-        particles=2,
-        ess=2.0,
-        readings=first.step.readings,
-        loop_length=loop_length,
-    )
+    return replace(first.step, loop_length=loop_length, loop_at_place=at_place)
 
 
-def said(loops: dict[int, float], died: dict[int, int], updates: int) -> dict[int, list[str]]:
-    """Lines by update, one a second and 0.5 m; loops: length of the loop that closes at an update.
+def said(
+    loops: dict[int, StepReport], died: dict[int, int], updates: int, particles: bool = True
+) -> dict[int, list[str]]:
+    """Lines by update, one a second and 0.5 m; loops: reports of the updates at which a loop closes.
 
     The spread is 8 cm up to update 95 and 2 cm from then on. The lines of the end come with the number `updates`.
     """
-    watch = LoopWatch()
-    lines = {
-        k: watch.update(float(k), 0.5 * k, step(0.08 if k <= 95 else 0.02, loops.get(k, 0.0)), died.get(k, 0))
-        for k in range(updates)
-    }
+    watch, lines, nothing = LoopWatch(), {}, step()
+    for k in range(updates):
+        spread = (0.08 if k <= 95 else 0.02) if particles else None
+        lines[k] = watch.update(float(k), 0.5 * k, loops.get(k, nothing), died.get(k, 0), spread)
     return {k: texts for k, texts in (lines | {updates: watch.end()}).items() if texts}
 
 
 def test_a_loop_is_said_at_once_and_again_when_it_has_settled() -> None:
-    lines = said({90: 40.0}, died={50: 4, 90: 2, 95: 3, 101: 5}, updates=120)
+    lines = said({90: step(40.0)}, died={50: 4, 90: 2, 95: 3, 106: 5}, updates=120)
     assert lines == {
-        90: ["loop closes: walls last seen at 10 s, 40 m of driving ago; the particles spread over 8.0 cm"],
-        100: ["loop of 40 m closed: 5 particles died, the spread went from 8.0 to 2.0 cm"],
+        90: ["loop closes: walls last seen at 10 s, 40 m ago; the particles spread 8.0 cm"],
+        105: ["loop of 40 m closed: 5 particles died since 90 s, the spread went from 8.0 to 2.0 cm"],
     }
 
 
-def test_a_loop_ends_with_the_next_one_or_with_the_run() -> None:
-    lines = said({93: 20.0, 97: 30.0}, died={97: 1}, updates=99)
-    assert [(k, text.split(":")[0]) for k, texts in lines.items() for text in texts] == [
-        (93, "loop closes"),
-        (97, "loop of 20 m closed"),
-        (97, "loop closes"),
-        (99, "loop of 30 m closed"),
-    ]
-    assert lines[97][0].endswith("0 particles died, the spread went from 8.0 to 2.0 cm")
-    assert "1 particle died" in lines[99][0]
+def test_a_longer_loop_takes_the_place_of_the_shorter_one() -> None:
+    lines = said({90: step(20.0), 102: step(42.0, at_place=True)}, died={91: 1}, updates=130)
+    assert lines == {
+        90: ["loop closes: walls last seen at 50 s, 20 m ago; the particles spread 8.0 cm"],
+        102: ["loop closes: back where it was at 18 s, 42 m ago; the particles spread 2.0 cm"],
+        117: ["loop of 42 m closed: 1 particle died since 90 s, the spread went from 8.0 to 2.0 cm"],
+    }
+
+
+def test_a_loop_ends_with_the_run() -> None:
+    assert list(said({97: step(30.0)}, died={}, updates=99)) == [97, 99]
+
+
+def test_a_single_particle_has_no_spread() -> None:
+    lines = said({90: step(40.0)}, died={}, updates=120, particles=False)
+    assert lines == {90: ["loop closes: walls last seen at 10 s, 40 m ago"], 105: ["loop of 40 m closed"]}
 
 
 def test_without_loops_nothing_is_said() -> None:

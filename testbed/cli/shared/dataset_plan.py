@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: MIT
+"""`testbed simulate --plan`: what a job will take in time and on disk, measured by some of its drives."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from datetime import timedelta
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+MAX_MEASURED, MEASURING_TIME = 12, 6.0
+"""Drives are measured until there are this many, or until they have taken this long [s]."""
+WORKER_START = 3.0
+"""What the start of the workers takes [s]."""
+
+
+class Measured(NamedTuple):
+    """One drive that was made to measure."""
+
+    cost: float
+    """Time that making it took [s]."""
+    seconds: float
+    """Simulated time [s]."""
+    metres: float
+    """Length of the path [m]."""
+    size: int
+    """Size of its files [bytes]."""
+
+
+def measure_some(
+    kinds: Sequence[str], make: Callable[[int], Measured], *, clock: Callable[[], float] = time.monotonic
+) -> list[tuple[str, Measured]]:
+    """Make some of the drives until `MEASURING_TIME` is over, at least one of each of the first kinds.
+
+    kinds: of each drive, such as its lidar: drives of one kind are alike
+    Returns the kind of each drive that was made, and what it took.
+    """
+    started = clock()
+    measured: list[tuple[str, Measured]] = []
+    for number in _in_turn(kinds)[:MAX_MEASURED]:
+        if len(measured) >= len(set(kinds)) and clock() - started > MEASURING_TIME:
+            break
+        measured.append((kinds[number], make(number)))
+    return measured
+
+
+def _in_turn(kinds: Sequence[str]) -> list[int]:
+    """Numbers of the drives, one of each kind in turn; those of one kind are spread over the job."""
+    rng = np.random.default_rng(0)
+    turns = [
+        (turn, int(number))
+        for kind in sorted(set(kinds))
+        for turn, number in enumerate(rng.permutation(np.flatnonzero(np.array(kinds) == kind)))
+    ]
+    return [number for _, number in sorted(turns, key=lambda item: item[0])]
+
+
+def plan_lines(measured: Sequence[tuple[str, Measured]], kinds: Sequence[str], workers: int, out: Path) -> list[str]:
+    """What drives of these kinds will take, as the measured ones of their kind do; free space on the disk of `out`."""
+    everything = np.mean([values for _, values in measured], axis=0)
+    totals = np.zeros(len(Measured._fields))
+    for kind, count in Counter(kinds).items():
+        of_kind = [values for measured_kind, values in measured if measured_kind == kind]
+        totals += count * (np.mean(of_kind, axis=0) if of_kind else everything)
+    cost, seconds, metres, size = totals.tolist()
+    busy = min(workers, len(kinds))
+    left = timedelta(seconds=round(cost / busy + (WORKER_START if busy > 1 else 0.0)))
+    lines = [
+        f"about {size / 1e6:.0f} MB, {seconds / 3600:.2f} h of driving, {metres / 1000:.2f} km; it takes about {left} "
+        f"with {busy} worker{'' if busy == 1 else 's'} (measured by {len(measured)} of the drives)"
+    ]
+    existing = next(path for path in (out, *out.resolve().parents) if path.exists())
+    free = shutil.disk_usage(existing).free
+    lines.append(f"free on this disk: {free / 1e9:.1f} GB" + (": not enough" if free < size else ""))
+    return lines

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT
+"""Index, card and contact sheet of a collection, written together, and what the collection holds in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from testbed.datasets.card import write_card, write_contact_sheet
+from testbed.datasets.collection import Collection
+from testbed.datasets.index import chosen_splits, write_index
+
+
+def describe(
+    directory: Path,
+    *,
+    command: str | None = None,
+    title: str | None = None,
+    chosen: Mapping[str, str] | None = None,
+) -> str:
+    """Write index, card and contact sheet of a collection; return what it holds, a line or two.
+
+    command: the command that has made datasets of it, for the card
+    title: of the card; None = that of the last card, at first the name of the directory
+    chosen: split of worlds by name, empty = by the hash of the names, None = as the last index, see `write_index`
+    Raises ValueError where there are no datasets.
+    """
+    rows = write_index(directory, chosen)
+    if not rows:
+        raise ValueError(f"{directory}: no datasets in it, expected directories that testbed simulate wrote")
+    card = write_card(directory, rows, command, title)
+    write_contact_sheet(directory, rows)
+    collection = Collection(directory, rows)
+    totals = collection.totals()
+    splits = ", ".join(f"{count} {split}" for split, count in totals["splits"].items())
+    worlds = f"{totals['worlds']} world{'' if totals['worlds'] == 1 else 's'}"
+    lines = [
+        f"{directory}: {totals['datasets']} datasets of {worlds} ({splits}), "
+        f"{totals['seconds'] / 3600:.2f} h, {totals['metres'] / 1000:.2f} km, {totals['bytes'] / 1e6:.0f} MB; see "
+        + ("README.md and contact_sheet.png" if card else "contact_sheet.png; README.md is yours and was kept")
+    ]
+    if advice := collection.split_advice():
+        lines.append(advice)
+    if named := chosen_splits(directory):
+        worlds = ", ".join(f"{world}: {split}" for world, split in named.items())
+        lines.append(f"Splits as chosen ({worlds}); `testbed datasets index {directory} --by-hash` undoes the choice.")
+    return "\n".join(lines)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""Lines and states say when the estimate is lost and found again, and when scans fit poorly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from slam.step.step_report import StepReport
+from testbed.views import Snapshot
+from testbed.views.rerun import entities
+from testbed.views.rerun.layers.events import EventWatch, Line, StateChange
+from tests.testbed.views.synthetic import snapshots
+
+
+def watched(estimates: np.ndarray, shares: list[float] | None = None) -> tuple[list[Line], list[StateChange]]:
+    """All lines and states of a drive along the x axis, 5 cm from one update to the next."""
+    last = [s for s in snapshots(2.0, particles=2) if s.step is not None and s.step.proposed is not None][-1]
+    assert isinstance(last.step, StepReport)
+    watch, lines, states = EventWatch(), [], []
+    for k, estimate in enumerate(estimates):
+        step = replace(last.step, updated=True, resampled=False, matched_share=1.0 if shares is None else shares[k])
+        truth = np.array([0.05 * k, 0.0, 0.0])
+        snapshot: Snapshot = replace(last, step=step, truth=truth, estimate=estimate)
+        more, changes = watch.update(snapshot, (0.1 * k, k), 0)
+        lines += more
+        states += changes
+    return lines, states
+
+
+def along(count: int) -> np.ndarray:
+    return np.column_stack([0.05 * np.arange(count), np.zeros(count), np.zeros(count)])
+
+
+def test_a_loss_and_its_end_are_said_at_the_time_when_they_happened() -> None:
+    poses = along(300)
+    poses[100:200, 1] += 0.9
+    lines, states = watched(poses)
+    assert [(line.level, line.text.split(":")[0], line.at) for line in lines] == [
+        ("ERROR", "lost", (10.0, 100)),
+        ("INFO", "found again", (20.0, 200)),
+    ]
+    assert "0.90 m and 0°" in lines[0].text
+    lane = [(change.state, change.at) for change in states if change.lane == entities.ESTIMATE_STATE]
+    assert lane == [("follows the truth", None), ("lost", (10.0, 100)), ("follows the truth", (20.0, 200))]
+
+
+def test_an_estimate_that_drifts_is_a_state_and_no_line() -> None:
+    poses = along(300)
+    poses[:, 1] += np.linspace(0.0, 1.0, 300)
+    lines, states = watched(poses)
+    assert lines == []
+    assert [change.state for change in states if change.lane == entities.ESTIMATE_STATE][1:] == ["has drifted"]
+
+
+def test_scans_that_fit_poorly_are_said_with_their_share() -> None:
+    shares = [1.0] * 60 + [0.7] + [1.0] * 20 + [0.7] * 10 + [1.0] * 9
+    lines, states = watched(along(100), shares)
+    assert [(line.level, line.text) for line in lines] == [
+        ("WARN", "the scans fit the map poorly: 70% of the hits meet its walls (usual: 100%)")
+    ]
+    lane = [change.state for change in states if change.lane == entities.MATCHING_STATE]
+    assert lane == ["scan fits the map", "scan fits poorly", "scan fits the map"]
