@@ -95,6 +95,15 @@ def test_the_time_left_begins_with_the_expected_times_and_counts_down(cells, clo
     assert seen[-1] < 15
 
 
+def test_the_start_of_a_worker_does_not_count_as_a_slow_job(cells, clock):
+    progress = progress_of(cells, seconds={91: 10.0, 41: 10.0, 1: 10.0})
+    progress.event(Started(cells[0]))
+    clock[0] += 30.0
+    outcome = CellResult({}, {}, {"cell_s": 10.0})  # it took 20 s until the worker was there
+    progress.event(Finished(cells[0], outcome))
+    assert f"0:00:{10 + REPORT_SECONDS:.0f} left" in shown(progress)[0]
+
+
 def test_much_slower_jobs_than_expected_raise_the_time_left(cells, clock):
     progress = progress_of(cells, seconds={91: 10.0, 41: 10.0, 1: 10.0})
     before = shown(progress)[0]
