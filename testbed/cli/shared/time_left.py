@@ -31,15 +31,19 @@ class TimeLeft:
         self,
         cells: Sequence[Cell],
         expected: Callable[[Cell], float],
-        workers: int,
+        workers: int | None,
         *,
         is_in_seconds: bool,
     ) -> None:
-        """expected: time of a job, in seconds or (not is_in_seconds) in a unit that the first job will show."""
+        """expected: time of a job, in seconds or (not is_in_seconds) in a unit that the first job will show.
+
+        workers: None if it is unknown how many jobs run at the same time, as on a cluster.
+        """
         self._expected = {cell.key: expected(cell) for cell in cells}
         self._total = max(sum(self._expected.values()), 1e-9)
-        self._workers = max(min(workers, len(cells)), 1)
-        of_each_worker = self._total / max(len(cells), 1) * self._workers
+        self._workers = None if workers is None else max(min(workers, len(cells)), 1)
+        self._began = time.monotonic()
+        of_each_worker = self._total / max(len(cells), 1) * (self._workers or 1)
         self._weight = max(of_each_worker, TRUSTED_SHARE * self._total) if is_in_seconds else 0.0
         """The expected times are trusted as much as so much finished work."""
         self._started: dict[str, float] = {}
@@ -70,10 +74,11 @@ class TimeLeft:
 
     def seconds(self, extra: float) -> float | None:
         """Time left [s] with `extra` for what follows the jobs; None if nothing is known yet."""
-        scale = self._scale()
+        scale, now = self._scale(), time.monotonic()
+        if self._workers is None:
+            return (now - self._began) * (1.0 - self.share) / self.share + extra if self.share else None
         if scale is None:
             return None
-        now = time.monotonic()
         left = 0.0
         for key, expected in self._expected.items():
             if key not in self._done:

@@ -104,6 +104,14 @@ def test_the_start_of_a_worker_does_not_count_as_a_slow_job(cells, clock):
     assert f"0:00:{10 + REPORT_SECONDS:.0f} left" in shown(progress)[0]
 
 
+def test_on_a_cluster_the_time_left_follows_the_share_that_is_done(cells, clock):
+    left = TimeLeft(cells, Costs({cells[0].place: 1.0}), None, is_in_seconds=False)
+    assert left.seconds(0.0) is None
+    clock[0] += 60.0
+    left.event(Finished(cells[0], result(0.1)))
+    assert left.seconds(0.0) == pytest.approx(60.0 * 60.0 / 100.0)
+
+
 def test_much_slower_jobs_than_expected_raise_the_time_left(cells, clock):
     progress = progress_of(cells, seconds={91: 10.0, 41: 10.0, 1: 10.0})
     before = shown(progress)[0]
