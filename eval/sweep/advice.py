@@ -118,10 +118,11 @@ def _chance(decision: Decision, seeds: int) -> float:
 
 
 def _chances(open_answers: dict[str, Decision], seeds: int) -> str:
-    """The chance that so many seeds decide each world; empty where it cannot be said yet."""
-    known = {place: _chance(decision, seeds) for place, decision in open_answers.items() if _is_known(decision)}
-    words = [f"{place} {chance_words(chance)}" for place, chance in known.items()]
-    return f"Chance of an answer with {seeds} seeds: {', '.join(words)}." if words else ""
+    """The chance that so many seeds decide each world; empty where it cannot be said."""
+    known = {place: decision for place, decision in open_answers.items() if decision.outlook is not None}
+    words = [f"{place} {chance_words(_chance(decision, seeds))}" for place, decision in known.items()]
+    rough = "" if all(map(_is_known, known.values())) else ", roughly"
+    return f"Chance of an answer with {seeds} seeds{rough}: {', '.join(words)}." if words else ""
 
 
 def _ways_out(
