@@ -68,6 +68,18 @@ class TimeLeft:
         return sum(self._expected[key] for key in self._done if key in self._expected) / self._total
 
     @property
+    def share_with_running(self) -> float:
+        """The same with what the running jobs have probably done."""
+        scale, now = self._scale(), time.monotonic()
+        if not scale:
+            return self.share
+        running = [
+            min((now - started) / scale, MAX_RUNNING_SHARE * self._expected.get(key, 0.0))
+            for key, started in self._started.items()
+        ]
+        return self.share + sum(running) / self._total
+
+    @property
     def seconds_per_job(self) -> float:
         """Mean time of a job [s]; 0 if it is unknown."""
         return (self._scale() or 0.0) * self._total / max(len(self._expected), 1)
