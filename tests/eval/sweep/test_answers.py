@@ -35,8 +35,8 @@ def test_more_and_undecided_are_different_answers(tmp_path):
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
         "hall_a, 1 route: 3 seeds cannot tell: 6 or more are needed (5 particles were between 0.06 cm better and 0.04 "
-        "cm worse than 20 in 3 runs; up to 0.5 cm would not matter; 3 seeds cannot say how many are needed: probably 8 or "
-        "more)."
+        "cm worse than 20 in 3 runs; up to 0.5 cm would not matter; 3 seeds cannot say how many are needed: probably 8 "
+        "or more)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
         "hall_a, 1 route: 1 seed cannot tell: 6 or more are needed (5 particles were 0.04 cm worse than 20 in one run; "
