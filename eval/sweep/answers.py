@@ -301,9 +301,12 @@ def _needs(case: _Case) -> str:
     if case.unit == "world" or not table.is_sequential or bound <= decision.units:
         return chance_sentence(decision.outlook, case.unit)
     high = decision.outlook.high
-    needed = "more than 200 are" if high is None else f"{rounded(high)} are"
+    if high is not None and high <= bound:
+        most = f"{rounded(high)} give 80 %"
+    else:
+        most = f"for 80 % {'more than 200' if high is None else rounded(high)} are needed"
     chance = f"with {bound} seeds the chance of an answer is {chance_words(decision.outlook.chance(bound))}"
-    return f"{chance}" + (", so no more are added" if case.given_up else f"; for 80 % {needed} needed")
+    return f"{chance}" + (", so no more are added" if case.given_up else f"; {most}")
 
 
 def _lower_counts(case: _Case) -> str:

@@ -71,7 +71,7 @@ def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
     outlook = summary.decision("hall_a", "improved").outlook
     assert answer.needs == (
         f"with 40 seeds the chance of an answer is {chance_words(outlook.chance(40))}; "
-        f"for 80 % {rounded(outlook.high)} are needed"
+        f"{rounded(outlook.high)} give 80 %"
     )
 
 
