@@ -45,7 +45,7 @@ def advice(summary: SweepSummary, directory: str, workers: int) -> list[Advice]:
         return []
     words = ["testbed", "sweep", "--out", directory]
     found = _more_seeds(table, open_answers, words, workers)
-    return found + _ways_out(summary, open_answers, found, words)
+    return found + _ways_out(summary, open_answers, found)
 
 
 def chances(summary: SweepSummary, seeds: int) -> str:
@@ -89,8 +89,8 @@ def _cost_of_looks(table: SweepTable, places: Sequence[str], bound: int, workers
         return ""
     first, most = (duration_words(seconds_for_seeds(table, places, n, workers)) for n in (looks[0], bound))
     return (
-        f"The next look, with {looks[0]} seeds, is there in about {first}; the sweep stops where the answer is known "
-        f"or out of reach, after at most about {most}."
+        f"The next look, with {looks[0]} seeds, is there in about {first}; a world ends when its answer is known, or "
+        f"its chance falls below 10 %; all end after at most about {most}."
     )
 
 
@@ -118,16 +118,15 @@ def _chance(decision: Decision, seeds: int) -> float:
 
 
 def _chances(open_answers: dict[str, Decision], seeds: int) -> str:
-    """The chance that so many seeds decide each world; empty where it cannot be said yet."""
-    known = {place: _chance(decision, seeds) for place, decision in open_answers.items() if _is_known(decision)}
-    words = [f"{place} {chance_words(chance)}" for place, chance in known.items()]
-    return f"Chance of an answer with {seeds} seeds: {', '.join(words)}." if words else ""
+    """The chance that so many seeds decide each world; empty where it cannot be said."""
+    known = {place: decision for place, decision in open_answers.items() if decision.outlook is not None}
+    words = [f"{place} {chance_words(_chance(decision, seeds))}" for place, decision in known.items()]
+    rough = "" if all(map(_is_known, known.values())) else ", roughly"
+    return f"Chance of an answer with {seeds} seeds{rough}: {', '.join(words)}." if words else ""
 
 
-def _ways_out(
-    summary: SweepSummary, open_answers: dict[str, Decision], found: Sequence[Advice], words: list[str]
-) -> list[Advice]:
-    """For each world that further seeds will probably not decide: the margin that its seeds do decide."""
+def _ways_out(summary: SweepSummary, open_answers: dict[str, Decision], found: Sequence[Advice]) -> list[Advice]:
+    """For each world that further seeds will probably not decide: what its seeds show all the same."""
     table = summary.table
     ways = []
     for place, decision in open_answers.items():
@@ -135,38 +134,39 @@ def _ways_out(
         is_probable = outlook is not None and outlook.high is not None and bool(found)
         if decision.units < min_values(table.level) or (is_probable and not table.given_up([place], table.baseline)):
             continue
-        wider = _deciding_margin(summary, place, decision)
-        report = f"Or report the interval: {_interval_of(summary, place)}."
-        if wider is None:
-            ways.append(Advice(f"{place} stays undecided", "", report.removeprefix("Or ").capitalize()))
-            continue
-        margin, headline = wider
-        text = f"Nothing is computed; by these seeds {headline} then. {report}"
-        ways.append(Advice(f"{place}: a wider margin", shlex.join([*words, "--margin", margin]), text))
+        ways.append(Advice(f"{place} without further seeds", "", _report_of(summary, place, decision)))
     return ways
 
 
-def _interval_of(summary: SweepSummary, place: str) -> str:
-    (answer,) = [a for a in answers(summary, summary.table.baseline) if a.place == place]
-    return answer.difference
+def _report_of(summary: SweepSummary, place: str, decision: Decision) -> str:
+    """What the seeds that are there show all the same: the interval, and the margin that they decide."""
+    table = summary.table
+    (answer,) = [a for a in answers(summary, table.baseline) if a.place == place]
+    text = f"Report the interval: {answer.difference}."
+    wider = _deciding_margin(summary, place, decision)
+    if wider is None:
+        return text
+    margin, headline = wider
+    largest = float(summary.group(place, table.baseline, table.counts[-1]).median.value)
+    share = f"{100.0 * margin / largest:.0f} % of the error with {table.counts[-1]}"
+    unit = table.measure.unit(largest)
+    return (
+        f"{text} Or report what these seeds do decide: with a margin of {unit.factor * margin:.2g} {unit.name} "
+        f"({share}) {headline} here. Say that this margin was chosen after {decision.units} seeds."
+    )
 
 
-def _deciding_margin(summary: SweepSummary, place: str, decision: Decision) -> tuple[str, str] | None:
+def _deciding_margin(summary: SweepSummary, place: str, decision: Decision) -> tuple[float, str] | None:
     """The narrowest round margin with which the seeds that are there give an answer, and that answer; None if none."""
     table, c = summary.table, decision.largest_open
     assert c is not None
     high = decision.differences[c].high
     if not (math.isfinite(high) and high > 0.0):
         return None
-    floor = _rounded_up(high)
-    margin = replace(table.margin, floor=floor) if table.margin.share else Margin(0.0, floor)
-    widened = SweepSummary(replace(table, margin=margin), summary.groups)
+    margin = _rounded_up(high)
+    widened = SweepSummary(replace(table, margin=Margin(0.0, margin)), summary.groups)
     (answer,) = [a for a in answers(widened, table.baseline) if a.place == place]
-    if answer.kind != "enough":
-        return None
-    share = f"{100.0 * margin.share:g}%," if margin.share else ""
-    length = f"{1e3 * floor:g}mm" if table.measure.key.endswith("_m") else f"{floor:g}"
-    return f"{share}{length}", answer.headline
+    return (margin, answer.headline) if answer.kind == "enough" else None
 
 
 def _rounded_up(value: float) -> float:

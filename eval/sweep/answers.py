@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from eval.sweep.decision import Decision, Kind
 from eval.sweep.measure import Unit
-from eval.sweep.outlook import chance_words, typical_outlook
+from eval.sweep.outlook import chance_sentence, chance_words, rounded, typical_outlook
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import Interval, min_values, wilson_interval
+from eval.sweep.statistics import LEVEL, Interval, min_values, wilson_interval
 from eval.sweep.summary import SweepSummary
 
 MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
@@ -31,7 +31,7 @@ class Answer:
     short: str
     """Text for a table: `5`, `more than 15`, `undecided`."""
     panel: str
-    """Text for the title of a panel: `5 are enough`, `15 undecided`."""
+    """Text for the title of a panel: `5 are enough`, `undecided`."""
     headline: str
     """Sentence for a person who looks for ten seconds: `5 particles are enough`."""
     detail: str
@@ -42,6 +42,8 @@ class Answer:
     """How often a count that is enough failed, and may fail."""
     needs: str = ""
     """How many seeds would tell, where the answer is open."""
+    today: str = ""
+    """What to take as long as the answer is open."""
 
     @property
     def mark(self) -> str:
@@ -138,7 +140,7 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
 
 def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
     decision, count, largest = case.decision, case.decision.count, case.largest
-    risk = difference = needs = panel = ""
+    risk = difference = needs = panel = today = ""
     if decision.kind == "enough":
         assert count is not None
         short, are = str(count), "is" if count == 1 else "are"
@@ -157,11 +159,10 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         failures, runs = case.failed_of(largest)
         detail = f"{largest} {_fail(largest)} in {failures} of {runs} runs"
     else:
-        short, headline = "undecided", f"undecided with {_count(decision.units, case.unit)}"
-        detail, needs = _what_is_open(case), _needs(case)
+        short, headline = "undecided", _undecided(case)
+        detail, needs, today = _what_is_open(case), _needs(case), _until_known(case)
         if decision.largest_open is not None:
             difference = _difference(case, decision.largest_open)
-            panel = f"{case.table.counts[decision.largest_open]} undecided"
     return Answer(
         place=place,
         line=line,
@@ -174,6 +175,30 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         difference=difference,
         risk=risk,
         needs=needs,
+        today=today,
+    )
+
+
+def _undecided(case: _Case) -> str:
+    """`undecided with 9 seeds`, or that so few cannot tell."""
+    units, fewest = case.decision.units, min_values(case.table.level)
+    if 0 < units < fewest and case.decision.largest_open is not None:
+        return f"{_count(units, case.unit)} cannot tell: {fewest} or more are needed"
+    return f"undecided with {_count(units, case.unit)}"
+
+
+def _until_known(case: _Case) -> str:
+    """What to take as long as the answer is open, and how much the counts differ so far."""
+    counts = case.table.counts
+    values = [case.median(count) for count in counts]
+    if case.decision.largest_open is None or not all(map(math.isfinite, values)):
+        return ""
+    unit = case.table.measure.unit(max(values))
+    low, high = unit.text(min(values)), unit.text(max(values))
+    span = low if low == high else f"{low} to {high}"
+    return (
+        f"Until it is known take {counts[-1]}; medians so far: {span} {unit.name}".rstrip()
+        + f" with {counts[0]} to {counts[-1]}"
     )
 
 
@@ -191,10 +216,34 @@ def particles(count: int) -> str:
 
 def _difference(case: _Case, c: int) -> str:
     """`15 against 30: +0.57 cm [-0.20, +1.24], margin 0.5 cm`; c: index of the count."""
-    difference = case.decision.differences[c]
-    pair = f"{case.table.counts[c]} against {case.largest}"
+    difference, count = case.decision.differences[c], case.table.counts[c]
+    if not difference.count:
+        return ""
+    if difference.count < min_values():
+        return f"{count} {_were(count)} {_few_words(case, difference)}; up to {_margin_length(case)} would not matter"
+    level = "" if case.table.level <= LEVEL else f" ({100.0 * case.table.level:.3g} % interval)"
     shown = difference_words(difference, case.shown_in)
-    return f"{pair}: {shown}, {_margin(case)}" if shown else ""
+    return f"{count} against {case.largest}: {shown}{level}, margin {_margin_length(case)}"
+
+
+def _few_words(case: _Case, difference: Interval) -> str:
+    """`0.57 to 1.29 cm worse than 30 in 3 runs`, `between 0.29 cm better and 0.79 cm worse than 30 in 3 runs`."""
+    unit = case.shown_in
+    ends = (difference.value, difference.value) if difference.count == 1 else (difference.low, difference.high)
+    low, high = (unit.factor * end for end in ends)
+    runs = f"than {case.largest} in {'one run' if difference.count == 1 else f'{difference.count} runs'}"
+
+    def text(value: float) -> str:
+        return f"{abs(value):.{2 if abs(value) < 10.0 else 1}f}"
+
+    if low < 0.0 < high:
+        return f"between {text(low)} {unit.name} better and {text(high)} {unit.name} worse {runs}"
+    ends_text = [text(end) for end in sorted((low, high), key=abs)]
+    return f"{' to '.join(dict.fromkeys(ends_text))} {unit.name} {'worse' if high > 0.0 else 'better'} {runs}"
+
+
+def _were(count: int) -> str:
+    return "particle was" if count == 1 else "particles were"
 
 
 def difference_words(difference: Interval, unit: Unit) -> str:
@@ -211,11 +260,11 @@ def difference_words(difference: Interval, unit: Unit) -> str:
     return f"{value:+.{digits}f}{name} [{low:+.{digits}f}, {high:+.{digits}f}]"
 
 
-def _margin(case: _Case) -> str:
-    """The margin that counts here: `margin 0.5 cm`, `margin 1.2 cm (10 %)`."""
+def _margin_length(case: _Case) -> str:
+    """The margin that counts here: `0.5 cm`, `1.2 cm (10 %)`."""
     limit, margin, unit = case.decision.limit, case.table.margin, case.shown_in
     shown = f"{unit.factor * limit:.2g}" if unit.factor * limit < 100.0 else f"{unit.factor * limit:.0f}"
-    text = f"margin {shown} {unit.name}".strip()
+    text = f"{shown} {unit.name}".strip()
     return f"{text} ({100.0 * margin.share:g} %)" if limit > margin.floor else text
 
 
@@ -227,8 +276,8 @@ def _what_is_open(case: _Case) -> str:
     good = [str(count) for count, state in zip(counts, states, strict=False) if state == "good"]
     parts = []
     if good:
-        words = f"{' and '.join(good)} {'is' if len(good) == 1 else 'are'} as good as {case.largest}"
-        parts.append(f"{words}, but {counts[c]} is open, so there is no answer yet")
+        words = f"{' and '.join(good)} {'is' if len(good) == 1 else 'are'} shown to be as good as {case.largest}"
+        parts.append(f"{words}, {counts[c]} not yet; an answer needs {'both' if len(good) == 1 else 'all'}")
     if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
         (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)
         parts.append(f"{counts[c]} failed in {failed} of {runs} runs, {case.largest} in {base} of {of}")
@@ -244,14 +293,20 @@ def _needs(case: _Case) -> str:
     if decision.outlook is None:
         usual = typical_outlook(level=table.level, margin=table.margin)
         return f"usually {usual.words(case.unit)} tell" if few else "how many would tell cannot be said"
-    words = f"{decision.outlook.words(case.unit)} would tell"
     if few:
-        words += f" (rough: it is estimated from {_count(decision.units, case.unit)})"
+        low = decision.outlook.low
+        least = "more than 200" if low is None else f"{rounded(low)} or more"
+        return f"{_count(decision.units, case.unit)} cannot say how many are needed: probably {least}"
     bound = len(table.seeds)
     if case.unit == "world" or not table.is_sequential or bound <= decision.units:
-        return words
-    chance = f"with {bound} the chance of an answer is {chance_words(decision.outlook.chance(bound))}"
-    return f"{words}; {chance}" + (", so no more seeds are added" if case.given_up else "")
+        return chance_sentence(decision.outlook, case.unit)
+    high = decision.outlook.high
+    if high is not None and high <= bound:
+        most = f"{rounded(high)} give 80 %"
+    else:
+        most = f"for 80 % {'more than 200' if high is None else rounded(high)} are needed"
+    chance = f"with {bound} seeds the chance of an answer is {chance_words(decision.outlook.chance(bound))}"
+    return f"{chance}" + (", so no more are added" if case.given_up else f"; {most}")
 
 
 def _lower_counts(case: _Case) -> str:
@@ -261,7 +316,7 @@ def _lower_counts(case: _Case) -> str:
         return ""
     count = case.table.counts[decision.largest_open]
     words = f"{count} may be enough too"
-    return words if decision.outlook is None else f"{words}: {decision.outlook.words(case.unit)} would tell"
+    return words if decision.outlook is None else f"{words}: {chance_sentence(decision.outlook, case.unit)}"
 
 
 def _failed(failures: int, runs: int, level: float) -> str:

@@ -32,7 +32,8 @@ class Decision:
     states: tuple[State, ...]
     """Verdict on each count below the largest, in their order."""
     units: int
-    """Independent runs of the largest count with a result: seeds, or worlds for a kind of building."""
+    """Independent runs with a result: seeds, or worlds for a kind of building; of an open answer, those that compare
+    the open count with the largest."""
     limit: float
     """How much larger an error may be than that of the largest count, in the unit of the measure; NaN if unknown."""
     differences: tuple[Interval, ...]
@@ -102,7 +103,9 @@ def decide_by_differences(
     states = tuple(_state(interval, limit, failures[c], failures[-1], level) for c, interval in enumerate(intervals))
     kind, count = _answer(counts, states, failures[-1])
     decision = Decision(kind, count, states, len(known), limit, tuple(intervals), None)
-    return replace(decision, outlook=_outlook(decision, level))
+    c = decision.largest_open
+    units = len(known) if kind != "undecided" or c is None else intervals[c].count
+    return replace(decision, units=units, outlook=_outlook(decision, level))
 
 
 def _outlook(decision: Decision, level: float) -> Outlook | None:

@@ -43,7 +43,9 @@ def range_words(low: float, high: float) -> str:
 
 
 def duration_words(seconds: float) -> str:
-    """`10 s`, `8 minutes`, `3 hours`, `2 days`."""
+    """`10 s`, `8 minutes`, `3 hours`, `2 days`; `an unknown time` for NaN."""
+    if math.isnan(seconds):
+        return "an unknown time"
     for unit, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= 1.7 * unit:
             return f"{seconds / unit:.0f} {name}"

@@ -95,6 +95,20 @@ class Outlook:
         return f"about {low} {unit}s" if low == high else f"{low} to {high} {unit}s"
 
 
+def chance_sentence(outlook: Outlook, unit: str = "seed") -> str:
+    """The range with its chances: `13 seeds give an answer with a chance of 20 %, 50 with 80 %`."""
+    low, high = outlook.low, outlook.high
+    if low is None:
+        return f"even {MAX_UNITS} {unit}s give an answer with a chance below {100.0 * SOME:.0f} %"
+    first, last = rounded(low), None if high is None else rounded(high)
+    if last == first:
+        return f"about {first} {unit}s give an answer with a chance of {100.0 * MOST:.0f} %"
+    begin = f"{first} {unit}s give an answer with a chance of {100.0 * SOME:.0f} %"
+    if last is None:
+        return f"{begin}; for {100.0 * MOST:.0f} % more than {MAX_UNITS} are needed"
+    return f"{begin}, {last} with {100.0 * MOST:.0f} %"
+
+
 def outlook_of(difference: Interval, limit: float, *, level: float) -> Outlook | None:
     """The outlook of a measured difference; None if nothing can be said, such as from fewer than two values.
 

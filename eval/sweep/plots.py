@@ -44,6 +44,8 @@ MARK_COLOURS = {"good": GOOD, "fair": FAIR, "bad": BAD}
 """Colours of answers."""
 ZONE = "#d3f0d9"
 """Colour of the zone in which differences do not matter."""
+LEGEND_ROW = 0.17
+"""Height of a row of the legend [inch]."""
 _BETWEEN_ROWS, _BETWEEN_COLUMNS, _BELOW, _RIGHT = 0.34, 0.14, 0.42, 0.14
 """Margins between and around panels [inch]."""
 Draw = Callable[[Axes, Panel], None]
@@ -71,11 +73,12 @@ def accuracy(summary: SweepSummary) -> Figure:
         if there.any():
             (line_after,) = ax.plot(_shifted(table, base)[there], refined[there], "s:", label="after the final pass")
             line_after.set(markersize=3.5, linewidth=1.0, markerfacecolor="white", color=_paler(_colour(base)))
+        _name_markers(ax, table)
         _count_axis(ax, table)
         _error_axis(ax, limits)
 
     words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
-    return _figure(table, shown, draw, "particles", words)
+    return _figure(table, shown, draw, "particles", words, entries=5 + len(table.lines))
 
 
 def failures(summary: SweepSummary) -> Figure:
@@ -95,12 +98,14 @@ def failures(summary: SweepSummary) -> Figure:
             _write_into_cell(ax, c, k + 0.24, f"{low}–{high} %", size=4.8, smallest=4.0, color="#495057")
         ax.set_ylim(len(table.lines) - 0.4, -0.6)
         ax.set_xticks(range(len(table.counts)), [str(count) for count in table.counts])
-        ax.set_yticks(range(len(table.lines)), table.lines if len(table.lines) > 1 else [""])
+        ax.set_yticks(
+            range(len(table.lines)) if len(table.lines) > 1 else [], table.lines if len(table.lines) > 1 else []
+        )
         ax.grid(visible=False)
 
     left = 0.25 + 0.065 * max(map(len, table.lines))
     height = 0.1 + 0.4 * len(table.lines)
-    return _figure(table, panels(summary), draw, "particles", "", height=height, left=left, legend=False)
+    return _figure(table, panels(summary), draw, "particles", "", height=height, left=left, entries=0)
 
 
 def _write_into_cell(ax: Axes, x: float, y: float, text: str, *, size: float, smallest: float, color: str) -> None:
@@ -212,16 +217,19 @@ def _figure(
     *,
     height: float = PANEL_HEIGHT,
     left: float = 0.55,
-    legend: bool = True,
+    entries: int | None = None,
 ) -> Figure:
     """Panels with shared axes and axis labels, each with its name as title, and one legend.
 
-    height of a panel and left margin [inch]. All margins are lengths, so that panels and letters keep their size.
+    height of a panel and left margin [inch]; entries of the legend at most (default: those of two rows). All margins
+    are lengths, so that panels and letters keep their size.
     """
     columns = min(len(WIDTHS), len(shown))
     rows = math.ceil(len(shown) / columns)
     width = WIDTHS[columns - 1]
-    top = (0.62 if columns == 1 else 0.48) if legend else 0.24  # above a single panel the legend may have two rows
+    per_row = columns + 1 if entries else 2 * columns
+    legend_rows = math.ceil(entries / per_row) if entries is not None else (2 if columns == 1 else 1)
+    top = 0.24 + (0.06 + LEGEND_ROW * legend_rows) * (legend_rows > 0)
     total = top + rows * height + (rows - 1) * _BETWEEN_ROWS + _BELOW
     with style():
         figure = Figure(figsize=(width, total))
@@ -249,8 +257,8 @@ def _figure(
             is_lowest = number + columns >= len(shown)
             _label(ax, shown[number], x if is_lowest else "", y if number % columns == 0 else "")
             ax.tick_params(labelbottom=is_lowest)
-        if legend:
-            _draw_legend(figure, grid.flat[: len(shown)], len(table.lines), columns)
+        if legend_rows:
+            _draw_legend(figure, grid.flat[: len(shown)], len(table.lines), per_row)
     return figure
 
 
@@ -266,14 +274,14 @@ def _write_answer(ax: Axes, answer: Answer) -> None:
     ax.set_title(answer.panel, loc="right", color=MARK_COLOURS[answer.mark], fontsize=7.5, pad=4.0)
 
 
-def _draw_legend(figure: Figure, axes: Any, lines: int, columns: int) -> None:
+def _draw_legend(figure: Figure, axes: Any, lines: int, per_row: int) -> None:
     handles: dict[str, Any] = {}
     for ax in axes:
         handles |= {label: handle for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     if lines == 1 and "default" in handles:
         handles["filter"] = handles.pop("default")
     figure.legend(
-        list(handles.values()), list(handles), loc="upper left", ncols=min(len(handles), 2 * columns), borderaxespad=0.1
+        list(handles.values()), list(handles), loc="upper left", ncols=min(len(handles), per_row), borderaxespad=0.1
     )
 
 
@@ -295,6 +303,15 @@ def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], c
     ends = np.array([(i.low, i.high) if i.count >= min_values() else (np.nan, np.nan) for i in intervals])
     low, high = ends.T
     ax.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
+
+
+def _name_markers(ax: Axes, table: SweepTable) -> None:
+    """Entries of the legend that say what the markers mean."""
+    if len(table.counts) > 1:
+        look: dict[str, Any] = {"ls": "", "ms": 4.5, "mew": 1.2, "color": QUIET}
+        ax.plot([], [], "o", label=f"shown to be as good as {table.counts[-1]}", **look)
+        ax.plot([], [], "o", mfc="white", label="not known yet", **look)
+        ax.plot([], [], "x", label="shown to be worse", **look)
 
 
 def _draw_states(

@@ -23,7 +23,7 @@ from eval.sweep.answers import Answer, answer_of_place, answers, difference_word
 from eval.sweep.measure import Unit
 from eval.sweep.paper_tables import latex_table, markdown_table, runs_text
 from eval.sweep.remarks import described, margin_words, overconfidence, real_time, seeds_change
-from eval.sweep.results import GIVEN_UP, SweepTable, read_sweep
+from eval.sweep.results import LEFT_OUT, SweepTable, read_sweep
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
 
@@ -53,7 +53,6 @@ DRAWINGS = (
         "Line: median. Band: 95 % interval of the median (none for fewer than 6 runs). Faint dots: single runs "
         "(triangle: above the axis). "
         "Green zone: the margin around the largest count, within which more particles do not matter. "
-        "Filled marker: shown to be as good as the largest count; cross: shown to be worse; hollow: undecided. "
         "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter.",
         is_first=True,
     ),
@@ -115,7 +114,7 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
     The page links the runs in `worst/KEY`. Returns the path of the page; raises SweepTableError for damaged tables.
     """
     folder = Path(directory)
-    summary = summarise(read_sweep(folder))
+    summary = summarise(read_sweep(folder).judged())
     (folder / "figures").mkdir(exist_ok=True)
     figures = [_figure(drawing, summary, folder / "figures") for drawing in DRAWINGS]
     tables = {"table.md": markdown_table(summary), "table.tex": latex_table(summary)}
@@ -164,7 +163,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "advice": advice(summary, str(folder), os.cpu_count() or 1),
         "workers": os.cpu_count() or 1,
         "margins": margin_words(summary),
-        "given_up": int((status == GIVEN_UP).sum()),
+        "left_out": int((status == LEFT_OUT).sum()),
         "commit": _commit(folder),
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
         "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
@@ -208,7 +207,9 @@ def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | N
     """Row of the differences to the baseline and to the largest count; None if there are none."""
     if group.to_baseline is None and group.to_largest is None:
         return None
-    detectable = f"{unit.factor * group.detectable:.2f}" if np.isfinite(group.detectable) else "–"
+    compared = group.to_baseline or group.to_largest
+    is_known = compared is not None and compared.count >= min_values() and np.isfinite(group.detectable)
+    detectable = f"{unit.factor * group.detectable:.2f}" if is_known else "–"
     return group, _difference(group.to_baseline, unit), _difference(group.to_largest, unit), detectable
 
 

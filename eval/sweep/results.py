@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from eval.report.verdict import OUTCOME_SENTENCES
+from eval.sweep.look_schedule import looks_for
 from eval.sweep.margin import Margin, parse_margin
 from eval.sweep.measure import Measure
 from eval.sweep.statistics import LEVEL
@@ -27,8 +28,12 @@ CURVE_GRID = np.linspace(0.02, 1.0, 50)
 CURVES = ("ess", "unique_ancestors", "nees")
 _OLD_NAMES = {"founders": "unique_ancestors"}
 """Columns as versions up to 0.1 name them; they are still read."""
+LEFT_OUT = "left out"
+"""Status of runs that no answer rests on yet, in memory only."""
 GIVEN_UP = "given up"
 """Status of jobs that would hardly help to find an answer that is open."""
+_NAMES_OF_RUNS = ("key", "place", "line", "particles", "seed", "family")
+"""Columns that say which run it is."""
 _TIMINGS = ("filter_s", "cell_s")
 
 
@@ -122,6 +127,39 @@ class SweepTable:
     def is_sequential(self) -> bool:
         """Whether the results are looked at several times (`--until decided`)."""
         return self.level > LEVEL
+
+    def judged(self) -> SweepTable:
+        """The table with the runs that answers rest on: seeds of which every count was computed; where the results are
+        looked at several times, those up to the last complete look.
+
+        Runs of other seeds would compare different drives, or be a look that was not planned. They are as if they were
+        not computed. Worlds in which no seed is complete keep all of their runs.
+        """
+        keeps = np.zeros(self.shape, dtype=np.bool_)
+        for p, k in np.ndindex(*self.shape[:2]):
+            keeps[p, k] = self._judged_seeds(np.all(self.ran[p, k], axis=0))
+        left_out = self.ran & ~keeps
+        if not left_out.any():
+            return self
+        columns = {name: cube.copy() for name, cube in self.columns.items()}
+        for name, cube in columns.items():
+            if name not in _NAMES_OF_RUNS and not name.startswith("setting."):
+                cube[left_out] = None if cube.dtype == object else np.nan
+        columns["status"][left_out] = LEFT_OUT
+        curves = {name: np.where(left_out[..., None], np.nan, cube) for name, cube in self.curves.items()}
+        return replace(self, columns=columns, curves=curves)
+
+    def _judged_seeds(self, complete: NDArray[Any]) -> NDArray[Any]:
+        """Which seeds answers rest on, of those of which every count was computed, (seeds,)."""
+        if not complete.any():
+            return np.ones_like(complete)
+        if not self.is_sequential:
+            return complete
+        first = int(np.argmin(complete)) if not complete.all() else len(complete)
+        looked = [look for look in looks_for(len(self.seeds)) if look <= first]
+        kept = complete.copy()
+        kept[looked[-1] if looked else first :] = False
+        return kept
 
     def given_up(self, places: Iterable[str], line: str) -> bool:
         """Whether the sweep adds no more seeds in these places although the answer is open."""

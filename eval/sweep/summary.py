@@ -148,8 +148,9 @@ def summarise(table: SweepTable) -> SweepSummary:
 def _group(table: SweepTable, p: int, k: int, c: int) -> Group:
     error, base = table.error, table.lines.index(table.baseline)
     runs, failures = int(table.ran[p, k, c].sum()), int(table.failed[p, k, c].sum())
-    to_baseline = paired_difference(error[p, k, c], error[p, base, c]) if k != base else None
-    to_largest = paired_difference(error[p, k, c], error[p, k, -1]) if c != len(table.counts) - 1 else None
+    own, level = error[p, k, c], table.level
+    to_baseline = paired_difference(own, error[p, base, c], level=level) if k != base else None
+    to_largest = paired_difference(own, error[p, k, -1], level=level) if c != len(table.counts) - 1 else None
     compared = to_baseline or to_largest
     milliseconds = 1e3 * table.cube("filter_s")[p, k, c] / table.cube("filter.updates")[p, k, c]
     return Group(
@@ -164,7 +165,7 @@ def _group(table: SweepTable, p: int, k: int, c: int) -> Group:
         refined=bootstrap_interval(table.refined[p, k, c], np.median),
         to_baseline=to_baseline,
         to_largest=to_largest,
-        detectable=minimum_detectable_effect(compared) if compared is not None else np.nan,
+        detectable=np.nan if compared is None else minimum_detectable_effect(compared, level=level),
         cost=_median(milliseconds),
         inside_share=_median(table.cube("filter.consistency.inside_share")[p, k, c]),
         median_nees=_median(table.cube("filter.consistency.nees_mean")[p, k, c]),

@@ -75,10 +75,19 @@ class ProposalConfig:
     only where the scan says so."""
     samples: int = 20
     """Number of poses sampled around the optimum (K)."""
+    sampling: Literal["gaussian", "even"] = "gaussian"
+    """gaussian: the K poses are drawn from the Laplace approximation at the optimum, which leaves most of them a weight
+    that counts; even: evenly from an interval around it, as the paper says."""
+    sample_range: float = 0.01
+    """For `even`: half the width of the interval in x and y [m] (llsamplerange)."""
+    sample_range_heading: float = 0.005
+    """For `even`: half the width of the interval of the heading [rad] (lasamplerange)."""
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind")
+        require_one_of(self, "sampling")
         require_at_least(self, 1, "samples")
+        require_positive(self, "sample_range", "sample_range_heading")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ LOG_2PI = np.log(2.0 * np.pi)
 
 
 class Laplace(NamedTuple):
-    """Gaussian about an optimum of the cost, from which the K poses are drawn."""
+    """Gaussian about an optimum of the cost, and where about it the K poses are drawn."""
 
     optimum: NDArray[np.float64]
     """(3,)."""
@@ -27,6 +27,8 @@ class Laplace(NamedTuple):
     """Cholesky factor of the Hessian there, (3, 3)."""
     scale: float
     """Standard deviation of the K poses in units of the Laplace approximation's."""
+    half_width: NDArray[np.float64]
+    """Half the width of the interval from which the poses are drawn evenly [m, m, rad], (3,); 0 = from the Gaussian."""
 
 
 @kernel
@@ -42,29 +44,50 @@ def draw_offset(L, z, scale, out):
 
 
 @kernel
+def log_density_at_optimum(laplace):
+    """log q at the optimum: of the widened Gaussian, or of the interval."""
+    L, width = laplace.factor, laplace.half_width
+    if width[0] > 0.0:
+        return -np.log(8.0 * width[0] * width[1] * width[2])
+    return np.log(L[0, 0]) + np.log(L[1, 1]) + np.log(L[2, 2]) - 1.5 * LOG_2PI - 3.0 * np.log(laplace.scale)
+
+
+@kernel
+def draw_near_optimum(laplace, z, out):
+    """out (3,) = offset from the optimum by the variates z (3,); returns by how much log q is lower there."""
+    if laplace.half_width[0] > 0.0:
+        for a in range(3):
+            out[a] = laplace.half_width[a] * z[a]
+        return 0.0
+    draw_offset(laplace.factor, z, laplace.scale, out)
+    return 0.5 * (z[0] ** 2 + z[1] ** 2 + z[2] ** 2)
+
+
+@kernel
 def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, weights, mean, covariance):
     """Gaussian through K weighted poses about the optimum (T-RO 2007, equations 16 to 18).
 
-    The paper draws the poses evenly in an interval; here they come from q, the Laplace approximation widened by
-    `scale`, and each is weighted by product / q, which estimates the same integral with far less variance.
-    near (K, 3) standard normal variates;  samples (K, 3) out: the poses;  weights (K,) out: their weights, sum 1
+    The paper draws the poses evenly in an interval, with weights in proportion to the product. Here they come from q,
+    the Laplace approximation widened by `scale`, and each is weighted by product / q, which estimates the same integral
+    with far less variance; with a `half_width` they come from the interval, and q is its constant density.
+    near (K, 3) standard normal variates, or with a `half_width` uniform ones in (-1, 1)
+    samples (K, 3) out: the poses;  weights (K,) out: their weights, sum 1
     mean (3,), covariance (3, 3) out
     Returns log eta, eta the integral of p(z | m, x) p(x | x', u).
     """
     hits, model, prior = evidence
-    optimum, L, scale = laplace
+    optimum = laplace.optimum
     count = near.shape[0]
     distances = np.empty((4, hits.shape[0]))
-    log_q = np.log(L[0, 0]) + np.log(L[1, 1]) + np.log(L[2, 2]) - 1.5 * LOG_2PI - 3.0 * np.log(scale)
+    log_q = log_density_at_optimum(laplace)
     top = -np.inf
     for j in range(count):
         offset = samples[j]  # from the optimum, for now
-        draw_offset(L, near[j], scale, offset)
+        below = draw_near_optimum(laplace, near[j], offset)
         x, y, theta = optimum[0] + offset[0], optimum[1] + offset[1], optimum[2] + offset[2]
         cost = scan_cost(grids, particle, x, y, theta, hits, model, distances)
         cost += motion_cost(prior, guess, x, y, theta)
-        z2 = near[j, 0] ** 2 + near[j, 1] ** 2 + near[j, 2] ** 2
-        weights[j] = -cost - log_q + 0.5 * z2  # logarithms, for now
+        weights[j] = -cost - log_q + below  # logarithms, for now
         top = max(top, weights[j])
     total = 0.0
     mean[:] = 0.0
@@ -139,7 +162,7 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
                 out.covariance[i, a] = offset
             out.log_gain[i] = -scan_cost(grids, i, pose[0], pose[1], pose[2], hits, model, distances)
         else:
-            laplace = Laplace(pose, L, settings.sample_scale)
+            laplace = Laplace(pose, L, settings.sample_scale, settings.half_width)
             log_eta = fit_gaussian(
                 grids,
                 i,

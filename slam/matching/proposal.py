@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.config import FilterConfig
+from slam.config import FilterConfig, ProposalConfig
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching._proposal_kernels import IMPROVED, MOTION, SCAN_MATCH, propose, sample_motions
 from slam.matching.likelihood import ScanAndPrior
@@ -32,14 +33,16 @@ class ProposalSettings(NamedTuple):
     """Share of the hits near a wall below which matching has failed."""
     sample_scale: float
     """Standard deviation of the K poses in units of the Laplace approximation's."""
+    half_width: NDArray[np.float64]
+    """Half the width of the interval from which the K poses are drawn evenly [m, m, rad], (3,); 0 = not evenly."""
 
 
 class Draws(NamedTuple):
     """All random numbers of one step; the same number is drawn whichever of them are used."""
 
     near: NDArray[np.float64]
-    """Standard normal variates for the poses about the optimum, (K, 3); common to all particles, which makes their
-    weights comparable at small K."""
+    """Standard normal variates for the poses about the optimum, (K, 3), or uniform ones in (-1, 1) where they are drawn
+    evenly; common to all particles, which makes their weights comparable at small K."""
     pose: NDArray[np.float64]
     """Standard normal variates for the new pose, (particles, 3)."""
     component: NDArray[np.float64]
@@ -86,6 +89,8 @@ def propose_poses(
     """
     n, samples, count = len(guesses), config.proposal.samples, len(maps.grids.table)
     near = rng.standard_normal((samples, 3))
+    if config.proposal.sampling == "even":
+        near = _uniform(near)
     pose, component, mode = rng.standard_normal((n, 3)), rng.uniform(size=n), rng.uniform(size=n)
     out = ProposalResult(
         pose=np.empty((n, 3)),
@@ -105,6 +110,18 @@ def propose_poses(
     return out
 
 
+def _uniform(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Uniform variates in (-1, 1) from as many standard normal ones, so that all settings draw the same numbers."""
+    return np.array([math.erf(z / math.sqrt(2.0)) for z in normal.ravel()]).reshape(normal.shape)
+
+
+def _half_width(config: ProposalConfig) -> NDArray[np.float64]:
+    """Half the width of the interval of the K poses [m, m, rad], (3,); 0 if they are not drawn evenly."""
+    if config.sampling != "even":
+        return np.zeros(3)
+    return np.array([config.sample_range, config.sample_range, config.sample_range_heading])
+
+
 def _propose_with_own_map(
     maps: ParticleMaps,
     guesses: se2.Pose,
@@ -117,7 +134,7 @@ def _propose_with_own_map(
 ) -> None:
     """The same for at most as many particles as there are maps; out: their rows of the result."""
     n, kind = len(guesses), KINDS[config.proposal.kind]
-    settings = ProposalSettings(kind, config.match.min_matched_share, SAMPLE_SCALE)
+    settings = ProposalSettings(kind, config.match.min_matched_share, SAMPLE_SCALE, _half_width(config.proposal))
     sampled, matches = np.empty((n, 3)), empty_matches(n)
     sample_motions(0, n, guesses, scan_and_prior.prior, draws, sampled)
     if kind != MOTION:

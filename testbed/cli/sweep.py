@@ -119,7 +119,8 @@ def _compute(directory: SweepDirectory, costs: Costs, execution: Execution, *, w
     while cells:
         is_last = len(cells) == len(rest)
         stage = Stage("" if is_last else f"to the look with {look.seeds} seeds", worst=worst and is_last)
-        left = TimeLeft(cells, costs if times is None else times.seconds_of, workers, is_in_seconds=times is not None)
+        expected, at_once = costs if times is None else times.seconds_of, None if execution.scheduler else workers
+        left = TimeLeft(cells, expected, at_once, is_in_seconds=times is not None)
         progress = SweepProgress(cells, left, Measure(spec.key_measure), stage)
         if done is not None:
             progress.note_table(done)

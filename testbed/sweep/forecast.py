@@ -20,14 +20,17 @@ from testbed.sweep.spec.plan import Costs, by_recording
 
 FIRST_DURATION = 2.0
 """Simulated time of the run that loads the kernels [s]."""
-PROBE_DURATION = 40.0
-"""Simulated time of the runs that are measured [s]: long enough for the robot to drive straight and to turn."""
+PROBE_DURATION = (10.0, 40.0)
+"""Shortest and longest simulated time of the runs that are measured [s]: in the longest the robot drives straight and
+turns; a small sweep is measured by shorter ones, since measuring is no work on its jobs."""
+LONG_COST = 100_000.0
+"""Sweeps that cost as much as this, about five minutes of one core, are measured by the longest runs."""
 PROBE_PARTICLES = (2, 12)
 """Particles of these runs: their difference is what particles cost."""
 MAX_PROBED = 3
 """So many lidars are measured; further ones are taken to cost as much as the first."""
-MIN_COST = 500.0
-"""Sweeps that cost less than this take seconds; measuring them would take as long."""
+MIN_COST = 5_000.0
+"""Sweeps that cost less than this take some seconds; measuring them would take as long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +115,11 @@ def measure_pace(cells: Sequence[Cell], costs: Costs, workers: int) -> dict[str,
     of_lidar = {lidar_of(cell): cell for cell in reversed(simulated) if cell.place == longest}
     probed = list(of_lidar)[:MAX_PROBED]
     refined = any(cell.settings.get("refine", True) for cell in simulated)
-    with _busy(workers - 1, _probe(of_lidar[probed[0]], PROBE_DURATION, PROBE_PARTICLES[1], refine=False)):
+    shortest, longest_run = PROBE_DURATION
+    duration = min(max(shortest, longest_run * sum(map(costs, cells)) / LONG_COST), longest_run)
+    with _busy(workers - 1, _probe(of_lidar[probed[0]], duration, PROBE_PARTICLES[1], refine=False)):
         _timed(of_lidar[probed[0]], FIRST_DURATION, PROBE_PARTICLES[0])
-        return {lidar: _pace(of_lidar[lidar], refined=refined) for lidar in probed}
+        return {lidar: _pace(of_lidar[lidar], duration, refined=refined) for lidar in probed}
 
 
 @contextmanager
@@ -142,13 +147,13 @@ def lidar_of(cell: Cell) -> str:
     return str(cell.settings.get("lidar", ""))
 
 
-def _pace(cell: Cell, *, refined: bool) -> Pace:
+def _pace(cell: Cell, duration: float, *, refined: bool) -> Pace:
     few, many = PROBE_PARTICLES
-    first, length = _timed(cell, PROBE_DURATION, few)
-    again, _ = _timed(cell, PROBE_DURATION, few)  # its drive is there already
-    larger, _ = _timed(cell, PROBE_DURATION, many)
+    first, length = _timed(cell, duration, few)
+    again, _ = _timed(cell, duration, few)  # its drive is there already
+    larger, _ = _timed(cell, duration, many)
     particle = max(larger - again, 0.0) / (many - few)
-    with_final_pass = _timed(cell, PROBE_DURATION, few, refine=True)[0] if refined else again
+    with_final_pass = _timed(cell, duration, few, refine=True)[0] if refined else again
     return Pace(
         simulation=max(first - again, 0.0) / length,
         fixed=max(again - few * particle, 0.0) / length,

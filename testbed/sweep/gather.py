@@ -39,6 +39,9 @@ DESCRIPTIONS = {
     "founders": "the same as unique_ancestors, for readers of versions up to 0.1",
     "nees": "normalised estimation error squared",
     "cell_s": "time of the whole job [s]",
+    "wall_s": "time of filter and final pass [s]",
+    "filter_s": "time of the filter alone, without the final pass [s]",
+    "realtime_factor": "duration of the drive by wall_s, so with the final pass; duration_s / filter_s is the filter's",
 }
 """What the columns hold that are no settings (`setting.NAME`), features (`features.NAME`) or measures."""
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")

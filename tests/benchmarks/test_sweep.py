@@ -24,7 +24,7 @@ from testbed.sweep.spec.code_version import code_version
 from testbed.sweep.spec.plan import Costs, input_digests, plan, seed_by_seed
 from testbed.sweep.spec.spec import SweepSpec, parse_spec
 from testbed.sweep.store import SweepDirectory
-from tests.shell import call
+from tools.measure.sweep_overhead import measure
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(1200)]
 
@@ -69,21 +69,11 @@ def test_overhead_and_throughput(tmp_path):
 
 
 def test_share_of_the_filter_in_a_whole_sweep(tmp_path):
-    """Many small jobs by the command: forecast, simulation, scoring, worst runs and report are the rest."""
+    """Many small jobs by the command: at most a tenth is forecast, simulation, scoring, worst runs and report."""
     compile_kernels()
-    out, workers = tmp_path / "sweep", 2
-    grid = ["--worlds", "apartment", "--particles", "5,6,7,8,9,10,11,12,13,14", "--seeds", "20", "--refine", "none"]
-    start = time.perf_counter()
-    assert call("sweep", *grid, "--workers", str(workers), "--out", out) == 0
-    whole = workers * (time.perf_counter() - start)
-    timings = pq.read_table(out / "timings.parquet")
-    own, cells = (sum(timings.column(name).to_pylist()) for name in ("wall_s", "cell_s"))
-    count = timings.num_rows
-    print(
-        f"\n{count} jobs of {cells / count:.1f} s: filter and final pass {100.0 * own / whole:.1f} %, "
-        f"simulation and scoring {100.0 * (cells - own) / whole:.1f} %, the rest {100.0 * (1.0 - cells / whole):.1f} %"
-    )
-    assert own > 0.5 * whole
+    shares = measure(tmp_path / "sweep")
+    print(f"\n{shares}")
+    assert shares.overhead < 0.1
 
 
 def test_ten_thousand_cells_are_planned_and_gathered(tmp_path):

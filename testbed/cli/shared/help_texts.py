@@ -88,6 +88,7 @@ written to a directory: sweep.html, figures, tables. The same command continues 
 
 ```
 testbed sweep --worlds office,loop --particles 1,2,5,10,20,50,100 --seeds 10 --out sweep
+testbed sweep --worlds office,loop --particles 1,5,15,30 --seeds 40 --until decided --out sweep
 testbed sweep --worlds office --particles 5,30 --axis odometry.grade=good,poor --out grades
 testbed sweep --preset particles --out study
 testbed sweep study.toml --out study --shard 0/8

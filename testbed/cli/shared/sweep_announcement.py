@@ -128,7 +128,7 @@ def _answers_so_far(work: Work) -> list[str]:
     """The answers that an existing sweep has given, and how many seeds its open ones would take."""
     if work.done is None:
         return []
-    summary = summarise(work.done)
+    summary = summarise(work.done.judged())
     said = [f"So far: {answer.sentence}" for answer in answers(summary, work.done.baseline)]
     return [*said, *filter(None, [chances(summary, len(work.spec.seeds))])]
 

@@ -16,7 +16,7 @@ MAX_LINES = 20
 
 def say_answers(directory: Path, say: Callable[[str], None]) -> None:
     """Say the answer for each world, or kind of building, and line, from the tables of a sweep."""
-    summary = summarise(read_sweep(directory))
+    summary = summarise(read_sweep(directory).judged())
     lines = summary.table.lines
     found = [(line, answer) for line in lines for answer in answers(summary, line)]
     for line, answer in found[:MAX_LINES]:

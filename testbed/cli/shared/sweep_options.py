@@ -58,9 +58,9 @@ class SweepOptions:
     that all looks together keep 95 %."""
     filter: str | None = None
     """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
-    axis: tuple[str, ...] = ()
+    axis: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
-    set: tuple[str, ...] = ()
+    set: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME=VALUE: a setting of all runs. May be repeated."""
 
     def document(self) -> dict[str, Any]:

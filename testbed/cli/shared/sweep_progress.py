@@ -19,7 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from eval.sweep.job_times import REPORT_SECONDS
-from eval.sweep.measure import Measure
+from eval.sweep.measure import Measure, Unit
 from eval.sweep.results import SweepTable
 from testbed.cli.shared.console import console
 from testbed.cli.shared.time_left import TimeLeft
@@ -87,11 +87,12 @@ class SweepProgress:
         """Median of the measure so far, by world and particle count."""
         unit = self._measure.unit(0.0)
         counts = sorted({count for groups in self._errors.values() for count in groups})
-        words = f"{self._measure.words} so far, {unit.name}".removesuffix(", ")
+        of = f" of the {self._measure.estimate}" if self._measure.estimate != "final" else ""
+        words = f"median {self._measure.words}{of}, {unit.name}".removesuffix(", ") + " (runs)"
         table = Table(words, *map(str, counts), box=None, pad_edge=False)
-        for (place, line), groups in list(self._errors.items())[:MAX_SHOWN_PLACES]:
+        for (place, line), groups in sorted(self._errors.items())[:MAX_SHOWN_PLACES]:
             name = place if line == "default" else f"{place}, {line}"
-            table.add_row(name, *(unit.text(median(groups[c])) if c in groups else "–" for c in counts))
+            table.add_row(name, *(_median_text(unit, groups.get(c, ())) for c in counts))
         return table
 
     def _note(self, cell: Cell, outcome: CellResult | str) -> None:
@@ -119,13 +120,18 @@ class SweepProgress:
 
     def __rich__(self) -> Group:
         bar = Table.grid()
-        bar.add_row(ProgressBar(1.0, self._left.share, width=60))
+        bar.add_row(ProgressBar(1.0, self._left.share_with_running, width=60))
         cells = Table.grid(padding=(0, 2))
         for cell, since in list(self._running.values()):
             cells.add_row(Text(str(cell)), f"{time.monotonic() - since:.0f} s", style="dim")
         if not self._errors:
             return Group(self._line(), bar, cells)
         return Group(self._line(), bar, cells, self.medians())
+
+
+def _median_text(unit: Unit, errors: Sequence[float]) -> str:
+    """`1.7 (3)`: the median and how many runs it rests on."""
+    return f"{unit.text(median(errors))} ({len(errors)})" if errors else "–"
 
 
 def _value(metrics: Mapping[str, Any], key: str) -> Any:

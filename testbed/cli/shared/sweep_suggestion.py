@@ -53,8 +53,8 @@ def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion
     count = suggestion.needed or suggestion.largest
     counts = sorted({max(1, count // 2), count, max(suggestion.largest, 2 * count)})
     words = ["testbed", "sweep", "--worlds", name, "--particles", ",".join(map(str, counts)), "--until", "decided"]
-    for key, value in ({"route": "random"} | dict(settings)).items():
-        words += ["--set", f"{key}={value}"]
+    for key, value in settings.items():
+        words += ["--route", str(value)] if key == "route" else ["--set", f"{key}={value}"]
     return shlex.join(words)
 
 
@@ -77,7 +77,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
             lines.append(f"More than {largest} were not tested and would probably help.")
     for reason in suggestion.reasons:
         needed = f"more than {suggestion.largest}" if reason.needed_if_usual is None else str(reason.needed_if_usual)
-        lines.append(f"  {reason.words} (with {reason.usual}, the middle of the experiment: {needed})")
+        lines.append(f"  {reason.words} (a world with {reason.usual}, the middle of those tested, would need {needed})")
     lines += [
         f"  outside of the experiment, so the suggestion is uncertain: {predictor.words}"
         for predictor in suggestion.outside

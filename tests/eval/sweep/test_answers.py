@@ -4,7 +4,7 @@
 import re
 
 from eval.sweep.answers import answers
-from eval.sweep.outlook import typical_outlook
+from eval.sweep.outlook import chance_sentence, chance_words, rounded, typical_outlook
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
@@ -34,12 +34,13 @@ def test_more_and_undecided_are_different_answers(tmp_path):
         "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a, 1 route: undecided with 3 seeds (5 against 20: -0.06 to +0.04 cm in 3 runs, margin 0.5 cm; "
-        "about 8 seeds would tell (rough: it is estimated from 3 seeds))."
+        "hall_a, 1 route: 3 seeds cannot tell: 6 or more are needed (5 particles were between 0.06 cm better and 0.04 "
+        "cm worse than 20 in 3 runs; up to 0.5 cm would not matter; 3 seeds cannot say how many are needed: probably 8 "
+        "or more)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a, 1 route: undecided with 1 seed (5 against 20: +0.04 cm in one run, margin 0.5 cm; "
-        f"usually {typical_outlook().words()} tell)."
+        "hall_a, 1 route: 1 seed cannot tell: 6 or more are needed (5 particles were 0.04 cm worse than 20 in one run; "
+        f"up to 0.5 cm would not matter; usually {typical_outlook().words()} tell)."
     )
 
 
@@ -49,13 +50,29 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
 
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
     assert answer.headline == "undecided with 10 seeds"
-    assert answer.panel == "5 undecided"
-    assert answer.detail == "1 is as good as 20, but 5 is open, so there is no answer yet"
+    assert answer.detail == "1 is shown to be as good as 20, 5 not yet; an answer needs both"
+    assert answer.today == "Until it is known take 20; medians so far: 10.2 cm with 1 to 20"
     number = r"[+-]\d\.\d\d"
     words = rf"5 against 20: {number} cm \[{number}, {number}\], margin 1 cm \(10 %\)"
     assert re.fullmatch(words, answer.difference)
     summary = summarise(read_sweep(tmp_path))
-    assert answer.needs == f"{summary.decision('hall_a', 'improved').outlook.words()} would tell"
+    assert answer.needs == chance_sentence(summary.decision("hall_a", "improved").outlook)
+
+
+def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
+    def noisy(p, k, c, s):
+        return 0.02 + 0.001 * (0.0, 6.0 * ((5 * s) % 8 - 3.5) / 3.5, 0.0)[c]
+
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40))
+    write_sweep(tmp_path, error=noisy, seeds=40, missing=missing, about={"level": 0.99})
+    summary = summarise(read_sweep(tmp_path).judged())
+    (answer, _) = answers(summary, "improved")
+    assert "] (99 % interval), margin 0.5 cm" in answer.difference
+    outlook = summary.decision("hall_a", "improved").outlook
+    assert answer.needs == (
+        f"with 40 seeds the chance of an answer is {chance_words(outlook.chance(40))}; "
+        f"{rounded(outlook.high)} give 80 %"
+    )
 
 
 def test_more_failures_that_keep_an_answer_open_are_named(tmp_path):
@@ -82,8 +99,9 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
         "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office, 1 route: undecided with 2 seeds (5 against 20: -0.06 to +0.04 cm in 2 runs, margin 0.5 cm; about 8 "
-        "seeds would tell (rough: it is estimated from 2 seeds)).",
+        "office, 1 route: 2 seeds cannot tell: 6 or more are needed (5 particles were between 0.06 cm better and "
+        "0.04 cm worse than 20 in 2 runs; up to 0.5 cm would not matter; 2 seeds cannot say how many are needed: "
+        "probably 8 or more).",
     ]
     assert len(COUNTS) == 3
 

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
 from eval.sweep.decision import decide
 from eval.sweep.outlook import Outlook, chance_words, outlook_of, rounded, typical_outlook
@@ -33,6 +34,24 @@ def test_the_stated_chance_is_the_share_of_sweeps_that_get_an_answer(now, later)
         found.append(decide((1, 5), errors, none, level=0.99).kind != "undecided")
     assert len(found) > 60
     assert np.mean(stated) == pytest.approx(np.mean(found), abs=0.12)
+
+
+def simulated_chance(outlook, units, draws=40_000):
+    """The chance by drawing variance, true difference and further seeds, one after the other."""
+    rng, n = np.random.default_rng(0), outlook.units
+    sigma = outlook.deviation * np.sqrt((n - 1) / rng.chisquare(n - 1, draws))
+    true = outlook.gap + sigma * rng.normal(size=draws) / math.sqrt(n)
+    added = units - n if outlook.is_measured else units
+    further = true + sigma * rng.normal(size=draws) / math.sqrt(added)
+    final = (n * outlook.gap + added * further) / units if outlook.is_measured else further
+    return np.mean(np.abs(final) > stdtrit(units - 1, 0.5 + 0.5 * outlook.level) * sigma / math.sqrt(units))
+
+
+@pytest.mark.parametrize("is_measured", [True, False])
+@pytest.mark.parametrize(("gap", "units", "later"), [(0.004, 8, 24), (0.001, 8, 40), (0.006, 3, 16), (0.002, 20, 100)])
+def test_the_chance_is_that_of_drawing_step_by_step(gap, units, later, is_measured):
+    outlook = Outlook(gap, 0.008, units, is_measured=is_measured)
+    assert outlook.chance(later) == pytest.approx(simulated_chance(outlook, later), abs=0.015)
 
 
 def test_few_seeds_give_a_wide_range_and_many_a_narrow_one():

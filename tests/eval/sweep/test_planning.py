@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What is said before a sweep about what it can tell."""
 
-from eval.sweep.job_times import range_words
+from eval.sweep.job_times import duration_words, range_words
 from eval.sweep.outlook import typical_outlook
 from eval.sweep.planning import foresight
 from eval.sweep.statistics import min_values
@@ -30,4 +30,5 @@ def test_each_number_of_seeds_stands_with_its_cost():
 def test_two_times_share_their_unit():
     assert range_words(840.0, 5640.0) == "about 14 to 94 minutes"
     assert range_words(50.0, 360.0) == "about 50 s to 6 minutes"
+    assert duration_words(float("nan")) == "an unknown time"
     assert range_words(600.0, 610.0) == "about 10 minutes"

@@ -247,11 +247,17 @@ def test_seeds_are_advised_where_they_will_probably_tell(tmp_path):
 def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_path):
     at_limit = {"error": noise(0.004, gain=0.0051), "seeds": 10}
     found = advised(tmp_path / "usual", **at_limit)
-    assert [item.title for item in found] == [f"{place}: a wider margin" for place in PLACES]
-    margin = re.fullmatch(r"testbed sweep --out OUT --margin (\S+)", found[0].command)[1]
-    write_sweep(tmp_path / "wider", **at_limit, about={"margin": margin})
+    assert [item.title for item in found] == [f"{place} without further seeds" for place in PLACES]
+    said = re.fullmatch(
+        r"Report the interval: 5 against 20: (.*), margin 0.5 cm. Or report what these seeds do decide: with a margin "
+        r"of (.*) cm \((\d+) % of the error with 20\) 5 particles are enough here. Say that this margin was chosen "
+        r"after 10 seeds.",
+        found[0].text,
+    )
+    assert found[0].command == ""  # another margin would be one for all worlds
+    assert float(said[3]) == pytest.approx(100.0 * float(said[2]) / 2.0, abs=1.0)
+    write_sweep(tmp_path / "wider", **at_limit, about={"margin": f"{said[2]}cm"})
     assert summarise(read_sweep(tmp_path / "wider")).decision("hall_a", "improved").kind == "enough"
-    assert "5 particles are enough then. Or report the interval: 5 against 20: +0." in found[0].text
 
 
 def test_nothing_is_advised_where_all_is_decided(tmp_path):
@@ -280,3 +286,29 @@ def test_few_runs_have_a_range_instead_of_a_band_and_an_interval(tmp_path):
         bands[seeds] = sum(len(path.vertices) for c in drawn for path in c.get_paths())
     assert bands[5] == 0
     assert bands[6] > 0
+
+
+def test_answers_rest_on_complete_seeds_up_to_the_last_look(tmp_path):
+    """Seed 3 lacks one count; of a sweep with looks after 8 and 16 seeds 11 are complete."""
+    write_sweep(tmp_path / "once", missing=frozenset({(0, 0, 1, 3)}))
+    table = read_sweep(tmp_path / "once").judged()
+    assert table.ran[0, 0].sum(axis=-1).tolist() == [9, 9, 9]
+    assert table.ran[0, 1].sum(axis=-1).tolist() == [10, 10, 10]
+    assert np.isnan(table.error[0, 0, :, 3]).all()
+    assert (table.columns["status"][0, 0, :, 3] == ["left out", "missing", "left out"]).all()
+    assert summarise(table).decision("hall_a", "improved").units == 9
+
+    later = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(11 + 3 * p, 16))
+    write_sweep(tmp_path / "looks", seeds=16, missing=later | {(1, 0, 0, 2)}, about={"level": 0.975})
+    looked = read_sweep(tmp_path / "looks").judged()
+    assert looked.ran[0].sum(axis=-1).tolist() == [[8, 8, 8], [8, 8, 8]]
+    assert looked.ran[1, 0].sum(axis=-1).tolist() == [2, 2, 2]  # no look is complete: what there is, in pairs
+    page = write_sweep_report(tmp_path / "looks").read_text()
+    assert "finished runs are left out here" in page
+    assert "all seeds drive the same route" in page  # settings of the runs that are left out still count
+
+
+def test_a_table_without_a_complete_seed_keeps_its_runs(tmp_path):
+    missing = frozenset((p, k, 2, s) for p in range(2) for k in range(2) for s in range(10))
+    table = read_sweep(write_sweep(tmp_path, missing=missing))
+    assert table.judged().ran.sum() == table.ran.sum() == 80

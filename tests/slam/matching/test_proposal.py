@@ -23,7 +23,7 @@ from slam.matching._proposal_kernels import (
 )
 from slam.matching._scan_matching_kernels import match_particles
 from slam.matching.likelihood import BeamModel, ScanAndPrior
-from slam.matching.proposal import Draws, ProposalResult, ProposalSettings
+from slam.matching.proposal import Draws, ProposalResult, ProposalSettings, _uniform
 from slam.matching.scan_matching import MatchSettings, empty_matches
 from slam.motion._odometry_model_kernels import motion_cost
 from slam.motion.odometry_model import MotionPrior, motion_prior
@@ -36,6 +36,8 @@ WEAK = MODEL._replace(weight=0.02)
 MIXTURE = MotionConfig(failure_share=0.1, failure_along=0.5, failure_limit=0.2)
 JUMPY = MotionConfig(failure_share=0.1, failure_along=0.5, failure_limit=0.2, jump_share=0.05)
 SPREAD = 1.2
+NOT_EVEN = np.zeros(3)
+INTERVAL = np.array([0.03, 0.02, 0.01])
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +87,7 @@ def case(request, room):
     guess = se2.compose(truth, off)
     prior = motion_prior((0.3, 0.0, 0.12), config)
     optimum, L = optimum_of(grids, guess, hits, model, prior)
-    arguments = (grids, 0, guess, ScanAndPrior(hits, model, prior), Laplace(optimum, L, SPREAD))
+    arguments = (grids, 0, guess, ScanAndPrior(hits, model, prior), Laplace(optimum, L, SPREAD, NOT_EVEN))
     return arguments, integral(grids, guess, hits, model, prior, optimum, L)
 
 
@@ -125,7 +127,7 @@ def test_offsets_have_the_covariance_of_the_laplace_approximation():
     np.testing.assert_allclose(offsets @ L, 1.2 * z, atol=1e-12)
 
 
-def proposed(grids, hits, guesses, kind, *, prior, seed=0, model=MODEL, fail_share=0.1):
+def proposed(grids, hits, guesses, kind, *, prior, seed=0, model=MODEL, fail_share=0.1, half_width=NOT_EVEN):
     n = len(guesses)
     rng = np.random.default_rng(seed)
     draws = Draws(rng.standard_normal((20, 3)), rng.standard_normal((n, 3)), *rng.uniform(size=(2, n)))
@@ -137,7 +139,7 @@ def proposed(grids, hits, guesses, kind, *, prior, seed=0, model=MODEL, fail_sha
     sampled, matches = np.empty((n, 3)), empty_matches(n)
     sample_motions(0, n, guesses, prior, draws, sampled)
     match_particles(0, n, grids, sampled if kind == SCAN_MATCH else guesses, evidence, search, matches)
-    settings = ProposalSettings(kind, fail_share, SPREAD)
+    settings = ProposalSettings(kind, fail_share, SPREAD, half_width)
     propose(0, n, grids, guesses, evidence, settings, sampled, matches, draws, out)
     return out, draws
 
@@ -182,7 +184,7 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
     for i in range(n):
         optimum, L = optimum_of(grids, guesses[i], hits, MODEL, prior)
         log_eta, mean, covariance = fitted(
-            (grids, i, guesses[i], ScanAndPrior(hits, MODEL, prior), Laplace(optimum, L, SPREAD)), draws.near
+            (grids, i, guesses[i], ScanAndPrior(hits, MODEL, prior), Laplace(optimum, L, SPREAD, NOT_EVEN)), draws.near
         )
         assert out.log_gain[i] == pytest.approx(log_eta, abs=1e-3)
         expected = mean + np.linalg.cholesky(covariance) @ draws.pose[i]
@@ -204,6 +206,59 @@ def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
     np.testing.assert_allclose(weights @ samples, out.mean[0], atol=1e-9)
     away = samples - out.mean[0]
     np.testing.assert_allclose((weights[:, None] * away).T @ away, out.covariance[0], atol=1e-12)
+
+
+def fit_evenly(arguments, near, half_width):
+    """Equations 16 to 18 by a loop over the poses, as the paper writes them: log eta, mean, covariance."""
+    grids, particle, guess, (hits, model, prior), laplace = arguments
+    poses = [laplace.optimum + half_width * u for u in near]
+    distances = np.empty((4, len(hits)))
+    logs = [-scan_cost(grids, particle, *x, hits, model, distances) - motion_cost(prior, guess, *x) for x in poses]
+    products = [math.exp(value - max(logs)) for value in logs]
+    eta = sum(products)
+    mean = sum(p * x for p, x in zip(products, poses, strict=True)) / eta
+    covariance = sum(p * np.outer(x - mean, x - mean) for p, x in zip(products, poses, strict=True)) / eta
+    volume_per_pose = np.prod(2.0 * half_width) / len(near)
+    return max(logs) + math.log(eta * volume_per_pose), mean, covariance
+
+
+def test_poses_that_are_drawn_evenly_give_the_sums_of_the_paper(case):
+    arguments, _ = case
+    arguments = (*arguments[:-1], arguments[-1]._replace(half_width=INTERVAL))
+    near = np.random.default_rng(4).uniform(-1.0, 1.0, (20, 3))
+    log_eta, mean, covariance = fitted(arguments, near)
+    expected = fit_evenly(arguments, near, INTERVAL)
+    assert log_eta == pytest.approx(expected[0], abs=1e-9)
+    np.testing.assert_allclose(mean, expected[1], atol=1e-12)
+    np.testing.assert_allclose(covariance, expected[2], atol=1e-15)
+
+
+def test_with_many_poses_the_interval_gives_the_same_integral(case):
+    """Both ways to draw estimate the integral of the product, if the interval is wide enough."""
+    arguments, (log_eta, mean, covariance) = case
+    wide = 5.0 * np.sqrt(np.diag(covariance))
+    arguments = (*arguments[:-1], arguments[-1]._replace(half_width=wide))
+    found, found_mean, _ = fitted(arguments, np.random.default_rng(5).uniform(-1.0, 1.0, (40_000, 3)))
+    assert found == pytest.approx(log_eta, abs=0.05)
+    np.testing.assert_allclose((found_mean - mean) / np.sqrt(np.diag(covariance)), 0.0, atol=0.08)
+
+
+def test_the_poses_of_an_interval_lie_in_it(room):
+    n = 4
+    grids, truth, hits = repeated(room, n)
+    prior = motion_prior((0.3, 0.0, 0.12), MotionConfig(failure_share=0.0))
+    guesses = np.tile(truth, (n, 1))
+    out, _ = proposed(grids, hits, guesses, IMPROVED, prior=prior, half_width=INTERVAL)
+    optima = np.array([optimum_of(grids, guess, hits, MODEL, prior)[0] for guess in guesses])
+    # these variates are normal: 68 % of them lie in (-1, 1)
+    offsets = np.abs(out.samples - optima[:, None]) / INTERVAL
+    assert np.mean(offsets < 1.0) == pytest.approx(0.68, abs=0.12)
+
+
+def test_normal_variates_become_uniform_ones():
+    uniform = _uniform(np.random.default_rng(6).standard_normal((20_000, 3)))
+    assert np.abs(uniform).max() < 1.0
+    np.testing.assert_allclose(np.quantile(uniform, [0.1, 0.5, 0.9]), [-0.8, 0.0, 0.8], atol=0.02)
 
 
 def test_scan_match_proposes_the_optimum_about_its_sample(room):

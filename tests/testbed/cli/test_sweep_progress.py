@@ -95,6 +95,23 @@ def test_the_time_left_begins_with_the_expected_times_and_counts_down(cells, clo
     assert seen[-1] < 15
 
 
+def test_the_start_of_a_worker_does_not_count_as_a_slow_job(cells, clock):
+    progress = progress_of(cells, seconds={91: 10.0, 41: 10.0, 1: 10.0})
+    progress.event(Started(cells[0]))
+    clock[0] += 30.0
+    outcome = CellResult({}, {}, {"cell_s": 10.0})  # it took 20 s until the worker was there
+    progress.event(Finished(cells[0], outcome))
+    assert f"0:00:{10 + REPORT_SECONDS:.0f} left" in shown(progress)[0]
+
+
+def test_on_a_cluster_the_time_left_follows_the_share_that_is_done(cells, clock):
+    left = TimeLeft(cells, Costs({cells[0].place: 1.0}), None, is_in_seconds=False)
+    assert left.seconds(0.0) is None
+    clock[0] += 60.0
+    left.event(Finished(cells[0], result(0.1)))
+    assert left.seconds(0.0) == pytest.approx(60.0 * 60.0 / 100.0)
+
+
 def test_much_slower_jobs_than_expected_raise_the_time_left(cells, clock):
     progress = progress_of(cells, seconds={91: 10.0, 41: 10.0, 1: 10.0})
     before = shown(progress)[0]
@@ -123,15 +140,15 @@ def test_medians_so_far_stand_by_world_and_count(cells, clock):
     for cell, error in ((cells[0], 0.02), (cells[0], 0.04), (cells[2], 0.5)):
         progress.event(Finished(cell, result(error)))
     head, row = shown(progress)[-2:]
-    assert head.split() == ["trajectory", "error", "so", "far,", "cm", "1", "91"]
-    assert row.split() == [cells[0].place, "50.0", "3.0"]
+    assert head.split() == [*["median", "trajectory", "error", "of", "the", "filter,", "cm", "(runs)"], "1", "91"]
+    assert row.split() == [cells[0].place, "50.0", "(1)", "3.0", "(2)"]
 
 
 def test_runs_that_were_there_before_count_among_the_medians(cells, tmp_path):
     progress = progress_of(cells)
     progress.note_table(read_sweep(write_sweep(tmp_path / "before")))
     progress.event(Finished(replace(cells[0], place="cave", line="improved", particles=5), result(1.0)))
-    rows = {line.rsplit(maxsplit=3)[0]: line.split()[-3:] for line in shown(progress)[-4:]}
-    assert rows.keys() == {"hall_a, improved", "hall_a, motion", "cave, improved", "cave, motion"}
+    rows = {line.rsplit(maxsplit=6)[0]: line.split()[-6:] for line in shown(progress)[-4:]}
+    assert list(rows) == ["cave, improved", "cave, motion", "hall_a, improved", "hall_a, motion"]
     errors = [*(errors_of(1, 0, 1, s) for s in range(10)), 1.0]
-    assert rows["cave, improved"][1] == f"{100 * np.median(errors):.1f}"
+    assert rows["cave, improved"][2:4] == [f"{100 * np.median(errors):.1f}", "(11)"]

@@ -57,7 +57,7 @@ def test_a_short_duration_shortens_the_drive(tmp_path):
 
 
 def test_the_pace_separates_what_it_measures(tmp_path, monkeypatch):
-    cells, costs = planned(tmp_path, particles=[1, 300], seeds=1, axes={"lidar": ["lds01", "rplidar_a1"]})
+    cells, costs = planned(tmp_path, particles=[1, 3000], seeds=1, axes={"lidar": ["lds01", "rplidar_a1"]})
     clock = {"now": 0.0}
     simulated = set()
 
