@@ -20,9 +20,6 @@ from eval.trajectory.alignment import MIN_POSES
 from eval.trajectory.association import Association
 from eval.trajectory.errors import AbsoluteError, RelativeError, absolute_error, drift, relative_error
 from eval.trajectory.relations import PairErrors, RelationError
-from eval.trajectory.trajectory import Trajectory
-from slam import se2
-from slam.loops import LoopClosing
 
 RPE_LENGTHS = (1.0, 5.0, 20.0, 50.0)
 """Pieces of path for the relative error [m]."""
@@ -78,37 +75,6 @@ def relations_json(error: RelationError) -> Metrics:
         "tolerance_s": error.tolerance,
         "short": _pairs(error.short) if error.short else None,
         "loops": _pairs(error.loops) if error.loops else None,
-    }
-
-
-def loops_json(closing: LoopClosing, path: Trajectory) -> Metrics:
-    """Convert the loops that the final pass found; path: the filter's, at every frame."""
-    stamps, nodes, distance = path.stamps[closing.frames], path.poses[closing.frames], path.distance[closing.frames]
-    rows: list[Metrics] = []
-    for loop, accepted in zip(closing.loops, closing.accepted.tolist(), strict=True):
-        i, j = loop.first, loop.second
-        gap = se2.between(se2.between(nodes[i], nodes[j]), loop.pose)
-        rows.append(
-            {
-                "stamp": float(stamps[j]),
-                "seen_before_stamp": float(stamps[i]),
-                "length_m": float(distance[j] - distance[i]),
-                "accepted": accepted,
-                "closed_by_filter": loop.was_closed,
-                "gap_m": float(np.hypot(gap[0], gap[1])),
-                "gap_deg": float(np.degrees(abs(gap[2]))),
-                "overlap_m": loop.overlap,
-                "agreeing_share": loop.agreement.share,
-            }
-        )
-    accepted = [row for row in rows if row["accepted"]]
-    return {
-        "found": len(rows),
-        "accepted": len(accepted),
-        "rejected": len(rows) - len(accepted),
-        "left_open_by_filter": sum(not row["closed_by_filter"] for row in accepted),
-        "path_changed": closing.changed,
-        "list": sorted(rows, key=lambda row: row["stamp"]),
     }
 
 

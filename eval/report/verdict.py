@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 from eval.files.run_reader import RunFiles
 from eval.wording import length, share, spread
-from slam.step.loop_detector import LoopDetector
 
 Severity = Literal["good", "fair", "bad", "none"]
 OUTCOME_SENTENCES: dict[str, tuple[str, Severity]] = {
@@ -179,10 +178,7 @@ def _loop(run: RunFiles) -> Loop:
     """Name the largest loop closure, or say that none was seen."""
     metres, stamp = run.metric("filter.largest_loop_m"), run.metric("filter.largest_loop_stamp")
     if run.metric("filter.loop_closures") == 0:
-        return Loop(
-            "No loop closure was seen: no scan met enough walls that had been out of sight for "
-            f"{LoopDetector.LOOP:.0f} m of driving."
-        )
+        return Loop("No loop closure was seen while driving: no scan met enough walls that had long been out of sight.")
     if metres is None or stamp is None or run.estimate is None or len(run.estimate) == 0:
         return Loop("")
     time = stamp - float(run.estimate.stamps[0])

@@ -16,10 +16,8 @@ import numpy as np
 from eval.estimates import PathAndMap, named, score_estimate
 from eval.failure_cause import find_cause
 from eval.files.failure_json import write_failure
-from eval.files.g2o import write_g2o
 from eval.first_failure import find_failure
 from eval.map.lidar_view import LidarView
-from eval.metrics_json import loops_json
 from eval.scoring import Reference, score
 from slam.gmapping import GMapping
 from slam.localization import Localization
@@ -28,11 +26,13 @@ from slam.se2 import Pose, between
 from slam.sensor.deskew import log_twist
 from slam.sensor.rays import make_rays
 from testbed.formats.commands import commands_of, write_commands
+from testbed.formats.g2o import write_g2o
 from testbed.frame import Frame
 from testbed.run.estimation import Estimate, Estimation
 from testbed.run.interruption import deferred_interruption
 from testbed.run.job import Job
 from testbed.run.known_map import KnownMap, failure_reason, localization_metrics
+from testbed.run.loop_metrics import loop_metrics
 from testbed.run.run_directory import RunDirectory, result_hash
 from testbed.run.self_check import localization_self_check, self_check_metrics
 from testbed.run.snapshot import take_snapshot
@@ -213,7 +213,7 @@ def metrics_of(
         path = PathAndMap(at_scans=filtered.at_scans, dense=filtered.dense, map=filtered.map if scores_map else None)
         metrics |= score_estimate("filter", path, reference, ended)
     if estimate.closing is not None:
-        metrics["loops"] = loops_json(estimate.closing, filtered.dense)
+        metrics["loops"] = loop_metrics(estimate.closing, filtered.dense)
     if job.known_map is None:
         return metrics
     metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]

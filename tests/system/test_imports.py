@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LIBRARIES = {
-    "slam": {"numpy", "numba"},
+    "slam": {"numpy", "numba", "scipy"},  # scipy: sparse factors of the pose graph, distance transform of local maps
     "worlds": {"numpy", "scipy", "shapely", "pydantic", "tomli_w", "yaml", "PIL"},
     "eval": {"numpy", "scipy", "matplotlib", "jinja2", "yaml", "pyarrow", "PIL"},
 }

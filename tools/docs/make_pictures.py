@@ -4,7 +4,7 @@
     python -m tools.docs.make_pictures               # runs `testbed run office` and a run that ends lost, draws both
     python -m tools.docs.make_pictures --only lost
 
-Writes: docs/pictures/office.png, docs/pictures/office.gif; docs/pictures/lost.png
+Writes: docs/pictures/office.png, docs/pictures/office.gif, docs/pictures/lost.png
 
 The native viewer draws them without a display or a graphics card (Debian: apt-get install mesa-vulkan-drivers).
 """

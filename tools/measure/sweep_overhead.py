@@ -68,7 +68,7 @@ def measure(out: Path, *, seeds: int = 20, duration: float | None = None, worker
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20, help="ten jobs each; default: 20")
     parser.add_argument("--duration", type=float, help="simulated time of each drive [s]; default: the whole tour")
     arguments = parser.parse_args()

@@ -49,7 +49,7 @@ def test_a_run_without_a_loop_says_so(tmp_path):
     metrics.setdefault("filter", {}).update(loop_closures=0, largest_loop_m=None, largest_loop_stamp=None)
     (run / "metrics.json").write_text(json.dumps(metrics))
     loop = verdict(read_run(run)).loop
-    assert loop.sentence.startswith("No loop closure was seen: ")
+    assert loop.sentence.startswith("No loop closure was seen while driving: ")
     assert "15 m" in loop.sentence
     assert loop.time is None
 

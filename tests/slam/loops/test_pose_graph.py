@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eval.files.g2o import write_g2o
 from slam import se2
 from slam.loops.pose_graph import Edges, Marginals, join, optimise, optimise_robustly, squared_distances
+from testbed.formats.g2o import write_g2o
 
 SIGMA = np.array([0.05, 0.03, 0.01])
 
