@@ -61,6 +61,31 @@ def path_plots(context: ReportContext) -> Iterator[Plot]:
         yield Plot("Error by place", source, "Colour: distance of the estimated path from the true one at that time.")
 
 
+def loop_plots(context: ReportContext) -> Iterator[Plot]:
+    """The loops that the final pass found, as links between the two visits; nothing where it found none."""
+    run = context.run
+    found = run.metric("loops.list")
+    if not found or run.estimate is None:
+        return
+    path, stamps = positions_in(context.T_frame_estimate, run.estimate), run.estimate.stamps
+    times: dict[tuple[str, str], list[tuple[float, float]]] = {
+        ("closed by the filter", plots.GOOD): [],
+        ("left open by the filter", plots.ESTIMATE): [],
+        ("rejected", plots.BAD): [],
+    }
+    kinds = list(times)
+    for row in found:
+        kind = kinds[2] if not row["accepted"] else kinds[0] if row["closed_by_filter"] else kinds[1]
+        times[kind].append((row["seen_before_stamp"], row["stamp"]))
+    groups = []
+    for (name, colour), visits in times.items():
+        if visits:
+            rows = np.clip(np.searchsorted(stamps, visits), 0, len(stamps) - 1)
+            groups.append((f"{name} ({len(visits)})", path[rows], colour))
+    source = plots.links(path, groups, background=_background(context))
+    yield Plot("Loops", source, "A link joins the middles of two stretches that show the same walls.")
+
+
 def _background(context: ReportContext) -> Picture | None:
     run, T = context.run, context.T_frame_estimate
     if run.grid is None or not run.grid.known.any():

@@ -132,6 +132,23 @@ def paths(curves: Sequence[Series], *, background: Picture | None = None) -> str
         return svg_uri(figure)
 
 
+def links(
+    path: ArrayLike, groups: Sequence[tuple[str, NDArray[np.float64], str]], *, background: Picture | None = None
+) -> str:
+    """Draw a path (n, 2) [m] from above, and groups of links between two places of it, (k, 2, 2) [m] with a colour."""
+    with rc_context(STYLE):
+        figure, ax = _figure(_size_for(background.extent if background is not None else None))
+        _ground(ax, background)
+        xy = np.asarray(path, dtype=np.float64)
+        ax.plot(xy[:, 0], xy[:, 1], color=QUIET, lw=0.8, label="path")
+        for name, ends, colour in groups:
+            gap = np.full((len(ends), 1, 2), np.nan)  # lifts the pen between two links
+            x, y = np.concatenate([ends, gap], axis=1).reshape(-1, 2).T
+            ax.plot(x, y, "o-", color=colour, lw=1.2, ms=3.0, label=name)
+        _legend(ax)
+        return svg_uri(figure)
+
+
 @dataclass(frozen=True, eq=False)
 class SeenScan:
     """A scan drawn from one pose."""

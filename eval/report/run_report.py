@@ -14,7 +14,7 @@ from eval.files.run_reader import RunFiles, read_run
 from eval.filter.step_table import column
 from eval.loss_watch import Spell, spells
 from eval.report import plots
-from eval.report.map_plots import failure_plot, map_plots, path_plots
+from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
 from eval.report.page import Plot, flat, render
 from eval.report.report_context import ReportContext
 from eval.report.time_plots import error_plots, filter_plots
@@ -58,7 +58,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "start": context.start,
         "length": length,
         "maps": list(map_plots(context)),
-        "path_plots": list(path_plots(context)),
+        "path_plots": [*path_plots(context), *loop_plots(context)],
         "error_plots": list(error_plots(context)),
         "filter_plots": list(filter_plots(context)),
         "rpe": {_spaced(key): row for key, row in (run.metric("trajectory.rpe") or {}).items()},

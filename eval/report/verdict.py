@@ -81,6 +81,7 @@ def verdict(run: RunFiles) -> Verdict:
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
+        _closed_loops_sentence(run),
     ]
     return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), _loop(run), tuple(_headlines(run)))
 
@@ -172,6 +173,29 @@ def _map_sentence(run: RunFiles) -> str:
     )
     double = run.metric("map.double_wall_rate")
     return f"{text}; {share(double)} of the walls are double." if double is not None else f"{text}."
+
+
+def _closed_loops_sentence(run: RunFiles) -> str:
+    """Say which loops the final pass found, and which of them the filter had left open."""
+    loops = run.metric("loops")
+    if not loops or not loops["found"] or run.estimate is None or not len(run.estimate):
+        return ""
+    accepted = [loop for loop in loops["list"] if loop["accepted"]]
+    gaps = [loop for loop in accepted if not loop["closed_by_filter"]]
+    text = f"The final pass found {len(accepted)} {'loop' if len(accepted) == 1 else 'loops'}"
+    if gaps:
+        widest = max(gaps, key=lambda loop: loop["gap_m"])
+        time = widest["stamp"] - float(run.estimate.stamps[0])
+        text += (
+            f", of which the filter had left {len(gaps)} open: the widest gap, {length(widest['gap_m'])}, "
+            f"at {time:.1f} s, is closed now"
+        )
+    elif accepted:
+        text += ", which the filter had closed" if len(accepted) == 1 else ", all of which the filter had closed"
+    if rejected := loops["rejected"]:
+        was = "match was" if rejected == 1 else "matches were"
+        text += f". {rejected} {was} rejected, since the motion or other loops contradict"
+    return f"{text}."
 
 
 def _loop(run: RunFiles) -> Loop:

@@ -50,8 +50,53 @@ def test_a_run_without_a_loop_says_so(tmp_path):
     (run / "metrics.json").write_text(json.dumps(metrics))
     loop = verdict(read_run(run)).loop
     assert loop.sentence.startswith("No loop closure was seen while driving: ")
-    assert "15 m" in loop.sentence
     assert loop.time is None
+
+
+def loop(stamp, seen_before, *, accepted=True, closed=True, gap=0.02):
+    """An entry of the list of loops in `metrics.json`."""
+    return {
+        "stamp": stamp,
+        "seen_before_stamp": seen_before,
+        "length_m": 40.0,
+        "accepted": accepted,
+        "closed_by_filter": closed,
+        "gap_m": gap,
+        "gap_deg": 0.5,
+        "overlap_m": 12.0,
+        "agreeing_share": 0.95,
+    }
+
+
+def with_loops(run, loops):
+    """The run with these loops found by its final pass."""
+    metrics = json.loads((run / "metrics.json").read_text())
+    accepted = [row for row in loops if row["accepted"]]
+    metrics["loops"] = {
+        "found": len(loops),
+        "accepted": len(accepted),
+        "rejected": len(loops) - len(accepted),
+        "left_open_by_filter": sum(not row["closed_by_filter"] for row in accepted),
+        "path_changed": any(not row["closed_by_filter"] for row in accepted),
+        "list": loops,
+    }
+    (run / "metrics.json").write_text(json.dumps(metrics))
+    return read_run(run)
+
+
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [
+        ({}, "found 2 loops, all of which the filter had closed."),
+        ({"closed": False, "gap": 0.93}, "had left 1 open: the widest gap, 93\u00a0cm, at 40.0 s, is closed now."),
+        ({"accepted": False}, "found 1 loop, which the filter had closed. 1 match was rejected"),
+    ],
+)
+def test_loops_of_the_final_pass_are_said(tmp_path, last, said):
+    run = write_run(tmp_path / "run")
+    start = float(read_run(run).estimate.stamps[0])
+    found = verdict(with_loops(run, [loop(start + 30.0, start + 2.0), loop(start + 40.0, start + 3.0, **last)]))
+    assert said in " ".join(found.sentences)
 
 
 @pytest.mark.parametrize(
