@@ -49,12 +49,9 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
         if save is not None:
             with atomic_write(save) as temporary:
                 shutil.copyfile(shown, temporary)
-            viewer_version = version("rerun-sdk")
-            console.print(
-                f"{save}: `rerun {save}` opens it, elsewhere after `pip install rerun-sdk=={viewer_version}`"
-                f"{_then_move(time)}",
-                soft_wrap=True,
-            )
+            viewer = f"rerun-sdk=={version('rerun-sdk')}"
+            then = _then_move(time)
+            console.print(f"{save}: with `pip install {viewer}`, `rerun {save}` opens it{then}", soft_wrap=True)
             return
         viewer = open_run(shown, serve=serve, moment=time)
         if viewer.address is not None:
@@ -113,7 +110,7 @@ def _title_of_drive(path: Path) -> str:
 
 def _recorded(path: Path, recording: Path) -> Path:
     """Write a dataset or log as a recording."""
-    true_map = path / "truth_map.yaml"
+    log, true_map = open_log(path), path / "truth_map.yaml"
     scene = Scene(title=_title_of_drive(path), true_map=read_map(true_map) if true_map.is_file() else None)
-    record_frames(recording, open_log(path).frames, scene)
+    record_frames(recording, log.frames, scene)
     return recording

@@ -238,5 +238,5 @@ def open_dataset(path: str | Path, *, lidar: str | None = None) -> Dataset:
         raise LogError(f"{path}: no such file or directory")
     if not (path / CONFIG).is_file() and (there := datasets_in(path)):
         count = f"{len(there)} dataset{'' if len(there) == 1 else 's'}"
-        raise LogError(f"{path}: holds {count}; use open_collection, or name one, such as {there[0]}")
+        raise LogError(f"{path}: holds {count}; name one, such as {there[0]}, or in Python use open_collection")
     return Dataset(path, lidar=lidar)

@@ -384,7 +384,7 @@ def test_a_drawn_dataset_is_made_again_from_its_config(made, tmp_path):
 
 
 def test_a_collection_is_no_dataset(made):
-    with pytest.raises(LogError, match=r"holds 9 datasets; use open_collection, or name one, such as .*loop-0000"):
+    with pytest.raises(LogError, match=r"holds 9 datasets; name one, such as .*loop-0000, or .* open_collection"):
         open_dataset(made)
 
 
