@@ -82,7 +82,7 @@ def test_each_row_has_its_largest_overlap_in_its_world(tmp_path):
     ("second", "expected"),
     [
         (SQUARE[::-1], 1.0),
-        (SQUARE + np.array([0.0, 0.25]), 1.0),
+        (SQUARE + np.array([0.25, 0.25]), 1.0),  # points lie between those of the other
         (SQUARE + np.array([3.0, 3.0]), 0.0),
         (line((0, 0), (10, 0)), 0.25),
         (line((0, 0), (10, 0), (10, -20), (10, 10), (0, 10)), 0.75),
