@@ -146,7 +146,7 @@ def _command_for_card(jobs: list[_Job], out: Path) -> str | None:
 def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions) -> None:
     """Print what the missing datasets will take."""
     there = f"; {len(jobs) - len(missing)} exist already" if len(missing) < len(jobs) else ""
-    results.print(f"{options.out}: {len(missing)} datasets to make{there}")
+    results.print(f"{options.out}: {len(missing)} dataset{'' if len(missing) == 1 else 's'} to make{there}")
     if not missing:
         return
     with TemporaryDirectory(prefix="testbed-plan-") as directory:

@@ -49,9 +49,8 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
         if save is not None:
             with atomic_write(save) as temporary:
                 shutil.copyfile(shown, temporary)
-            viewer = f"rerun-sdk=={version('rerun-sdk')}"
-            then = _then_move(time)
-            console.print(f"{save}: with `pip install {viewer}`, `rerun {save}` opens it{then}", soft_wrap=True)
+            package, then = f"rerun-sdk=={version('rerun-sdk')}", _then_move(time)
+            console.print(f"{save}: with `pip install {package}`, `rerun {save}` opens it{then}", soft_wrap=True)
             return
         viewer = open_run(shown, serve=serve, moment=time)
         if viewer.address is not None:

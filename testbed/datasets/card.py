@@ -37,9 +37,14 @@ FIRST, LAST = (68, 1, 84), (245, 170, 20)
 """Colours of the path at the beginning and at the end of a drive."""
 START, END = (0, 150, 60), (210, 30, 30)
 """Colours of the start and the end of a drive."""
+SPLIT_COLOURS = {"train": (60, 60, 60), "validation": (0, 90, 200), "test": (200, 30, 30)}
+"""Colours of the titles, by split."""
 MAX_PIECES = 400
 """Pieces of one colour that a path is drawn in."""
-LEGEND = "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end)"
+LEGEND = (
+    "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end); "
+    "blue title: validation; red title: test"
+)
 LINE_LENGTH = 120
 """Characters in a line of a card's paragraphs."""
 SOFTWARE = "The slam-testbed authors, slam-testbed: a simulation-integrated SLAM testbed"
@@ -121,11 +126,11 @@ def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None
     from PIL import Image, ImageDraw
 
     chosen = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_TILES)).astype(int))]
-    tiles = [_tile(directory / row["dataset"], _tile_title(row)) for row in chosen]
+    tiles = [_tile(directory / row["dataset"], _tile_title(row), SPLIT_COLOURS[row["split"]]) for row in chosen]
     lines = [tiles[k : k + COLUMNS_OF_TILES] for k in range(0, len(tiles), COLUMNS_OF_TILES)]
     heights = [max(tile.size[1] for tile in line) + GAP for line in lines]
     width = GAP + max(map(len, lines)) * (TILE + GAP)
-    legend = [piece.strip() for piece in LEGEND.split(";")] if len(chosen) == 1 else [LEGEND]
+    legend = [piece.strip() for piece in LEGEND.split(";")] if len(chosen) <= 2 else [LEGEND]
     sheet = Image.new("RGB", (max(width, 2 * (TILE + GAP)), 2 * GAP + sum(heights) + LINE * len(legend)), "white")
     for number, text in enumerate(legend):
         ImageDraw.Draw(sheet).text((GAP, GAP + sum(heights) + LINE * number), text, fill=(60, 60, 60))
@@ -141,7 +146,7 @@ def _tile_title(row: dict[str, Any]) -> str:
     return f"{row['dataset']}\n{row['split']}, {row['lidar']}, {row['seconds']:.0f} s{length}"
 
 
-def _tile(dataset: Path, title: str) -> Any:
+def _tile(dataset: Path, title: str, title_colour: tuple[int, int, int]) -> Any:
     """The drive of one dataset on its map, with a title below."""
     from PIL import Image, ImageDraw
 
@@ -161,7 +166,7 @@ def _tile(dataset: Path, title: str) -> Any:
     draw.ellipse((x_end - 3, y_end - 3, x_end + 3, y_end + 3), fill=END)
     tile = Image.new("RGB", (TILE, size[1] + TITLE), "white")
     tile.paste(image, ((TILE - size[0]) // 2, 0))
-    ImageDraw.Draw(tile).text((0, size[1] + 1), title, fill=(60, 60, 60))
+    ImageDraw.Draw(tile).text((0, size[1] + 1), title, fill=title_colour)
     return tile
 
 
