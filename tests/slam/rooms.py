@@ -29,11 +29,12 @@ MOUNT = (0.1237, 0.0271, 0.05)
 """Where the lidar sits on the robot: off the corners of cells, where it is a matter of taste what a beam crosses."""
 
 
-def scan_at(pose, *, beams=60, mount=MOUNT, stamp=0.0, noise=0.0, rng=None, walls=WALLS):
+def scan_at(pose, *, beams=60, mount=MOUNT, stamp=0.0, noise=0.0, rng=None, walls=None):
     """Scan of the room by a robot at `pose` (3,), all around; `noise` [m] is the standard deviation of the ranges."""
     angles = np.linspace(-np.pi, np.pi, beams, endpoint=False) + 0.013
     lidar = se2.compose(pose, mount)
     direction = np.stack([np.cos(lidar[2] + angles), np.sin(lidar[2] + angles)], axis=-1)[:, None]
+    walls = WALLS if walls is None else walls
     along, away = walls[:, 2:] - walls[:, :2], walls[:, :2] - lidar[:2]
     cross = direction[..., 0] * along[:, 1] - direction[..., 1] * along[:, 0]
     distance = (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / cross
