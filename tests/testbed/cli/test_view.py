@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -56,6 +57,7 @@ def test_a_web_page_and_a_file_say_where_to_move_the_cursor(
     page, file = capsys.readouterr().err.splitlines()
     assert page == "view: http://127.0.0.1:9090; there, move the time cursor to 12.5 s"
     assert file.endswith("opens it; there, move the time cursor to 12.5 s")
+    assert f"rerun-sdk=={version('rerun-sdk')}" in file
 
 
 def test_a_drive_is_titled_by_what_was_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -277,6 +277,11 @@ def test_the_card_says_what_there_is_and_whose_it_is(made):
         assert len(sheet.getcolors(1 << 24)) > 10
 
 
+def test_worlds_without_a_comma_are_refused_with_advice(tmp_path, capsys):
+    assert_refused(capsys, "unexpected lab; several worlds", "simulate", "office", "lab", "--out", tmp_path / "data")
+    assert not (tmp_path / "data").exists()
+
+
 def test_a_dataset_of_other_settings_is_not_kept_silently(made, tmp_path, capsys):
     out = tmp_path / "data"
     shutil.copytree(made, out)
