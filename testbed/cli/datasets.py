@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,10 @@ from testbed.cli.shared.console import results
 from testbed.cli.shared.help_texts import HELP
 
 app = App(name="datasets", help=HELP["datasets"])
+
+LICENCE = "CC-BY-4.0"
+MAX_NAMES = 12
+"""Names in a line of `info`."""
 
 
 @app.command
@@ -28,28 +33,30 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
         Print JSON, for other programs.
     """
     from testbed.datasets import Collection, open_collection
-    from testbed.datasets.index import SPLITS, natural_order
+    from testbed.datasets.index import SPLITS, chosen_splits
 
     collection = open_collection(directory)
     totals = collection.totals()
     if as_json:
-        results.print(json.dumps(totals), highlight=False)
+        more = {"splits_chosen": bool(chosen_splits(directory)), "licence": LICENCE}
+        results.print(json.dumps(totals | more), highlight=False)
         return
     table = Table(box=None, pad_edge=False)
-    for name in ("split", "datasets", "worlds", "hours", "km", "scans", "MB"):
-        table.add_column(name, justify="left" if name == "split" else "right")
+    for name in ("split", "datasets", "worlds", "hours", "km", "scans", "MB", "names of the worlds"):
+        table.add_column(name, justify="left" if name in ("split", "names of the worlds") else "right")
     for split in (*SPLITS, "all"):
         rows = [row for row in collection.rows if split in ("all", row["split"])]
         part = Collection(directory, rows).totals()
         numbers = (part["datasets"], part["worlds"], f"{part['seconds'] / 3600:.2f}", f"{part['metres'] / 1000:.2f}")
-        table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}")))
+        named = "" if split == "all" else _first_of({row["world"] for row in rows})
+        table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}", named)))
     results.print(table)
     if advice := collection.split_advice():
         results.print(advice)
-    for name in ("world", "robot", "format"):
-        values = sorted({str(row[name]) for row in collection.rows}, key=natural_order)
-        more = f" and {len(values) - 12} others" if values[12:] else ""
-        results.print(f"{name}{'' if len(values) == 1 else 's'}: {', '.join(values[:12])}{more}")
+    decided = "were chosen by hand" if chosen_splits(directory) else "come from a hash of the worlds' names"
+    results.print(f"the splits {decided}")
+    for name, values in (("robot", totals["robots"]), ("format", totals["formats"])):
+        results.print(f"{name}{'' if len(values) == 1 else 's'}: {_first_of(values)}")
     lidars = Table(box=None, pad_edge=False)
     for name in ("lidar", *SPLITS):
         lidars.add_column(name, justify="left" if name == "lidar" else "right")
@@ -61,7 +68,15 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     for trouble in ("collided", "stuck"):
         if count := sum(bool(row[trouble]) for row in collection.rows):
             results.print(f"{trouble}: {count}")
-    results.print(f"licence: CC-BY-4.0{' (see README.md)' if (directory / 'README.md').is_file() else ''}")
+    results.print(f"licence: {LICENCE}{' (see README.md)' if (directory / 'README.md').is_file() else ''}")
+
+
+def _first_of(names: Iterable[str]) -> str:
+    """The names in natural order, at most `MAX_NAMES` of them."""
+    from testbed.datasets.index import natural_order
+
+    ordered = sorted(names, key=natural_order)
+    return ", ".join(ordered[:MAX_NAMES]) + (f" and {len(ordered) - MAX_NAMES} others" if ordered[MAX_NAMES:] else "")
 
 
 @app.command
@@ -72,6 +87,8 @@ def index(
     validation: str = "",
     by_hash: Annotated[bool, Parameter(negative=())] = False,
     title: str | None = None,
+    author: str | None = None,
+    url: str | None = None,
 ) -> None:
     """Write index, card and contact sheet of a collection again, for instance after its last shard.
 
@@ -88,7 +105,12 @@ def index(
         Undo an earlier choice by `--test` or `--validation`: a hash of the worlds' names decides again.
     title
         Title of the card (README.md); default: that of the card that is there, at first the name of the directory.
+    author
+        Who publishes the data, for the sentence to cite in the card; default: as in the card that is there.
+    url
+        Address at which the data are published, for the same sentence; default: as in the card that is there.
     """
+    from testbed.datasets.card import Publication
     from testbed.datasets.description import describe
 
     named = {"test": test, "validation": validation}
@@ -97,4 +119,5 @@ def index(
         raise ValueError(f"{', '.join(sorted(twice))}: named twice, expected each world in one split")
     if by_hash and choices:
         raise ValueError("--by-hash: undoes a choice, expected no --test and no --validation with it")
-    results.print(describe(directory, title=title, chosen={} if by_hash else dict(choices) or None))
+    chosen = {} if by_hash else dict(choices) or None
+    results.print(describe(directory, publication=Publication(title, author, url), chosen=chosen))

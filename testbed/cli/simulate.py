@@ -27,8 +27,9 @@ from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
 from testbed.cli.shared.variants import variants
+from testbed.datasets.card import CARD, Publication
 from testbed.datasets.description import describe
-from testbed.datasets.index import datasets_in, settings_of
+from testbed.datasets.index import datasets_in, indexed_datasets, settings_of
 from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
 from testbed.settings.comparison import changed_settings
@@ -75,6 +76,10 @@ class DatasetOptions:
     """Make nothing; print what the job will take in time and on disk, measured by some of its drives."""
     title: str | None = None
     """Title of the card (README.md); default: that of the card that is there, at first the name of --out."""
+    author: str | None = None
+    """Who publishes the data, for the sentence to cite in the card; default: as in the card that is there."""
+    url: str | None = None
+    """Address at which the data are published, for the same sentence; default: as in the card that is there."""
     variant: Annotated[str, Parameter(show=False)] = ""
     """Part of the datasets' names; --vary sets it."""
     config: Path | None = None
@@ -122,8 +127,8 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
         summary = ""
         if len(datasets_in(datasets.out)) > 1:
             progress.stage("writing index, card and contact sheet")
-            command = "testbed " + shlex.join(sys.argv[1:])
-            summary = describe(datasets.out, command=command, title=datasets.title)
+            publication = Publication(datasets.title, datasets.author, datasets.url)
+            summary = describe(datasets.out, command=_command_for_card(jobs, datasets.out), publication=publication)
     results.print(f"{datasets.out}: {_written(len(missing), len(jobs) - len(missing))}")
     for trouble in ("collided", "stuck"):
         if names := sorted(job.path.name for job, drive in drives.items() if drive[trouble]):
@@ -132,10 +137,16 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
         results.print(summary)
 
 
+def _command_for_card(jobs: list[_Job], out: Path) -> str | None:
+    """Return this command, for the card; None where the card knows all of its datasets already."""
+    known = indexed_datasets(out) if (out / CARD).is_file() else set()
+    return None if {job.path.name for job in jobs} <= known else "testbed " + shlex.join(sys.argv[1:])
+
+
 def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions) -> None:
     """Print what the missing datasets will take."""
     there = f"; {len(jobs) - len(missing)} exist already" if len(missing) < len(jobs) else ""
-    results.print(f"{options.out}: {len(missing)} datasets to make{there}")
+    results.print(f"{options.out}: {len(missing)} dataset{'' if len(missing) == 1 else 's'} to make{there}")
     if not missing:
         return
     with TemporaryDirectory(prefix="testbed-plan-") as directory:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
+from importlib.metadata import version
 from pathlib import Path
 
 from eval.files.atomic_write import atomic_write
@@ -13,6 +14,7 @@ from eval.files.failure_json import read_failure
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
 from testbed.cli.shared.console import console
+from testbed.datasets import open_dataset
 from testbed.formats import open_log
 from testbed.views import Scene, open_run, record_frames, record_side_by_side, recording_of
 
@@ -47,7 +49,8 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
         if save is not None:
             with atomic_write(save) as temporary:
                 shutil.copyfile(shown, temporary)
-            console.print(f"{save}: `rerun {save}` opens it{_then_move(time)}", soft_wrap=True)
+            package, then = f"rerun-sdk=={version('rerun-sdk')}", _then_move(time)
+            console.print(f"{save}: with `pip install {package}`, `rerun {save}` opens it{then}", soft_wrap=True)
             return
         viewer = open_run(shown, serve=serve, moment=time)
         if viewer.address is not None:
@@ -96,9 +99,17 @@ def _runs_of(path: Path) -> list[Path]:
     return runs
 
 
+def _title_of_drive(path: Path) -> str:
+    """Name of a dataset, with its world, lidar and seed; of another log, its own name."""
+    settings = open_dataset(path).settings
+    named = [str(settings[key]) for key in ("world", "lidar") if settings.get(key)]
+    named += [f"seed {settings['seed']}"] if "seed" in settings else []
+    return path.resolve().name + (f": {', '.join(named)}" if named else "")
+
+
 def _recorded(path: Path, recording: Path) -> Path:
     """Write a dataset or log as a recording."""
-    true_map = path / "truth_map.yaml"
-    scene = Scene(title=path.name, true_map=read_map(true_map) if true_map.is_file() else None)
-    record_frames(recording, open_log(path).frames, scene)
+    log, true_map = open_log(path), path / "truth_map.yaml"
+    scene = Scene(title=_title_of_drive(path), true_map=read_map(true_map) if true_map.is_file() else None)
+    record_frames(recording, log.frames, scene)
     return recording

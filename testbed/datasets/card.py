@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import json
+import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from textwrap import fill
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,9 @@ from numpy.typing import NDArray
 from eval.files.atomic_write import atomic_write
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
-from testbed.datasets.index import COLUMNS, INDEX, SPLITS
-from testbed.datasets.overlap import NEAR
+from testbed.datasets.commands import shortest_commands
+from testbed.datasets.index import COLUMNS, INDEX, SPLITS, chosen_splits
+from testbed.datasets.overlap import DEFINITION
 from testbed.formats.parquet import COLUMNS as FRAME_COLUMNS
 from testbed.presets import PresetError, load_lidar, load_robot
 
@@ -35,13 +37,25 @@ FIRST, LAST = (68, 1, 84), (245, 170, 20)
 """Colours of the path at the beginning and at the end of a drive."""
 START, END = (0, 150, 60), (210, 30, 30)
 """Colours of the start and the end of a drive."""
+SPLIT_COLOURS = {"train": (60, 60, 60), "validation": (0, 90, 200), "test": (200, 30, 30)}
+"""Colours of the titles, by split."""
 MAX_PIECES = 400
 """Pieces of one colour that a path is drawn in."""
-LEGEND = "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end)"
+LEGEND = (
+    "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end); "
+    "blue title: validation; red title: test"
+)
 LINE_LENGTH = 120
 """Characters in a line of a card's paragraphs."""
-PAPER = "https://doi.org/10.1109/TRO.2006.889486"
-"""The paper whose filter the testbed implements."""
+SOFTWARE = "The slam-testbed authors, slam-testbed: a simulation-integrated SLAM testbed"
+"""Authors and title of this package, as CITATION.cff states them."""
+PAPER = """Giorgio Grisetti, Cyrill Stachniss, Wolfram Burgard: Improved Techniques for Grid Mapping With
+Rao-Blackwellized Particle Filters. IEEE Transactions on Robotics 23(1), 34-46, 2007,
+https://doi.org/10.1109/TRO.2006.889486"""
+"""The paper whose filter the testbed implements, as CITATION.cff states it."""
+AUTHOR, ADDRESS = "- Author: ", "- Address: "
+"""Beginnings of the lines that name who published the data, and where."""
+NOT_GIVEN = "not given"
 MADE_BY = "## Made by\n```\n"
 """Begin of the part of a card that holds the commands."""
 TOPICS = {
@@ -60,30 +74,51 @@ TOPICS = {
 """Topics of a bag and what they hold."""
 
 
+class Publication(NamedTuple):
+    """What the card says of the collection as a publication; None = as the card says already."""
+
+    title: str | None = None
+    """At first the name of the directory."""
+    author: str | None = None
+    """Who publishes the data, for the sentence to cite."""
+    url: str | None = None
+    """Where the data are published."""
+
+
+NO_CHANGE = Publication()
+
+
 def write_card(
-    directory: Path, rows: Sequence[dict[str, Any]], command: str | None = None, title: str | None = None
+    directory: Path, rows: Sequence[dict[str, Any]], command: str | None = None, publication: Publication = NO_CHANGE
 ) -> bool:
     """Write the card of a collection; False, and no change, where its README.md was written by somebody else.
 
     rows: of the index
-    command: a command that made some of the datasets; the card names it after those that it names already
-    title: of the card; None = as it is, at first the name of the directory
+    command: a command that made some of the datasets; the card names it after those that it names already, and then
+        leaves out those that make nothing further
     """
     path = directory / CARD
     old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
     if old and MARK not in old:
         return False
     commands = [*old.partition(MADE_BY)[2].partition("\n```")[0].splitlines(), *([command] if command else [])]
-    title = title or _title_of(old) or directory.resolve().name
-    text = _card(title, directory.resolve().name, rows, list(dict.fromkeys(commands)))
+    name, chosen = directory.resolve().name, chosen_splits(directory)
+    commands = shortest_commands(commands, name, chosen)
+    publication = Publication(
+        publication.title or _rest_of_line(old, "# ") or name,
+        publication.author or _rest_of_line(old, AUTHOR),
+        publication.url or _rest_of_line(old, ADDRESS),
+    )
+    text = _card(publication, name, rows, commands, bool(chosen))
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return True
 
 
-def _title_of(card: str) -> str | None:
-    """The title of a card, which its owner may have edited; None where it has none."""
-    return next((line.removeprefix("# ").strip() for line in card.splitlines() if line.startswith("# ")), None)
+def _rest_of_line(card: str, begin: str) -> str | None:
+    """The rest of the first line that begins so, which the owner may have edited; None where nothing is given."""
+    found = next((line.removeprefix(begin).strip() for line in card.splitlines() if line.startswith(begin)), "")
+    return None if not found or found.startswith(NOT_GIVEN) else found
 
 
 def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -91,11 +126,11 @@ def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None
     from PIL import Image, ImageDraw
 
     chosen = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_TILES)).astype(int))]
-    tiles = [_tile(directory / row["dataset"], _tile_title(row)) for row in chosen]
+    tiles = [_tile(directory / row["dataset"], _tile_title(row), SPLIT_COLOURS[row["split"]]) for row in chosen]
     lines = [tiles[k : k + COLUMNS_OF_TILES] for k in range(0, len(tiles), COLUMNS_OF_TILES)]
     heights = [max(tile.size[1] for tile in line) + GAP for line in lines]
     width = GAP + max(map(len, lines)) * (TILE + GAP)
-    legend = [piece.strip() for piece in LEGEND.split(";")] if len(chosen) == 1 else [LEGEND]
+    legend = [piece.strip() for piece in LEGEND.split(";")] if len(chosen) <= 2 else [LEGEND]
     sheet = Image.new("RGB", (max(width, 2 * (TILE + GAP)), 2 * GAP + sum(heights) + LINE * len(legend)), "white")
     for number, text in enumerate(legend):
         ImageDraw.Draw(sheet).text((GAP, GAP + sum(heights) + LINE * number), text, fill=(60, 60, 60))
@@ -111,7 +146,7 @@ def _tile_title(row: dict[str, Any]) -> str:
     return f"{row['dataset']}\n{row['split']}, {row['lidar']}, {row['seconds']:.0f} s{length}"
 
 
-def _tile(dataset: Path, title: str) -> Any:
+def _tile(dataset: Path, title: str, title_colour: tuple[int, int, int]) -> Any:
     """The drive of one dataset on its map, with a title below."""
     from PIL import Image, ImageDraw
 
@@ -131,7 +166,7 @@ def _tile(dataset: Path, title: str) -> Any:
     draw.ellipse((x_end - 3, y_end - 3, x_end + 3, y_end + 3), fill=END)
     tile = Image.new("RGB", (TILE, size[1] + TITLE), "white")
     tile.paste(image, ((TILE - size[0]) // 2, 0))
-    ImageDraw.Draw(tile).text((0, size[1] + 1), title, fill=(60, 60, 60))
+    ImageDraw.Draw(tile).text((0, size[1] + 1), title, fill=title_colour)
     return tile
 
 
@@ -144,7 +179,10 @@ def _coloured(pixels: NDArray[np.float64]) -> Iterator[tuple[list[tuple[float, f
         yield [(x, y) for x, y in pixels[begin : end + 1].tolist()], (red, green, blue)
 
 
-def _card(title: str, directory: str, rows: Sequence[dict[str, Any]], commands: Sequence[str]) -> str:
+def _card(
+    publication: Publication, directory: str, rows: Sequence[dict[str, Any]], commands: Sequence[str], chosen: bool
+) -> str:
+    title = publication.title or directory
     seconds, metres = sum(row["seconds"] for row in rows), sum(row["metres"] or 0.0 for row in rows)
     size, worlds = sum(row["bytes"] for row in rows), sorted({row["world"] for row in rows})
     formats = ", ".join(f"`{kind}`" for kind in sorted({row["format"] for row in rows}))
@@ -153,9 +191,13 @@ def _card(title: str, directory: str, rows: Sequence[dict[str, Any]], commands: 
         f"{_hours(seconds)} and {metres / 1000:.2f} km in {len(worlds)} world{'' if len(worlds) == 1 else 's'}, "
         f"{_size(size)} as {formats}. {_routes(rows)}"
     )
-    split_note = "No world is in two splits, so that a method is tested in buildings that it has not seen."
+    split_note = "No world is in two splits, so that a method is tested in buildings that it has not seen. " + (
+        "Which world is in which split was chosen by hand, by the last command of this card."
+        if chosen
+        else "A hash of the worlds' names decided which world is in which split."
+    )
     licence, map_note = _licence(rows)
-    licence_note = f"CC-BY-4.0: use and publish the data for any purpose, with a reference to its source. {map_note}"
+    licence_note = f"CC-BY-4.0: use and publish the data for any purpose, if you cite it. {map_note}"
     return f"""---
 pretty_name: {json.dumps(title, ensure_ascii=False)}
 {licence}
@@ -171,7 +213,7 @@ configs:
 
 ![The drives on the maps of their worlds]({SHEET})
 
-## Splits
+{_common_ways(rows)}## Splits
 {fill(split_note, LINE_LENGTH)}
 
 | split | datasets | time | metres | worlds |
@@ -186,9 +228,9 @@ configs:
 {_lines(_sensors(rows))}
 
 {_draws(rows)}## Files
-`{INDEX}` has a row a dataset. Each dataset is a directory with the recording, `truth.tum` (the true pose at each scan),
-`truth_map.yaml` and `.pgm` (the true map), `world.toml`, and `config.toml` with all settings and the SHA-256 of the
-other files.
+`{INDEX}` has a row a dataset. Each dataset is a directory with the recording, `truth.tum` (the true pose of the
+robot at each scan), `truth_map.yaml` and `.pgm` (the true map), `world.toml`, and `config.toml` with all settings and
+the SHA-256 of the other files.
 
 | column of `{INDEX}` | meaning |
 |---|---|
@@ -198,43 +240,69 @@ other files.
 Angles in radians, counter-clockwise; distances in metres; times in seconds.
 
 ## Load
-{_without_testbed(rows)}With the Python package slam-testbed {version("slam-testbed")} (MIT licence), for all formats:
+Run these in this directory.
+
+{_without_testbed(rows)}With the Python package slam-testbed {version("slam-testbed")} (MIT licence), for all
+formats. It is installed from its source directory, by `pip install .` or, with an environment of its own, `make run`:
 
 ```python
 from testbed.datasets import open_collection
 
-for dataset in open_collection("{directory}").split("train"):
+for dataset in open_collection(".").split("train"):
     dataset.scans, dataset.odometry, dataset.truth  # (n, beams) [m], (n, 3) and (n, 3) [m, m, rad]
 ```
+Odometry and truth are poses of the robot, not of the lidar: `dataset.mount` is the pose of the lidar on the robot.
 
 ## Licence and citation
 {fill(licence_note, LINE_LENGTH)}
 
-> {title}: simulated 2D lidar drives, made with slam-testbed {version("slam-testbed")}, CC-BY-4.0.
+{_citation(publication, directory)}
 
-slam-testbed is a testbed for the particle filter of Grisetti, Stachniss and Burgard, Improved Techniques for Grid
-Mapping With Rao-Blackwellized Particle Filters, IEEE Transactions on Robotics 23 (2007), {PAPER}.
+slam-testbed is a testbed for the particle filter of
+
+> {PAPER.replace(chr(10), chr(10) + "> ")}
 
 {_made_by(commands)}"""
 
 
+def _citation(publication: Publication, directory: str) -> str:
+    """Author and address of the data, and the sentence to cite."""
+    title, author, url = publication
+    advice = f"{NOT_GIVEN}; `testbed datasets index {directory} --author NAME --url ADDRESS` adds it"
+    made = f"made with slam-testbed {version('slam-testbed')} ({SOFTWARE})"
+    by = f"{author} ({time.localtime().tm_year}). " if author else ""
+    sentence = f"{by}{title}: simulated 2D lidar drives, {made}. CC-BY-4.0.{f' {url}' if url else ''}"
+    return f"{AUTHOR}{author or advice}\n{ADDRESS}{url or advice}\n\n> {sentence}"
+
+
 def _routes(rows: Sequence[dict[str, Any]]) -> str:
-    """How the drives of one world differ, and how much they have in common."""
+    """How the drives of one world differ."""
     sentences = {
         "stops": "Each drive begins elsewhere and visits other stops on the floor, drawn from its seed.",
         "random": "Each drive begins elsewhere on the tour of its world and takes it in its own order and direction.",
         "fixed": "**Drives of one world with a fixed route follow the same path**; they differ in their noise.",
     }
     routes = {row["route"] for row in rows}
-    text = " ".join(sentence for route, sentence in sentences.items() if route in routes)
+    return " ".join(sentence for route, sentence in sentences.items() if route in routes)
+
+
+def _common_ways(rows: Sequence[dict[str, Any]]) -> str:
+    """How much the drives of one world have in common; empty where no world has two."""
     overlaps = [row["overlap"] for row in rows if row["overlap"] is not None]
+    places = [row["same_places"] for row in rows if row["same_places"] is not None]
     if not overlaps:
-        return text
-    return (
-        f"{text} Two drives of one world have at most {100.0 * max(overlaps):.0f} % of their way in common, that is "
-        f"the same places (to {NEAR:g} m) in the same direction and order; half of the drives have at most "
-        f"{100.0 * np.median(overlaps):.0f} % in common with any other one (column `overlap`)."
+        return ""
+    found = (
+        f"The two most similar drives of one world share {_percent(max(overlaps))} of their way; the median drive "
+        f"shares {_percent(np.median(overlaps))} with its nearest (column `overlap`). Counted in any direction and "
+        f"order, the most similar drive has {_percent(max(places))} of its way in common with another one, the median "
+        f"drive {_percent(np.median(places))} (column `same_places`)."
     )
+    return f"## What drives have in common\n{fill(found, LINE_LENGTH)}\n\n{fill(DEFINITION, LINE_LENGTH)}\n\n"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
 
 
 def _licence(rows: Sequence[dict[str, Any]]) -> tuple[str, str]:

@@ -99,10 +99,11 @@ class Collection(Sequence[Dataset]):
         return frame
 
     def totals(self) -> dict[str, Any]:
-        """How much there is: datasets, worlds, seconds, metres, scans, bytes, and the datasets of each split.
+        """How much there is: datasets, worlds, seconds, metres, scans, bytes, robots, formats, datasets of each split.
 
-        `lidars` has the datasets of each lidar by split; `largest_overlap` is the largest share of its way that a drive
-        has in common with another one of its world, None where no world has two.
+        `split_worlds` has the names of the worlds of each split, `lidars` the datasets of each lidar by split;
+        `largest_overlap` is the largest share of its way that a drive has in common with another one of its world, None
+        where no world has two.
         """
         rows = self.rows
         overlaps = [row["overlap"] for row in rows if row.get("overlap") is not None]
@@ -114,6 +115,11 @@ class Collection(Sequence[Dataset]):
             "scans": sum(row["scans"] or 0 for row in rows),
             "bytes": sum(row["bytes"] for row in rows),
             "splits": _by_split(rows),
+            "split_worlds": {
+                name: sorted({row["world"] for row in rows if row["split"] == name}, key=natural_order)
+                for name in SPLITS
+            },
+            **{f"{name}s": sorted({str(row.get(name, "")) for row in rows}) for name in ("robot", "format")},
             "lidars": {
                 lidar: _by_split([row for row in rows if row["lidar"] == lidar])
                 for lidar in sorted({row["lidar"] for row in rows})
@@ -124,7 +130,8 @@ class Collection(Sequence[Dataset]):
     def __repr__(self) -> str:
         parts = self.totals()
         splits = ", ".join(f"{count} {name}" for name, count in parts["splits"].items())
-        return f"<Collection {self.path.name!r}: {parts['datasets']} datasets of {parts['worlds']} worlds ({splits})>"
+        many = [f"{parts[name]} {name if parts[name] != 1 else name[:-1]}" for name in ("datasets", "worlds")]
+        return f"<Collection {self.path.resolve().name!r}: {' of '.join(many)} ({splits})>"
 
 
 def _by_split(rows: Sequence[Mapping[str, Any]]) -> dict[str, int]:
@@ -142,7 +149,7 @@ def open_collection(path: str | Path) -> Collection:
         raise LogError(f"{path}: no such directory")
     there = {found.name for found in datasets_in(path)}
     if not there and (path / CONFIG).is_file():
-        raise LogError(f"{path}: is one dataset, expected a directory of datasets; use open_dataset for this one")
+        raise LogError(f"{path}: is one dataset, expected a directory of several; in Python, use open_dataset for it")
     rows = index_rows(path) if len(there) == 1 and not (path / INDEX).exists() else read_index(path)
     if missing := [row["dataset"] for row in rows if row["dataset"] not in there]:
         raise LogError(f"{path}: the index names {missing[0]}, which is not there; run testbed datasets index {path}")

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from testbed.datasets.card import write_card, write_contact_sheet
+from testbed.datasets.card import NO_CHANGE, Publication, write_card, write_contact_sheet
 from testbed.datasets.collection import Collection
 from testbed.datasets.index import chosen_splits, write_index
 
@@ -15,27 +15,27 @@ def describe(
     directory: Path,
     *,
     command: str | None = None,
-    title: str | None = None,
+    publication: Publication = NO_CHANGE,
     chosen: Mapping[str, str] | None = None,
 ) -> str:
     """Write index, card and contact sheet of a collection; return what it holds, a line or two.
 
     command: the command that has made datasets of it, for the card
-    title: of the card; None = that of the last card, at first the name of the directory
+    publication: title, author and address for the card
     chosen: split of worlds by name, empty = by the hash of the names, None = as the last index, see `write_index`
     Raises ValueError where there are no datasets.
     """
     rows = write_index(directory, chosen)
     if not rows:
         raise ValueError(f"{directory}: no datasets in it, expected directories that testbed simulate wrote")
-    card = write_card(directory, rows, command, title)
+    card = write_card(directory, rows, command, publication)
     write_contact_sheet(directory, rows)
     collection = Collection(directory, rows)
     totals = collection.totals()
     splits = ", ".join(f"{count} {split}" for split, count in totals["splits"].items())
     worlds = f"{totals['worlds']} world{'' if totals['worlds'] == 1 else 's'}"
     lines = [
-        f"{directory}: {totals['datasets']} datasets of {worlds} ({splits}), "
+        f"{directory}: {totals['datasets']} dataset{'' if totals['datasets'] == 1 else 's'} of {worlds} ({splits}), "
         f"{totals['seconds'] / 3600:.2f} h, {totals['metres'] / 1000:.2f} km, {totals['bytes'] / 1e6:.0f} MB; see "
         + ("README.md and contact_sheet.png" if card else "contact_sheet.png; README.md is yours and was kept")
     ]

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from eval.files.atomic_write import atomic_write
-from testbed.datasets.overlap import largest_overlaps
+from testbed.datasets.overlap import NEAR, Overlap, largest_overlaps
 from testbed.formats import LogError
 from testbed.formats.checksums import CONFIG, MAX_CONFIG
 
@@ -27,9 +27,9 @@ CHOSEN = b"testbed_splits"
 
 COLUMNS = {
     "dataset": "name of the directory",
-    "split": "train, validation or test; all datasets of one world are in one split",
+    "split": "train, validation or test; which all datasets of one world have in common",
     "world": "name of the world",
-    "seed": "seed of the drive; with random routes each seed drives another way",
+    "seed": "seed of the drive; unless the route is fixed, each seed drives another way",
     "variant": "name of the sensor variant, empty without --vary",
     "format": "format of the recording",
     "robot": "preset of the robot",
@@ -37,7 +37,8 @@ COLUMNS = {
     "route": "fixed: the world's tour; random: all of the tour, in another order; stops: to random stops on all floor",
     "seconds": "simulated time [s]",
     "metres": "length of the true path [m]",
-    "overlap": "largest share of its way that another drive of this world has too: same places, direction and order",
+    "overlap": "largest share of its way that another drive of this world has too, in the same direction and order",
+    "same_places": f"the same within {NEAR:g} m, in any direction and order: at least as large as `overlap`",
     "scans": "number of scans, of all lidars",
     "bytes": "size of all files [bytes]",
     "finished": "the robot finished its route",
@@ -78,8 +79,8 @@ def write_index(directory: Path, chosen: Mapping[str, str] | None = None) -> lis
         import pyarrow.parquet as pq
 
         table = pa.Table.from_pylist(rows)
-        overlap = table.column_names.index("overlap")
-        table = table.set_column(overlap, "overlap", table["overlap"].cast(pa.float64()))  # where all are unknown
+        for name in Overlap._fields:  # also where all are unknown
+            table = table.set_column(table.column_names.index(name), name, table[name].cast(pa.float64()))
         if chosen:
             table = table.replace_schema_metadata({CHOSEN: json.dumps(dict(sorted(chosen.items())))})
         with atomic_write(directory / INDEX) as temporary:
@@ -92,7 +93,7 @@ def index_rows(directory: Path, chosen: Mapping[str, str] | None = None) -> list
     rows = [_row(path) for path in datasets_in(directory)]
     split = splits((row["world"] for row in rows), chosen)
     for row, overlap in zip(rows, largest_overlaps(directory, rows), strict=True):
-        row |= {"split": split[row["world"]], "overlap": overlap}
+        row |= {"split": split[row["world"]], **overlap._asdict()}
     return [{name: row[name] for name in COLUMNS} for row in rows]
 
 
@@ -106,6 +107,14 @@ def chosen_splits(directory: Path) -> dict[str, str]:
         return dict(json.loads(metadata.get(CHOSEN, b"{}")))
     except (pa.ArrowException, OSError, ValueError):  # the index is made anew
         return {}
+
+
+def indexed_datasets(directory: Path) -> set[str]:
+    """Names of the datasets in the index of a directory; empty where there is no index that can be read."""
+    try:
+        return {row["dataset"] for row in read_index(directory)}
+    except LogError:
+        return set()
 
 
 def read_index(directory: Path) -> list[dict[str, Any]]:
@@ -170,7 +179,7 @@ def _config(path: Path) -> tuple[dict[str, Any], bytes]:
 
 
 def _row(path: Path) -> dict[str, Any]:
-    """A row of the index, without split and overlap."""
+    """A row of the index, without split and overlaps."""
     file = path / CONFIG
     config, content = _config(path)
     try:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.occupancy import OccupancyGrid
+from testbed.datasets.index import datasets_in
 from testbed.formats import Log, LogError, open_log
 from testbed.formats.checksums import CONFIG
 from testbed.frame import Frame
@@ -199,7 +200,8 @@ class Dataset:
     def __repr__(self) -> str:
         if "log" not in self.__dict__:
             drive, named = self.config.get("drive", {}), [self.settings.get(key) for key in ("world", "robot", "lidar")]
-            known = [str(value) for value in named if value] + [f"{drive['seconds']} s"] * ("seconds" in drive)
+            known = [str(value) for value in named if value]
+            known += [f"{drive['seconds']} s"] if "seconds" in drive else []
             return f"<Dataset {self.name!r}: {', '.join([*known, 'not read yet'])}>"
         lidar = f"{len(self)} scans of {self.scans.shape[1]} beams ({self.lidar})" if self.lidars else "no scans"
         span = float(np.ptp(self.table.stamps)) if len(self.table) else 0.0
@@ -229,9 +231,12 @@ def open_dataset(path: str | Path, *, lidar: str | None = None) -> Dataset:
     """Open a dataset that `testbed simulate` wrote, or any recording that `testbed slam` reads.
 
     lidar: name of the lidar whose scans the arrays hold; default: the one with the most scans
-    Raises LogError where there is nothing at `path`; other errors come when the content is first read.
+    Raises LogError where there is nothing at `path`, or a collection; other errors come when the content is first read.
     """
     path = Path(path)
     if not path.exists():
         raise LogError(f"{path}: no such file or directory")
+    if not (path / CONFIG).is_file() and (there := datasets_in(path)):
+        count = f"{len(there)} dataset{'' if len(there) == 1 else 's'}"
+        raise LogError(f"{path}: holds {count}; name one, such as {there[0]}, or in Python use open_collection")
     return Dataset(path, lidar=lidar)

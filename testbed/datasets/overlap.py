@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from eval.files.tum import read_tum
 
@@ -19,12 +20,34 @@ NEAR = 0.3
 """Two paths pass the same place where they are this close [m]."""
 SAME_DIRECTION = np.cos(np.deg2rad(45.0))
 """They drive in the same direction where the angle between them is smaller than this."""
+FINER = 10
+"""Points on each step of a path that the distance to it is measured to."""
 MAX_LENGTH = 500.0
 """Of longer paths only the beginning is compared [m]."""
 MAX_PAIRS = 2000
 """Pairs of drives that are compared in one collection; of more, evenly chosen ones."""
 
+DEFINITION = (
+    f"Both paths are cut into steps of {STEP:g} m. A step of one drive and a step of the other match where they are "
+    f"less than {NEAR:g} m apart and their directions differ by less than 45 degrees. Steps that match are paired so "
+    "that the pairs follow each other in the same order in both drives; `overlap` is the largest possible number of "
+    "pairs, divided by the number of steps of the drive (a longest common subsequence). `same_places` is the share of "
+    f"its steps that are less than {NEAR:g} m from the path of the other drive. Only the first {MAX_LENGTH:g} m of a "
+    f"drive count. At most about {MAX_PAIRS} pairs of drives are compared in a collection, as many in each world: of "
+    "more, evenly chosen ones, so that drives of large collections may have more in common."
+)
+"""What the columns of the index mean, for the card."""
+
 Floats = NDArray[np.float64]
+
+
+class Overlap(NamedTuple):
+    """Largest shares of its way that a drive has in common with another one; None where there is no other one."""
+
+    overlap: float | None = None
+    """In the same direction and order."""
+    same_places: float | None = None
+    """In any direction and order."""
 
 
 class _Path(NamedTuple):
@@ -36,26 +59,26 @@ class _Path(NamedTuple):
     """Unit vectors, (n, 2)."""
 
 
-def largest_overlaps(directory: Path, rows: Sequence[Mapping[str, Any]]) -> list[float | None]:
-    """For each row of the index: the largest share of its way that another drive of the same world has too.
+def largest_overlaps(directory: Path, rows: Sequence[Mapping[str, Any]]) -> list[Overlap]:
+    """For each row of the index: the largest shares of its way that another drive of the same world has too.
 
-    That is the share at the same places (to 0.3 m), in the same direction (to 45 degrees) and in the same order. Sensor
-    variants of one drive count as one. None where a world has one drive only.
+    `DEFINITION` says what counts. Sensor variants of one drive count as one.
     """
     drives: dict[str, dict[int, str]] = {}
     for row in rows:
         drives.setdefault(row["world"], {}).setdefault(row["seed"], row["dataset"])
-    largest: dict[tuple[str, int], float] = {}
+    largest: dict[tuple[str, int], tuple[float, float]] = {}
     several = {world: datasets for world, datasets in drives.items() if len(datasets) > 1}
     for world, datasets in several.items():
         paths = [_read(directory / name / "truth.tum") for name in datasets.values()]
         keys = [(world, seed) for seed in datasets]
         for first, second in _pairs(len(paths), MAX_PAIRS // len(several)):
             common = common_steps(paths[first], paths[second])
-            for drive in (first, second):
-                share = common / len(paths[drive].points)
-                largest[keys[drive]] = max(largest.get(keys[drive], 0.0), round(share, 3))
-    return [largest.get((row["world"], row["seed"])) for row in rows]
+            for drive, other in ((first, second), (second, first)):
+                share, places = common / len(paths[drive].points), share_of_places(paths[drive], paths[other])
+                before = largest.get(keys[drive], (0.0, 0.0))
+                largest[keys[drive]] = max(before[0], round(share, 3)), max(before[1], round(places, 3))
+    return [Overlap(*largest.get((row["world"], row["seed"]), (None, None))) for row in rows]
 
 
 def common_steps(first: _Path, second: _Path) -> int:
@@ -68,6 +91,14 @@ def common_steps(first: _Path, second: _Path) -> int:
         longer[1:] = np.maximum(best[1:], best[:-1] + same)
         best = np.maximum.accumulate(longer)
     return int(best[-1])
+
+
+def share_of_places(path: _Path, other: _Path) -> float:
+    """Share of the steps of a path that are nearer than `NEAR` to another path, in any direction and order."""
+    between = [k / FINER for k in range(FINER)]
+    fine = [other.points[:-1] + share * np.diff(other.points, axis=0) for share in between]
+    distances, _ = cKDTree(np.concatenate([*fine, other.points[-1:]])).query(path.points)
+    return float(np.mean(distances < NEAR))
 
 
 def path_in_steps(positions: Floats) -> _Path:

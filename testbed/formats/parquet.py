@@ -318,7 +318,7 @@ configs:
 # {name}
 
 A robot's drive with a 2D lidar, for SLAM: {totals.frames} frames, {totals.scans} of them with a scan, over
-{totals.last - totals.first:.1f} s. Lidars: {lidars or "none"}. Known apart from odometry: {also}.
+{totals.last - totals.first:.1f} s. Lidars: {lidars or "none"}. Also recorded: {also}.
 
 `{TABLE}` has a row a frame, in the order of the recording; what is unknown is null.
 

@@ -195,9 +195,9 @@ class FastSimulatorOptions(SimulatorOptions):
     backend: Literal["pybullet", "fast"] = "fast"
     """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics."""
     route: Route | None = None  # type: ignore[assignment]  # settled before use
-    """stops: to random stops on all floor, others for each seed, as far as the tour is long; random: the whole
-    tour in another order and direction from another start for each seed; fixed: the tour of the world, the same for
-    every seed. Default: stops for --driver tour, otherwise fixed."""
+    """What is driven. Default: stops, but fixed with --driver recorded. stops: to random stops on all floor, others for
+    each seed, as far as the tour is long; random: the whole tour in another order and direction from another start for
+    each seed; fixed: the tour of the world, the same for every seed."""
 
     def settled(self) -> FastSimulatorOptions:
         """Return the options with the route decided."""

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from testbed.cli.shared.config_file import apply_config_file
 from testbed.cli.shared.help_texts import HELP
@@ -63,6 +63,9 @@ def _one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         what = "no space left on the disk" if error.errno == errno.ENOSPC else error.strerror.lower()
         return f"{error.filename}: {what}" if error.filename else what
+    if isinstance(error, UnusedCliTokensError):
+        words = ", ".join(error.unused_tokens or ())
+        return f"unexpected {words}; several worlds or values are separated by commas, without spaces: office,lab"
     return " ".join(str(error).split())
 
 

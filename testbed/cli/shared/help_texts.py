@@ -22,7 +22,7 @@ testbed run --config runs/office-20250101-120000/config.toml
 Each dataset is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for
 byte. Datasets that exist already are kept: a job that was cut off can be started again, and a larger `--count` adds to
 them. Each seed drives to other stops in its world, unless `--route fixed` is given. `--plan` says what a job
-will take. The default backend is `fast`.
+will take. The default backend is `fast`; of `--driver`, `tour` and `recorded` can be used here.
 Several datasets also get an index (datasets.parquet) with splits by world, a card (README.md) and a picture of the
 drives.
 

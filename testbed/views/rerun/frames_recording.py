@@ -109,7 +109,7 @@ def _add_blocks(rec: rr.RecordingStream, columns: Columns, path: str, grown: Gro
 def _blueprint(scene: Scene) -> rrb.Blueprint:
     extent = None if scene.true_map is None else drawing.extent_of(scene.true_map, np.zeros(3))
     return rrb.Blueprint(
-        rrb.Vertical(map_view("Drive", extent, follow=ODOMETRY_ROBOT), legend_view("map"), row_shares=[14, 1]),
+        rrb.Vertical(map_view(scene.title, extent, follow=ODOMETRY_ROBOT), legend_view("map"), row_shares=[14, 1]),
         rrb.TimePanel(state="collapsed", timeline=entities.TIMELINE),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

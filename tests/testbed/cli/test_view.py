@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ import pytest
 
 from eval.files.run_reader import read_run
 from tests.eval.synthetic_run import write_run
+from tests.shell import call
 
 command = importlib.import_module("testbed.cli.view")
 
@@ -55,6 +57,19 @@ def test_a_web_page_and_a_file_say_where_to_move_the_cursor(
     page, file = capsys.readouterr().err.splitlines()
     assert page == "view: http://127.0.0.1:9090; there, move the time cursor to 12.5 s"
     assert file.endswith("opens it; there, move the time cursor to 12.5 s")
+    assert f"rerun-sdk=={version('rerun-sdk')}" in file
+
+
+def test_a_drive_is_titled_by_what_was_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = tmp_path / "loop-0004"
+    assert call("simulate", "loop", "--seed", "4", "--duration", "0.5", "--lidar", "lds01", "--out", tmp_path) == 0
+    copy = tmp_path / "copy"
+    assert call("convert", dataset, copy, "--to", "rosbag2") == 0
+    titles: list[str] = []
+    monkeypatch.setattr(command, "record_frames", lambda recording, frames, scene: titles.append(scene.title))
+    for path in (dataset, copy):
+        command._recorded(path, tmp_path / "drive.rrd")
+    assert titles == ["loop-0004: loop, lds01, seed 4", "copy"]
 
 
 def test_a_time_before_the_first_scan_is_refused(tmp_path: Path) -> None:

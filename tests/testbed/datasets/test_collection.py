@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 from eval.files.tum import read_tum
 from testbed.cli.shared.draws import Draw
 from testbed.datasets import open_collection, open_dataset
-from testbed.datasets.card import TOPICS
-from testbed.datasets.index import COLUMNS, datasets_in, splits, write_index
+from testbed.datasets.card import PAPER, SOFTWARE, TOPICS
+from testbed.datasets.index import COLUMNS, SPLITS, datasets_in, splits, write_index
 from testbed.formats import LogError, open_log
 from tests.shell import assert_refused, call
 
@@ -219,7 +219,7 @@ def test_a_title_stays_until_another_is_given(made, tmp_path):
         assert "\n# Two: laps\n" in text
         assert 'pretty_name: "Two: laps"\n' in text
         assert "> Two: laps: simulated" in text
-        assert f'open_collection("{tmp_path.name}")' in text
+        assert 'open_collection(".")' in text
 
 
 def test_the_card_names_maps_that_have_a_licence_of_their_own(made, tmp_path):
@@ -263,7 +263,7 @@ def test_the_card_says_what_there_is_and_whose_it_is(made):
         "`lds01`",
         "`noise`",
         "visits other stops",
-        "of their way in common",
+        "longest common subsequence",
         "https://",
         "read_parquet",
     ):
@@ -275,6 +275,11 @@ def test_the_card_says_what_there_is_and_whose_it_is(made):
     with Image.open(made / "contact_sheet.png") as sheet:
         assert sheet.size[0] > 240
         assert len(sheet.getcolors(1 << 24)) > 10
+
+
+def test_worlds_without_a_comma_are_refused_with_advice(tmp_path, capsys):
+    assert_refused(capsys, "unexpected lab; several worlds", "simulate", "office", "lab", "--out", tmp_path / "data")
+    assert not (tmp_path / "data").exists()
 
 
 def test_a_dataset_of_other_settings_is_not_kept_silently(made, tmp_path, capsys):
@@ -300,9 +305,32 @@ def test_the_card_names_all_commands_that_made_datasets(tmp_path, monkeypatch):
         monkeypatch.setattr("sys.argv", ["testbed", *arguments])
         assert call(*arguments) == (2 if "--noise" in options else 0)
     assert call("datasets", "index", tmp_path) == 0
-    lines = (tmp_path / "README.md").read_text().partition("## Made by\n```\n")[2].splitlines()
-    lines = lines[: lines.index("```")]
-    assert [line.rpartition("--seed ")[2] for line in lines] == ["0", "2"]
+    assert [line.rpartition("--seed ")[2] for line in commands_of(tmp_path)] == ["0", "2"]
+
+
+def test_the_card_names_no_command_that_made_nothing(tmp_path, monkeypatch):
+    def simulate(*options):
+        arguments = ["simulate", "loop,office", "--out", str(tmp_path), "--duration", "0.5", *options]
+        monkeypatch.setattr("sys.argv", ["testbed", *arguments])
+        assert call(*arguments) == 0
+
+    made = f"testbed simulate loop,office --out {tmp_path.name} --duration 0.5"
+    simulate("--count", "2")
+    for options in (("--count", "2"), ("--count", "2", "--workers", "1"), ("--count", "1"), ("--route", "stops")):
+        simulate(*options)
+        assert commands_of(tmp_path) == [f"{made} --count 2"]
+    simulate("--count", "3")
+    assert commands_of(tmp_path) == [f"{made} --count 3"]
+    for options, more in ((("--test", "loop"), ["--test loop"]), ((), ["--test loop"]), (("--by-hash",), [])):
+        assert call("datasets", "index", tmp_path, *options) == 0
+        chosen = [f"testbed datasets index {tmp_path.name} {text}" for text in more]
+        assert commands_of(tmp_path) == [f"{made} --count 3", *chosen]
+        assert ("chosen by hand" in (tmp_path / "README.md").read_text()) == bool(more)
+
+
+def commands_of(directory):
+    """The commands that the card names."""
+    return (directory / "README.md").read_text().partition("## Made by\n```\n")[2].partition("\n```")[0].splitlines()
 
 
 @pytest.mark.parametrize(("log_format", "part"), [("rosbag2", "`/ground_truth/odom`"), ("parquet", "`frames.parquet`")])
@@ -327,11 +355,18 @@ def test_a_card_of_somebody_else_is_kept(made, tmp_path, capsys):
 def test_info_prints_the_totals(made, capsys):
     assert call("datasets", "info", made, "--json") == 0
     totals = json.loads(capsys.readouterr().out)
+    licence = totals.pop("licence")
+    assert (licence, totals.pop("splits_chosen")) == ("CC-BY-4.0", False)
     assert totals == open_collection(made).totals()
+    named = {split: {row["world"] for row in open_collection(made).rows if row["split"] == split} for split in SPLITS}
+    assert {split: set(worlds) for split, worlds in totals["split_worlds"].items()} == named
     assert call("datasets", "info", made) == 0
     output = capsys.readouterr().out
     assert re.search(r"lds01 +\d +\d +\d\nrplidar_a2 +\d +\d +\d\n", output)
     assert "share at most" in output
+    for split, worlds in named.items():
+        assert re.search(rf"^{split} .* {', '.join(sorted(worlds))} *$", output, re.MULTILINE)
+    assert "the splits come from a hash" in output
 
 
 def test_shards_make_the_same_datasets(made, tmp_path):
@@ -351,6 +386,40 @@ def test_a_drawn_dataset_is_made_again_from_its_config(made, tmp_path):
     assert files == sorted(path.name for path in (tmp_path / "office-0002").iterdir())
     for name in files:
         assert (tmp_path / "office-0002" / name).read_bytes() == (made / "office-0002" / name).read_bytes(), name
+
+
+def test_a_collection_is_no_dataset(made):
+    with pytest.raises(LogError, match=r"holds 9 datasets; name one, such as .*loop-0000, or .* open_collection"):
+        open_dataset(made)
+
+
+def test_a_recording_without_settings_has_a_repr(made, tmp_path):
+    (tmp_path / "config.toml").write_text("")
+    assert repr(open_dataset(tmp_path)) == f"<Dataset {tmp_path.name!r}: not read yet>"
+
+
+def test_the_card_keeps_who_published_the_data(made, tmp_path):
+    for name in ("loop-0000", "loop-0001"):
+        shutil.copytree(made / name, tmp_path / name)
+    card = tmp_path / "README.md"
+    assert call("datasets", "index", tmp_path) == 0
+    assert f"`testbed datasets index {tmp_path.name} --author NAME" in card.read_text()
+    given = ("--title", "Laps", "--author", "Ada Example", "--url", "https://example.org/laps")
+    for options in (given, ()):
+        assert call("datasets", "index", tmp_path, *options) == 0
+        (sentence,) = (line for line in card.read_text().splitlines() if line.startswith("> Ada"))
+        assert re.fullmatch(r"> Ada Example \(20\d\d\)\. Laps: .* CC-BY-4\.0\. https://example\.org/laps", sentence)
+
+
+def test_the_card_names_the_software_and_paper_as_the_citation_file():
+    stated = (Path(__file__).parents[3] / "CITATION.cff").read_text()
+    author, title = SOFTWARE.split(", ", 1)
+    paper = " ".join(PAPER.split())
+    assert f"name: {author}\n" in stated
+    assert f'title: "{title}"\n' in stated
+    for key in ("doi", "year", "journal", "volume", "start", "end", "given-names", "family-names"):
+        for value in re.findall(rf"^\W*{key}: (.*)$", stated.partition("preferred-citation")[2], re.MULTILINE):
+            assert value in paper, key
 
 
 def test_one_dataset_is_no_collection(made):
@@ -393,6 +462,7 @@ def test_one_dataset_is_a_collection_without_an_index(made, tmp_path):
     assert row == next(row for row in open_collection(made).rows if row["dataset"] == "loop-0000") | {
         "split": "train",
         "overlap": None,
+        "same_places": None,
     }
 
 
@@ -424,7 +494,7 @@ def test_the_code_of_the_docs_runs(made, monkeypatch, capsys):
     text = (Path(__file__).parents[3] / "docs" / "datasets.md").read_text()
     monkeypatch.chdir(made.parent)
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     assert call("convert", made / "office-0001", made.parent / "bag", "--to", "rosbag2") == 0
     for block in blocks:
         exec(block.replace('Path("data/office-0001")', 'Path("bag")'), {})

@@ -6,7 +6,7 @@ import pytest
 
 from eval.files.tum import write_tum
 from eval.trajectory.trajectory import Trajectory
-from testbed.datasets.overlap import STEP, _pairs, common_steps, largest_overlaps, path_in_steps
+from testbed.datasets.overlap import STEP, _pairs, common_steps, largest_overlaps, path_in_steps, share_of_places
 
 
 def line(*corners):
@@ -72,8 +72,26 @@ def test_each_row_has_its_largest_overlap_in_its_world(tmp_path):
         write_tum(tmp_path / name / "truth.tum", Trajectory(0.1 * np.arange(len(path)), poses))
     rows = [{"dataset": name, "world": world, "seed": seed} for name, (world, seed, _) in drives.items()]
     found = largest_overlaps(tmp_path, rows)
-    assert found[4] is None
-    assert found[:4] == pytest.approx([0.5, 0.5, 1.0, 0.0], abs=2.5 * STEP / 20.0)
+    assert found[4] == (None, None)
+    near = 2.5 * STEP / 20.0
+    assert [one.overlap for one in found[:4]] == pytest.approx([0.5, 0.5, 1.0, 0.0], abs=near)
+    assert [one.same_places for one in found[:4]] == pytest.approx([1.0] * 4, abs=near)  # a-2 drives a-0 backwards
+
+
+@pytest.mark.parametrize(
+    ("second", "expected"),
+    [
+        (SQUARE[::-1], 1.0),
+        (SQUARE + np.array([0.25, 0.25]), 1.0),  # points lie between those of the other
+        (SQUARE + np.array([3.0, 3.0]), 0.0),
+        (line((0, 0), (10, 0)), 0.25),
+        (line((0, 0), (10, 0), (10, -20), (10, 10), (0, 10)), 0.75),
+    ],
+)
+def test_share_of_places_of_a_square(second, expected):
+    a, b = path_in_steps(SQUARE), path_in_steps(second)
+    assert share_of_places(a, b) == pytest.approx(expected, abs=0.04)
+    assert share(SQUARE, second) <= share_of_places(a, b)
 
 
 @pytest.mark.parametrize("count", [2, 3, 10, 101])
