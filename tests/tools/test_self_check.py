@@ -50,4 +50,4 @@ def test_the_score_ranks_other_systems_as_hand_checked_relations_do():
     scores = {name: score_of(path, frames) for name, path in paths.items()}
     assert max(scores, key=scores.get) == min(errors, key=errors.get) == "intel_karto"
     assert min(scores, key=scores.get) == max(errors, key=errors.get) == "intel_gmapping_5_seed1"
-    assert spearmanr(list(scores.values()), list(errors.values()))[0] <= -0.9
+    assert spearmanr(list(scores.values()), list(errors.values()))[0] <= -0.9 + 1e-9
