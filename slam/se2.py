@@ -66,3 +66,14 @@ def transform_points(T_a_b: ArrayLike, points_b: ArrayLike) -> NDArray[np.float6
         ],
         axis=-1,
     )
+
+
+def rotation(angle: ArrayLike) -> NDArray[np.float64]:
+    """Matrices (..., 3, 3) that turn displacements `(x, y, theta)` by angles (...,) [rad]: the adjoint of a turn."""
+    angle = np.asarray(angle, dtype=np.float64)
+    turn = np.zeros((*angle.shape, 3, 3))
+    turn[..., 0, 0] = turn[..., 1, 1] = np.cos(angle)
+    turn[..., 1, 0] = np.sin(angle)
+    turn[..., 0, 1] = -turn[..., 1, 0]
+    turn[..., 2, 2] = 1.0
+    return turn

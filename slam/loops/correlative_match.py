@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
 
 from slam import se2
 from slam._threads import Threads
@@ -123,24 +123,12 @@ def _scores(states: NDArray[np.int8]) -> NDArray[np.int8]:
     padded[: states.shape[0], : states.shape[1]] = states
     blocks = padded.reshape(rows, COARSE, columns, COARSE).swapaxes(1, 2).reshape(rows, columns, COARSE**2)
     wall, free = (blocks == 1).any(axis=-1), 2 * (blocks == -1).sum(axis=-1) >= COARSE**2
-    next_to = _grown(wall)
-    two_away = _grown(next_to)
+    next_to, two_away = (binary_dilation(wall, np.ones((3, 3), np.bool_), iterations=n) for n in (1, 2))
     scores = np.zeros((rows, columns), np.int8)
     scores[free & ~two_away] = SCORES[2]
     scores[two_away] = SCORES[1]
     scores[next_to] = SCORES[0]
     return scores
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A mask (rows, columns) with the eight neighbours of its cells."""
-    wide = mask.copy()
-    wide[:, 1:] |= mask[:, :-1]
-    wide[:, :-1] |= mask[:, 1:]
-    grown = wide.copy()
-    grown[1:] |= wide[:-1]
-    grown[:-1] |= wide[1:]
-    return grown
 
 
 def search_window(

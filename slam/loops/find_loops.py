@@ -118,6 +118,12 @@ class _Search:
         self._poses = se2.compose(se2.compose(path[0], se2.inverse(start[0])), start)
         self._loops: list[Loop] = []
         self._weights = np.ones(0)
+        first, second = np.triu_indices(len(self._maps), 1)
+        far = self._distance[second] - self._distance[first] >= MIN_LENGTH
+        seen = np.array([len(m.walls) > 0 for m in self._maps])  # a map without walls matches nothing
+        far &= seen[first] & seen[second]
+        self._first, self._second = first[far], second[far]
+        self._position, self._heading = self._uncertainty()
         self._tried = np.full((len(self._maps), len(self._maps)), np.inf)
         """Smallest standard deviation of position with which each pair or a neighbour of it was tried [m]."""
 
@@ -128,17 +134,13 @@ class _Search:
             if found:
                 self._loops += found
                 self._poses, self._weights = optimise_robustly(self._poses, self._chain, edges_of(self._loops))
+                self._position, self._heading = self._uncertainty()
         return FoundLoops(poses=self._poses, chain=self._chain, loops=self._loops, accepted=self._weights > 0.5)
 
     def _candidates(self) -> list[_Pair]:
         """Pairs to try next, the nearest and least uncertain first."""
-        first, second = np.triu_indices(len(self._maps), 1)
-        far = self._distance[second] - self._distance[first] >= MIN_LENGTH
-        first, second = first[far], second[far]
-        if not len(first):
-            return []
+        first, second, position, heading = self._first, self._second, self._position, self._heading
         seen = se2.between(self._poses[first], self._poses[second])
-        position, heading = self._uncertainty(first, second)
         apart, reach = np.hypot(seen[:, 0], seen[:, 1]), 0.5 * (self._reach[first] + self._reach[second])
         wanted = apart - WINDOW_SIGMAS * position < reach
         wanted &= (position > KNOWN_POSITION) | (heading > KNOWN_HEADING)
@@ -150,13 +152,13 @@ class _Search:
             _Pair(int(first[k]), int(second[k]), seen[k], float(position[k]), float(heading[k])) for k in order
         )
 
-    def _uncertainty(
-        self, first: NDArray[np.int64], second: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _uncertainty(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Standard deviations of position [m] and heading [rad] of the second maps seen from the first, (pairs,)."""
+        if not len(self._first):
+            return np.zeros(0), np.zeros(0)
         weights = np.concatenate([np.ones(len(self._chain.first)), self._weights])
         marginals = Marginals(self._poses, join(self._chain, edges_of(self._loops)), weights)
-        covariance = marginals.relative(first, second)
+        covariance = marginals.relative(self._first, self._second)
         position = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, 1])
         return position, np.sqrt(covariance[:, 2, 2])
 
@@ -183,9 +185,7 @@ class _Search:
         agreed = agreement(first, second, pose)
         if not self._is_match(agreed, MIN_CLOSED_SHARE if was_closed else MIN_SHARE):
             return None
-        turn = np.eye(3)
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        turn[:2, :2] = [[c, s], [-s, c]]
+        turn = se2.rotation(-pose[2])
         covariance = turn @ covariance @ turn.T + np.diag(np.square(BENT))
         return Loop(i, j, pose, covariance, agreed, self._overlap(agreed), was_closed)
 
@@ -225,8 +225,9 @@ def _accumulated(poses: se2.Pose, covariances: NDArray[np.float64]) -> NDArray[n
     """Covariance (3, 3) of the last pose seen from the first, about the last's axes, the steps being independent."""
     total = np.zeros((3, 3))
     for step, own in zip(se2.between(poses[:-1], poses[1:]), covariances[1:], strict=True):
-        c, s = np.cos(step[2]), np.sin(step[2])
-        F = np.array([[c, s, s * step[0] - c * step[1]], [-s, c, c * step[0] + s * step[1]], [0.0, 0.0, 1.0]])
+        moved = np.eye(3)
+        moved[:2, 2] = -step[1], step[0]  # a turn of the frame moves what is seen from it
+        F = se2.rotation(-step[2]) @ moved
         total = F @ total @ F.T + own
     return total
 

@@ -136,19 +136,18 @@ class _Tracker:
         self, motion: se2.Pose, moved: se2.Pose, hits: NDArray[np.float64]
     ) -> tuple[se2.Pose, NDArray[np.float64]]:
         """Pose (3,) of a scan in the older map, and the covariance (3, 3) of the match, seen from the robot."""
-        cfg, one = self._config, np.ones(1)
+        cfg = self._config
         guess = se2.compose(self._poses[-1], motion)
         scan_and_prior = ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
         out = empty_matches(1)
         settings = make_match_settings(motion, hits, cfg)
         settings = settings._replace(starts=np.vstack([settings.starts, se2.between(motion, moved)]))
-        match_scan(
-            self._growing[0].maps, guess[None], scan_and_prior, settings, weights=one, u=np.full(1, 0.0), out=out
-        )
+        older = self._growing[0].maps
+        match_scan(older, guess[None], scan_and_prior, settings, weights=np.ones(1), u=np.zeros(1), out=out)
         if out.matched[0] < MIN_MATCHED_SHARE:
             return out.optimum[0].copy(), np.diag(1.0 / scan_and_prior.prior.precision[2])
         factor = np.linalg.inv(np.tril(out.factor[0]))
-        turn = _rotation(-out.optimum[0, 2])
+        turn = se2.rotation(-out.optimum[0, 2])
         return out.optimum[0].copy(), turn @ (factor.T @ factor) @ turn.T
 
     def _begin_and_finish(self) -> None:
@@ -167,12 +166,3 @@ class _Tracker:
         rows, columns = np.nonzero(grid.occupied)
         walls = se2.transform_points(origin, np.column_stack([columns + 0.5, rows + 0.5]) * grid.resolution)
         self._finished.append(LocalMap(anchor=anchor, walls=walls, states=states, origin=origin))
-
-
-def _rotation(angle: float) -> NDArray[np.float64]:
-    """Rotation of (x, y, heading) by `angle` [rad], (3, 3)."""
-    turn = np.eye(3)
-    turn[0, 0] = turn[1, 1] = np.cos(angle)
-    turn[1, 0] = np.sin(angle)
-    turn[0, 1] = -turn[1, 0]
-    return turn

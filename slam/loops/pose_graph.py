@@ -66,7 +66,8 @@ def _logarithms(deviations: se2.Pose) -> tuple[NDArray[np.float64], NDArray[np.f
     """Logarithms of deviations (edges, 3), and their Jacobians (edges, 3, 3).
 
     The error of an edge is the twist that leads from the measured pose to the actual one (Sola, Deray, Atchuthan, "A
-    micro Lie theory for state estimation in robotics", 2018, equations 158 and 162), as in GTSAM.
+    micro Lie theory for state estimation in robotics", 2018, equations 158 and 162), as in GTSAM. `log_twist` gives the
+    same for one motion without the Jacobian.
     """
     x, y, angle = deviations.T
     half = 0.5 * angle
@@ -94,7 +95,7 @@ class _Normal(NamedTuple):
 def _normal_equations(poses: se2.Pose, edges: Edges, weights: NDArray[np.float64]) -> _Normal:
     """Gauss-Newton equations at poses (n, 3) with weights (edges,)."""
     error, J = _logarithms(_deviations(poses, edges))
-    to_second = _rotations(poses[edges.first, 2] + edges.measured[:, 2])
+    to_second = se2.rotation(-poses[edges.first, 2] - edges.measured[:, 2])
     apart = (poses[edges.second] - poses[edges.first])[:, :2]
     to_first = -to_second
     to_first[:, :2, 2] += np.einsum("eij,ej->ei", to_second[:, :2, :2], np.column_stack([apart[:, 1], -apart[:, 0]]))
@@ -114,15 +115,6 @@ def _normal_equations(poses: se2.Pose, edges: Edges, weights: NDArray[np.float64
     size = 3 * len(poses)
     entries = np.concatenate(blocks), (np.concatenate(rows), np.concatenate(columns))
     return _Normal(splu(coo_matrix(entries, shape=(size, size)).tocsc()[3:, 3:]), gradient.ravel()[3:])
-
-
-def _rotations(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrices (n, 3, 3) that turn vectors by -angle (n,)."""
-    turn = np.zeros((len(angle), 3, 3))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
-    turn[:, 0, 1], turn[:, 1, 0] = np.sin(angle), -np.sin(angle)
-    turn[:, 2, 2] = 1.0
-    return turn
 
 
 def optimise(poses: se2.Pose, edges: Edges, weights: NDArray[np.float64]) -> se2.Pose:
@@ -176,7 +168,7 @@ class Marginals:
     def relative(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.float64]:
         """Covariances (k, 3, 3) of nodes `second` (k,) seen from nodes `first` (k,), along the axes of these."""
         seen = se2.between(self._poses[first], self._poses[second])
-        to_second = _rotations(self._poses[first, 2])
+        to_second = se2.rotation(-self._poses[first, 2])
         to_first = -to_second
         to_first[:, 0, 2], to_first[:, 1, 2] = seen[:, 1], -seen[:, 0]
         J = np.concatenate([to_first, to_second], axis=-1)

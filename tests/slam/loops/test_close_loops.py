@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Loop closing: a ring that a path has left open, one that it has closed, and a place that only looks the same."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from slam import FilterConfig, se2
 from slam._threads import Threads
 from slam.loops import close_loops
+from slam.loops.find_loops import find_loops
+from slam.loops.local_maps import track_locally
 from tests.slam.loops.ring import drifting, lap, rays_at
 from tests.slam.rooms import closed
 
@@ -79,3 +82,12 @@ def test_a_short_recording_has_no_loops():
     closing = close_loops(truth, truth, rays_at(truth), CONFIG, ONE)
     assert closing.loops == []
     assert closing.path is truth
+
+
+def test_maps_without_walls_match_nothing():
+    truth, odometry, rays = recording()
+    track = track_locally(odometry, truth, rays, CONFIG, ONE)
+    blind = [replace(m, walls=np.empty((0, 2)), states=np.zeros_like(m.states)) for m in track.maps]
+    unsure = replace(track, maps=blind, covariances=8.0 * track.covariances)  # so that all of them may overlap
+    found = find_loops(unsure, truth[track.frames[track.anchors]], CONFIG, ONE)
+    assert found.loops == []

@@ -11,7 +11,7 @@ from slam import FilterConfig, se2
 from slam._threads import Threads
 from slam.loops._correlative_kernels import pool_maxima, search
 from slam.loops.correlative_match import MAX_SCORE, agreement, prepare, refine_pose, search_window
-from slam.loops.local_maps import track_locally
+from slam.loops.local_maps import LocalMap, track_locally
 from tests.slam.loops.ring import drifting, lap, rays_at
 
 CONFIG, ONE = FilterConfig(), Threads(1)
@@ -90,3 +90,41 @@ def test_agreement_counts_both_directions():
 def test_no_overlap_is_no_match():
     first, second, true = two_visits()
     assert search_window(first, second, se2.compose(true, (80.0, 0.0, 0.0)), 1.0, 0.1) is None
+
+
+CELL = CONFIG.map.cell
+
+
+def drawn(walls, free):
+    """A map of 12 m by 6 m with its anchor in its corner; walls and free space as slices of rows and columns."""
+    states = np.zeros((120, 240), np.int8)
+    for area in free:
+        states[area] = -1
+    for area in walls:
+        states[area] = 1
+    rows, columns = np.nonzero(states == 1)
+    centres = np.column_stack([columns + 0.5, rows + 0.5]) * CELL
+    return prepare(LocalMap(anchor=0, walls=centres, states=states, origin=np.zeros(3)), CELL)
+
+
+def test_the_two_faces_of_a_thin_wall_are_not_one_wall():
+    wall = np.s_[60:61, 20:220]
+    above, below = drawn([wall], [np.s_[61:100, 20:220]]), drawn([wall], [np.s_[20:60, 20:220]])
+    assert agreement(above, above, np.zeros(3)).share == 1.0
+    seen_from_both_sides = agreement(above, below, np.zeros(3))
+    assert seen_from_both_sides.overlap < 10
+    assert seen_from_both_sides.share < 0.1
+
+
+def corner(column):
+    """Two walls that meet, one third of a map wide."""
+    return [np.s_[30:31, column : column + 40], np.s_[30:80, column : column + 1]]
+
+
+def test_a_place_that_is_there_twice_has_a_rival():
+    floor = [np.s_[20:100, 10:230]]
+    once, twice = drawn(corner(40), floor), drawn(corner(40) + corner(120), floor)
+    alone = search_window(once, once, np.zeros(3), 5.0, 0.1)
+    doubtful = search_window(twice, once, np.zeros(3), 5.0, 0.1)
+    assert alone.rivalry < 0.8
+    assert doubtful.rivalry > 0.95
