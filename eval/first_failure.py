@@ -83,6 +83,15 @@ class Failure:
     cause: str | None = None
     """What the data show at the moment, as a sentence (`eval.failure_cause`); None = nothing."""
 
+    def time_to_watch(self, stamps: NDArray[np.float64]) -> float | None:
+        """Time since the first scan at which a viewer shows the failure [s]; None where its scan is not among them.
+
+        stamps (n,) of all scans [s]. Rounded up to a tenth, as it is printed: rounded down it may show the scan before.
+        """
+        if self.shown_scan >= len(stamps):
+            return None
+        return float(np.ceil(10.0 * (stamps[self.shown_scan] - stamps[0]) - 1e-6) / 10.0)
+
 
 def find_failure(
     estimate: Trajectory,

@@ -50,7 +50,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "command": run.config.get("command", ""),
         "failure": failure,
         "failure_time": failure.stamp - context.start if failure else None,
-        "shown_time": _shown_time(context),
+        "shown_time": failure.time_to_watch(context.run.estimate.stamps) if failure and context.run.estimate else None,
         "drift_before": _drift_before(context),
         "lost_while_driving": _lost_while_driving(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
@@ -68,14 +68,6 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "settings": dict(flat(run.config.get("settings", {}))),
         "all_metrics": {key: _number(value) for key, value in flat(run.metrics) if not isinstance(value, list)},
     }
-
-
-def _shown_time(context: ReportContext) -> float | None:
-    """Time since the start of the scan that shows the failure [s]."""
-    failure, estimate = context.failure, context.run.estimate
-    if failure is None or estimate is None or failure.shown_scan >= len(estimate):
-        return None
-    return float(estimate.stamps[failure.shown_scan]) - context.start
 
 
 def _lost_while_driving(context: ReportContext) -> str:

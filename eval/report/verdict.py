@@ -93,7 +93,7 @@ def self_check_sentence(check: Mapping[str, Any]) -> str:
     if time is not None:
         words += f" from {time:.1f} s on"
     if place is not None:
-        words += f" at ({place[0]:.1f}, {place[1]:.1f}) m"
+        words += f" at ({place[0]:.1f}, {place[1]:.1f}) m of the map's frame"
     return f"{words}: {check['reason']}"
 
 

@@ -83,7 +83,7 @@ def _moment_of_failure(run: Path) -> float | None:
     if not (finding.is_file() and estimate.is_file()):
         return None
     failure, stamps = read_failure(finding).failure, read_tum(estimate).stamps
-    return float(stamps[failure.shown_scan] - stamps[0]) if failure.bad and failure.shown_scan < len(stamps) else None
+    return failure.time_to_watch(stamps) if failure.bad else None
 
 
 def _runs_of(path: Path) -> list[Path]:

@@ -40,7 +40,8 @@ def test_a_run_that_went_wrong_opens_at_its_moment(tmp_path: Path, moments: list
     assert estimate is not None
     shown = estimate.stamps[found.failure.shown_scan]
     assert found.failure.stamp <= shown <= found.failure.stamp + 3.0
-    assert moments == [None, pytest.approx(shown - estimate.stamps[0])]
+    assert moments[0] is None
+    assert 0.0 <= moments[1] - (shown - estimate.stamps[0]) < 0.1  # never before the scan that shows it
     command.view([run], time=12.5)
     assert moments[-1] == 12.5
 
