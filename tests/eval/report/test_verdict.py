@@ -115,7 +115,9 @@ def test_an_unjudged_run_is_led_by_its_own_check(tmp_path, word, severity, lead)
     found = verdict(read_run(run))
     assert lead in found.lead
     assert found.severity == severity
-    expected = f"The run's own check, without any truth: {word} from 12.5 s on at (1.0, -2.0) m of the map's frame: because."
+    expected = (
+        f"The run's own check, without any truth: {word} from 12.5 s on at (1.0, -2.0) m of the map's frame: because."
+    )
     assert found.sentences[0] == expected
 
 
