@@ -194,12 +194,13 @@ def _until_known(case: _Case) -> str:
     if case.decision.largest_open is None or not all(map(math.isfinite, values)):
         return ""
     unit = case.table.measure.unit(max(values))
-    low, high = unit.text(min(values)), unit.text(max(values))
-    span = low if low == high else f"{low} to {high}"
-    return (
-        f"Until it is known take {counts[-1]}; medians so far: {span} {unit.name}".rstrip()
-        + f" with {counts[0]} to {counts[-1]}"
-    )
+    texts = [unit.text(value) for value in values]
+    if len(set(texts)) == 1:
+        medians = f"{texts[0]} {unit.name}".rstrip() + f" with {counts[0]} to {counts[-1]}"
+    else:  # in the order of the counts: a range would be read as that of the first count to that of the last
+        each = ", ".join(f"{text} with {count}" for text, count in zip(texts, counts, strict=True))
+        medians = f"{each} ({unit.name})" if unit.name else each
+    return f"Until it is known take {counts[-1]}; medians so far: {medians}"
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:

@@ -59,6 +59,16 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     assert answer.needs == chance_sentence(summary.decision("hall_a", "improved").outlook)
 
 
+def test_medians_stand_in_the_order_of_the_counts(tmp_path):
+    """The error falls with the count, the middle one is noisy."""
+
+    def falling(p, k, c, s):
+        return (0.033, 0.028 + 0.012 * (s % 5 - 2), 0.022)[c]
+
+    (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=falling))), "improved")
+    assert answer.today.endswith("medians so far: 3.3 with 1, 2.8 with 5, 2.2 with 20 (cm)")
+
+
 def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
     def noisy(p, k, c, s):
         return 0.02 + 0.001 * (0.0, 6.0 * ((5 * s) % 8 - 3.5) / 3.5, 0.0)[c]
