@@ -25,7 +25,6 @@ from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes
 from testbed.sweep.store import MANIFEST, SweepDirectory
 from worlds import expand_names
 
-
 MAX_WORKERS_PER_CORE = 4
 """More worker processes would only take memory from each other."""
 
