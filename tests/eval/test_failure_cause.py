@@ -84,7 +84,7 @@ def test_a_loop_that_is_left_open_is_named_at_the_return():
     true, bent = [np.zeros(3)], [np.zeros(3)]
     for motion in motions:
         true.append(compose(true[-1], motion))
-        bent.append(compose(bent[-1], motion + [0.0, 0.0, 0.1 * np.radians(0.6)]))
+        bent.append(compose(bent[-1], np.add(motion, [0.0, 0.0, 0.1 * np.radians(0.6)])))
     stamps = 0.1 * np.arange(404)
     truth, estimate = Trajectory(stamps, np.array(true)), Trajectory(stamps, np.array(bent))
     steps = {**{name: np.resize(values, 404) for name, values in STEPS.items()}, "stamp": stamps}

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -198,7 +198,7 @@ def plot(
     name: str,
     unit: str,
     largest: float | None = None,
-    overrides: Mapping[str, rr.SeriesLines] | None = None,
+    overrides: Mapping[Any, rr.SeriesLines] | None = None,
 ) -> rrb.TimeSeriesView:
     """A plot of all series below an entity; with its largest value the axis is fixed, and its name says the range.
 
