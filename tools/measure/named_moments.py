@@ -42,7 +42,11 @@ DRIFT_DEG_PER_M, LOOP_M, RETURN_M = 1.6, 10.0, 1.0
 a place where it was at least so much driving before."""
 NEAR_S, NEAR_M = 2.0, 1.0
 OPEN_LOOP = "loop left open"
+RESTART_S = 1.2
+"""A driver of the wheels that starts again says nothing for so long [s]."""
 TURN = np.array([0.0, 0.0, np.radians(150.0)])
+FAULTLESS = FilterConfig(particles=3, motion=MotionConfig(failure_share=0.0, jump_share=0.0))
+"""A filter whose motion model knows no faults: the usual one survives slips, pushes and restarts."""
 TRUSTING = FilterConfig(
     particles=3,
     proposal=ProposalConfig(kind="motion"),
@@ -73,6 +77,11 @@ def see_again(frames: Iterable[Frame], at: float, *, seconds: float, ago: float)
         seen = min(before, key=lambda earlier: abs(earlier.stamp - frame.stamp + ago)).scan
         assert seen is not None
         yield replace(frame, scan=replace(seen, stamp=frame.scan.stamp))
+
+
+def restart(frames: Iterable[Frame], at: float) -> Iterator[Frame]:
+    """Let the driver of the wheels start again at a time [s]: it stands still for a while, then counts from zero."""
+    return perturbations.restart_odometry(perturbations.stop_odometry(frames, at, RESTART_S), at + RESTART_S)
 
 
 def leave_open(frames: Iterable[Frame], end: float) -> Iterator[Frame]:
@@ -113,7 +122,7 @@ FAULTS: dict[str, tuple[Fault, float, str]] = {
     "lidar blind": (partial(perturbations.blind, seconds=20.0), 20.0, "next to nothing"),
     "scans lost": (partial(perturbations.lose_scans, seconds=20.0), 20.0, "no scan came"),
     OPEN_LOOP: (leave_open, 0.0, "left open"),
-    "odometry restarted": (perturbations.restart_odometry, 0.0, "restarted"),
+    "odometry restarted": (restart, RESTART_S, "restarted"),
     "wrong loop": (partial(see_again, seconds=8.0, ago=10.0), 8.0, "wrong place"),
 }
 """The fault, how long it lasts [s], and a part of the sentence that names it."""
@@ -135,7 +144,7 @@ def drive(world: str, grade: Literal["good", "poor"], duration: float) -> list[F
 def judge(frames: list[Frame], fault: str, at: float) -> tuple[bool, bool, bool, str]:
     """Whether the run failed, its moment and its cause were named, and what was found."""
     inject, lasts, words = FAULTS[fault]
-    estimation = Estimation(TRUSTING if fault == OPEN_LOOP else FilterConfig(particles=3), seed=0, threads=1)
+    estimation = Estimation(TRUSTING if fault == OPEN_LOOP else FAULTLESS, seed=0, threads=1)
     for frame in inject(frames, at):
         estimation.process(frame)
     truth, odometry = (estimation.trajectory_at_scans(name) for name in ("truth", "odometry"))
