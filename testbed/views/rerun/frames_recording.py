@@ -86,9 +86,9 @@ def _log_static(rec: rr.RecordingStream, scene: Scene, truth: bool) -> None:
     rec.log(entities.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     if scene.true_map is not None:
         styles.log_true_walls(rec, scene)
-    log_robot(rec, scene, ODOMETRY_ROBOT, entities.ESTIMATED_MODEL, styles.ODOMETRY)
+    log_robot(rec, ODOMETRY_ROBOT, scene.robot_radius, styles.ODOMETRY)
     if truth:
-        log_robot(rec, scene, entities.TRUE_ROBOT, entities.TRUE_MODEL, styles.TRUTH)
+        log_robot(rec, entities.TRUE_ROBOT, scene.robot_radius, styles.TRUTH)
     for scan, colour in ((TRUE_SCAN, styles.SCAN), (ODOMETRY_SCAN, styles.ODOMETRY)):
         rec.log(scan, rr.Points3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(1.5)), static=True)
     legend = (*(LEGEND_OF_TRUTH if truth else ()), *LEGEND_OF_ODOMETRY)
