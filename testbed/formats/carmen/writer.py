@@ -200,7 +200,8 @@ def _readings(block: FrameTable) -> list[str]:
     hit = (ranges >= limits[:, 0]) & (ranges > 0.0) & (ranges < limits[:, 1])
     kept = np.where(hit, ranges, np.where(ranges >= limits[:, 1], limits[:, 1], 0.0))
     texts = _joined(kept, block.scan_starts)
-    return [f"{count} {text}".rstrip() for count, text in zip(block.readings.tolist(), texts, strict=True)]
+    counts = block.readings.tolist()
+    return [f"{count} {text}" if text else f"{count}" for count, text in zip(counts, texts, strict=True)]
 
 
 def _texts(values: NDArray[np.float64]) -> list[str]:
