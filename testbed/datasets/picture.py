@@ -79,4 +79,5 @@ def _hits(dataset: Dataset, number: int, pose: NDArray[np.float64]) -> NDArray[n
     low, high = dataset.range_limits
     ranges, directions = dataset.scans[number], theta + dataset.angles[number]
     ends = np.column_stack([x + ranges * np.cos(directions), y + ranges * np.sin(directions)])
-    return ends[(ranges >= low) & (ranges < high)]
+    hits: NDArray[np.float64] = ends[(ranges >= low) & (ranges < high)]
+    return hits
