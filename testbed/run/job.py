@@ -103,3 +103,5 @@ class Job:
     """Whether the map is also scored where it fits best (`map.best_rigid`), which takes most of the time of scoring."""
     relations: Relations | None = None
     """Hand-checked relations between poses."""
+    notes: Sequence[str] = ()
+    """What is doubtful about the recording, or was mended when it was read, for `metrics.json` and the report."""
