@@ -123,8 +123,8 @@ def _title_of_drive(path: Path) -> str:
 
 def _recorded(path: Path, recording: Path) -> Path:
     """Write a dataset or log as a recording."""
-    console.print(f"reading {path} …", soft_wrap=True)
     log, true_map = open_log(path), path / "truth_map.yaml"
+    console.print(f"{path}: drawing {log.scan_count} scans …", soft_wrap=True)
     scene = Scene(title=_title_of_drive(path), true_map=read_map(true_map) if true_map.is_file() else None)
     record_frames(recording, log.frames, scene)
     return recording
