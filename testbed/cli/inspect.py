@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from rich.console import Console
 
 from testbed.cli.shared.console import results
 from testbed.inspect import AS_STATED, Finding, Reading, inspect_log
 
 COLOURS = {"ok": "green", "mended": "yellow", "left out": "dim", "doubtful": "red"}
+WIDTH = 220
+"""Characters in a line where the output is no terminal."""
 
 
 def inspect(
@@ -34,7 +37,8 @@ def inspect(
     if as_json:
         results.print(json.dumps([finding._asdict() for finding in findings], indent=2), markup=False)
         return
-    results.print(_table(findings))
+    wide = results if results.is_terminal else Console(width=WIDTH, highlight=False)
+    wide.print(_table(findings))
     counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in COLOURS}
     results.print(f"{log}: {', '.join(f'{count} {verdict}' for verdict, count in counts.items() if count)}")
 

@@ -22,7 +22,7 @@ def inspect_log(log: Log) -> list[Finding]:
     findings += [
         Finding(
             f"topic {topic.name}",
-            f"{topic.type}, {topic.messages} messages",
+            f"{topic.type}, {topic.messages} message{'' if topic.messages == 1 else 's'}",
             "ok" if topic.use else "left out",
             topic.use or "not used",
         )

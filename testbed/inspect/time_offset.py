@@ -13,6 +13,8 @@ from testbed.formats.ros.reading.frames import interpolate
 from testbed.frame_table import Floats, FrameTable
 from testbed.inspect.turns import compare_turns
 
+SAME_TIME = 1e-6
+"""Frames that are closer in time [s] are one."""
 MAX_OFFSET = 3600.0
 """A larger offset is another recording [s]."""
 
@@ -55,7 +57,8 @@ def without_time_offset(log: Log, seconds: float | None) -> Log:
 def shifted(table: FrameTable, seconds: float) -> tuple[FrameTable, int]:
     """Frames whose scans are stamped so much earlier, in the order of time, and how many scans lie outside.
 
-    Odometry and truth of a scan are interpolated at its new stamp. Raises ValueError where no scan is left.
+    Odometry and truth of a scan are interpolated at its new stamp; those at its old stamp become a frame of their own.
+    Raises ValueError where no scan is left.
     """
     stamps, first = np.unique(table.stamps, return_index=True)
     new = table.stamps[table.scan_rows] - seconds
@@ -63,9 +66,9 @@ def shifted(table: FrameTable, seconds: float) -> tuple[FrameTable, int]:
     kept = kept[np.argsort(new[kept], kind="stable")]
     if not len(kept):
         raise ValueError(f"time offset {seconds:g} s: no scan is left within the odometry's time")
-    bare = np.ones(len(table), dtype=bool)
-    bare[table.scan_rows] = False
-    alone = np.flatnonzero(bare)
+    nearest = np.clip(np.searchsorted(new[kept], stamps), 1, max(len(kept) - 1, 1))
+    apart = np.abs(new[kept][[nearest - 1, np.minimum(nearest, len(kept) - 1)]] - stamps).min(axis=0)
+    alone = first[apart > SAME_TIME]
     everything = np.concatenate([table.stamps[alone], new[kept]])
     order = np.argsort(everything, kind="stable")
     rows = np.empty(len(order), dtype=np.int64)
