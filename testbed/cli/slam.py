@@ -20,7 +20,7 @@ from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
 from testbed.datasets.truth import attach_truth
-from testbed.formats import open_log
+from testbed.inspect import AS_STATED, Reading, inspect_log, notes_of
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
@@ -73,8 +73,7 @@ def slam(
     *,
     relations: Path | None = None,
     truth: Path | None = None,
-    laser_offset: float | None = None,
-    range_max: float | None = None,
+    reading: Annotated[Reading, Parameter(name="*")] = AS_STATED,
     known_map: MapOptions = KNOWN_MAP,
     estimator: EstimatorOptions = ESTIMATOR,
     output: OutputOptions = OUTPUT,
@@ -89,14 +88,10 @@ def slam(
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw` (Kümmerle et al. 2009).
     truth
         True trajectory in the TUM format, `t x y z qx qy qz qw`, with the clock of the log.
-    laser_offset
-        x of the laser in the robot's frame [m]; default: stated by the log.
-    range_max
-        Readings of at least this range are no returns [m]; default: stated or shown by the log.
     """
     output.check_directory()
     filter_config = estimator.filter_config  # raises before the log is read
-    recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
+    recording = reading.open(log)
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
@@ -105,11 +100,11 @@ def slam(
         "log": log.resolve(),
         "relations": relations and relations.resolve(),
         "truth": truth and truth.resolve(),
-        "laser_offset": laser_offset,
-        "range_max": range_max,
+        **asdict(reading),
         **known_map.settings(),
         **estimator.settings(),
     }
+    findings = inspect_log(recording)
     inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
@@ -124,6 +119,7 @@ def slam(
         known_map=known,
         truth_map=truth_map,
         truth_walls=None if truth_map is None else read_true_walls(log, truth_map),
+        notes=notes_of(findings),
     )
     name = log.name.split(".")[0]
     scene = Scene(
@@ -136,6 +132,9 @@ def slam(
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
+    for finding in findings:
+        if finding.verdict == "doubtful":
+            console.print(f"{log}: {finding.item}: {finding.found}; {finding.action}", soft_wrap=True)
     for note in known.notes if known is not None else ():
         console.print(note, soft_wrap=True)
     return run_and_report(job, output.directory(name), scene, output)
