@@ -13,12 +13,14 @@ from cyclopts import Group, Parameter
 from eval.files.map_server import read_map
 from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
+from eval.scoring import Reference
 from eval.trajectory.relations import read_relations
 from slam.config import LocalizationConfig
 from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
+from testbed.cli.shared.system_options import SYSTEMS, SystemOptions, compare_systems
 from testbed.datasets.truth import attach_truth
 from testbed.formats import open_log
 from testbed.provenance import config_document, settings_as_markdown
@@ -26,6 +28,7 @@ from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
 from testbed.seeds import RunSeeds
 from testbed.settings.estimator import ESTIMATOR, EstimatorOptions
+from testbed.systems.execute import Recorded
 from testbed.views import Scene
 
 LOCALIZATION_GROUP = Group("Localisation (with --map)", sort_key=11)
@@ -65,7 +68,19 @@ class MapOptions:
         return () if self.map is None else (self.map, self.map.with_suffix(".pgm"))
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ReadingOptions:
+    """What a log does not say of its lidar."""
+
+    laser_offset: float | None = None
+    """x of the laser in the robot's frame [m]; default: stated by the log."""
+    range_max: float | None = None
+    """Readings of at least this range are no returns [m]; default: stated or shown by the log."""
+
+
 KNOWN_MAP = MapOptions()
+READING = ReadingOptions()
 
 
 def slam(
@@ -73,11 +88,11 @@ def slam(
     *,
     relations: Path | None = None,
     truth: Path | None = None,
-    laser_offset: float | None = None,
-    range_max: float | None = None,
+    reading: ReadingOptions = READING,
     known_map: MapOptions = KNOWN_MAP,
     estimator: EstimatorOptions = ESTIMATOR,
     output: OutputOptions = OUTPUT,
+    systems: SystemOptions = SYSTEMS,
 ) -> int:
     """Map a recorded log with the particle filter, or localise in a finished map; score it where truth is known.
 
@@ -89,14 +104,13 @@ def slam(
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw` (Kümmerle et al. 2009).
     truth
         True trajectory in the TUM format, `t x y z qx qy qz qw`, with the clock of the log.
-    laser_offset
-        x of the laser in the robot's frame [m]; default: stated by the log.
-    range_max
-        Readings of at least this range are no returns [m]; default: stated or shown by the log.
     """
     output.check_directory()
     filter_config = estimator.filter_config  # raises before the log is read
-    recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
+    entrants = systems.entrants(estimator, known_map.settings())
+    if entrants:
+        systems.check_other_options(output)
+    recording = open_log(log, **asdict(reading))
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
@@ -105,14 +119,21 @@ def slam(
         "log": log.resolve(),
         "relations": relations and relations.resolve(),
         "truth": truth and truth.resolve(),
-        "laser_offset": laser_offset,
-        "range_max": range_max,
+        **asdict(reading),
         **known_map.settings(),
         **estimator.settings(),
+        **systems.settings(),
     }
     inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
+    truth_walls = None if truth_map is None else read_true_walls(log, truth_map)
+    name = log.name.split(".")[0]
+    if entrants:
+        for note in recording.notes:
+            console.print(f"{log}: {note}", soft_wrap=True)
+        reference = Reference(relations=known_relations, grid=truth_map, walls=truth_walls)
+        return compare_systems(entrants, Recorded.of(frames, estimator.seed, reference), document, name, output)
     job = Job(
         source=RecordedFrames(frames),
         document=document,
@@ -123,9 +144,8 @@ def slam(
         relations=known_relations,
         known_map=known,
         truth_map=truth_map,
-        truth_walls=None if truth_map is None else read_true_walls(log, truth_map),
+        truth_walls=truth_walls,
     )
-    name = log.name.split(".")[0]
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
