@@ -95,7 +95,6 @@ def metrics_of_system(facts: Mapping[str, Any], recorded: Recorded, estimated: E
             "duration_s": duration,
             "wall_s": cost.wall_s,
             "realtime_factor": duration / cost.wall_s if cost.wall_s > 0.0 else None,
-            "peak_rss_mb": cost.memory_mb,
             "result_hash": None if estimated.grid is None else result_hash(at_scans, estimated.grid),
         },
     )
