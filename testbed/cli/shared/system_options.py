@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +24,7 @@ from testbed.systems.entrant import Entrant, PythonSystem
 from testbed.systems.errors import SystemFailedError, SystemsError
 from testbed.systems.execute import Recorded, execute_system
 from testbed.systems.finding import check_names, make_system, settings_of
+from testbed.systems.program import DatasetFormat, Program
 
 SYSTEM_GROUP = Group("SLAM systems (instead of the filter of this package)", sort_key=12)
 
@@ -38,6 +39,15 @@ class SystemOptions:
     to a subdirectory, and comparison.html shows them side by side."""
     system_set: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME.FIELD=VALUE: a setting of one of the systems. May be repeated."""
+    system_command: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
+    """A program as a system, such as 'my_slam {dataset} {out}': it reads the recording and leaves trajectory.tum and,
+    if it has one, map.yaml. {seed} is the seed. May be repeated."""
+    system_format: DatasetFormat = "rosbag2"
+    """Format of the recording that programs get."""
+    system_time_limit: float = 3600.0
+    """Time limit of a program [s]."""
+    system_memory_limit: float | None = None
+    """Limit of the memory of a program with all its processes [MB]."""
 
     @property
     def texts(self) -> list[str]:
@@ -47,12 +57,12 @@ class SystemOptions:
     @property
     def requested(self) -> bool:
         """Whether systems are named."""
-        return self.system is not None
+        return self.system is not None or bool(self.system_command)
 
     def __post_init__(self) -> None:
         if self.system_set and not self.requested:
             raise ValueError(f"--system-set {self.system_set[0]}: expected --system as well")
-        if self.requested and not self.texts:
+        if self.system is not None and not self.texts:
             raise ValueError(f"--system {self.system!r}: expected names, separated by commas")
 
     def entrants(self, estimator: EstimatorOptions, shared: Mapping[str, object] | None = None) -> list[Entrant]:
@@ -61,11 +71,19 @@ class SystemOptions:
         shared: further settings, which go to the systems that have them. Raises SystemsError.
         """
         entrants = [PythonSystem(text, _own_settings(text, estimator, shared or {})) for text in self.texts]
-        entrants = _with_values(entrants, self.system_set)
-        check_names(entrant.name for entrant in entrants)
-        for entrant in entrants:
+        found: list[Entrant] = [*_with_values(entrants, self.system_set), *map(self._program, self.system_command)]
+        check_names(entrant.name for entrant in found)
+        for entrant in found:
             entrant.facts()
-        return list(entrants)
+        return found
+
+    def _program(self, command: str) -> Program:
+        return Program(
+            command=command,
+            log_format=self.system_format,
+            seconds=self.system_time_limit,
+            megabytes=self.system_memory_limit,
+        )
 
     def check_other_options(self, output: OutputOptions, *, explores: bool = False) -> None:
         """Raise ValueError for options that look into the filter of this package."""
@@ -77,7 +95,8 @@ class SystemOptions:
 
     def settings(self) -> dict[str, Any]:
         """Return the options for `config.toml`."""
-        return {key: value for key, value in asdict(self).items() if value} if self.requested else {}
+        given = {key: value for key, value in asdict(self).items() if value != getattr(SystemOptions, key)}
+        return given if self.requested else {}
 
 
 SYSTEMS = SystemOptions()
@@ -140,6 +159,8 @@ def _run_one(
     entrant: Entrant, recorded: Recorded, document: Mapping[str, Any], root: Path, output: OutputOptions
 ) -> dict[str, Any]:
     directory = RunDirectory.create(root / entrant.name, overwrite=output.overwrite)
+    if isinstance(entrant, Program):
+        entrant = replace(entrant, keep_log=directory.path)
     total = len(recorded.frames)
     rows = {id(frame): row for row, frame in enumerate(recorded.frames)}
     with progress_line() as line:
