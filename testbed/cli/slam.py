@@ -109,6 +109,10 @@ def slam(
     filter_config = estimator.filter_config  # raises before the log is read
     entrants = systems.entrants(estimator, known_map.settings())
     if entrants:
+        if known_map.map is not None and not any("map" in entrant.facts()["settings"] for entrant in entrants):
+            raise ValueError(
+                "--map: none of the systems has a setting `map`, expected --system localization among them"
+            )
         systems.check_other_options(output)
     recording = open_log(log, **asdict(reading))
     truth_map = _truth_map(log)

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ MAX_GAP = 1.0
 """Poses at other times than those of the frames are interpolated where two of them are this close [s]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Estimated:
     """The path and the map of a system on a recording; poses are `T_map_robot`."""
 
@@ -44,6 +43,13 @@ class Estimated:
     """The pose while driving at each scan from the first reported pose on; None where none was reported."""
     notes: tuple[str, ...] = ()
     """What a reader of the results must know."""
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        rows, cols = self.grid.probability.shape if self.grid is not None else (0, 0)
+        words = "no map" if self.grid is None else f"a map of {cols} x {rows} cells of {self.grid.resolution:g} m"
+        length = float(self.dense.distance[-1])
+        return f"<Estimated: poses at {len(self.at_scans)} scans over {length:.1f} m, {words}>"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +70,8 @@ class Cost:
     """Largest memory that the system takes [MB]; None = unknown."""
 
 
+MIN_ON_MAP = 0.5
+"""A smaller share of the path within the known part of the map adds a note."""
 Step = Callable[[Frame], None]
 """Is called after each frame with a scan."""
 
@@ -308,7 +316,7 @@ def _interpolated(
     span = trajectory.stamps[later] - trajectory.stamps[earlier]
     share = ((stamps[covered] - trajectory.stamps[earlier]) / span)[:, None]
     poses = first + share * np.column_stack([second[:, :2] - first[:, :2], se2.wrap_angle(second[:, 2] - first[:, 2])])
-    note = f"{label}: the trajectory's stamps are not those of the frames: it was interpolated in a straight line"
+    note = "the trajectory's stamps are not those of the frames: it was interpolated in a straight line"
     return _with_scans(label, frames, covered, poses, grid, (note,))
 
 
@@ -325,23 +333,21 @@ def _with_scans(
     if not len(at_scans):
         raise SystemFailedError(f"{label}: its poses cover no scan, expected a pose at a scan at least")
     return Estimated(
-        dense=dense, frames=covered, at_scans=at_scans, grid=grid, notes=(*notes, *_frame_notes(label, poses, grid))
+        dense=dense, frames=covered, at_scans=at_scans, grid=grid, notes=(*notes, *_frame_notes(poses, grid))
     )
 
 
-def _frame_notes(label: str, poses: Pose, grid: OccupancyGrid | None) -> tuple[str, ...]:
-    """A note where most of the path lies outside the map: the two are then in different frames."""
+def _frame_notes(poses: Pose, grid: OccupancyGrid | None) -> tuple[str, ...]:
+    """A note where most of the path lies beyond the known part of the map: the two are then in different frames."""
     if grid is None or not grid.known.any():
         return ()
-    local: Any = se2.between(np.asarray(grid.origin), poses)
-    cells = np.floor(local[:, :2] / grid.resolution).astype(np.int64)
-    rows, cols = grid.probability.shape
-    inside = (cells[:, 0] >= 0) & (cells[:, 0] < cols) & (cells[:, 1] >= 0) & (cells[:, 1] < rows)
-    on_map = inside.copy()
-    on_map[inside] = grid.known[cells[inside, 1], cells[inside, 0]]
-    if on_map.mean() >= 0.5:
+    cells = np.floor(se2.between(np.asarray(grid.origin), poses)[:, :2] / grid.resolution)
+    rows, cols = np.flatnonzero(grid.known.any(axis=1)), np.flatnonzero(grid.known.any(axis=0))
+    low, high = np.array([cols[0], rows[0]]), np.array([cols[-1], rows[-1]])
+    share = float(np.mean(np.all((cells >= low) & (cells <= high), axis=1)))
+    if share >= MIN_ON_MAP:
         return ()
     return (
-        f"{label}: only {on_map.mean():.0%} of its path lies on known cells of its map, expected both in one frame "
-        "(T_map_robot, and the map's origin = its lower left corner)",
+        f"only {share:.0%} of the path lies within the known part of the map, expected both in one frame (T_map_robot, "
+        "and the map's origin = its lower left corner)",
     )

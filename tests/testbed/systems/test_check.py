@@ -33,10 +33,10 @@ BROKEN = {
     "nan": ("def process(self, frame): return (math.nan, 0, 0)", "error", "expected a pose"),
     "brief": ("def process(self, frame): return frame.odometry if frame.stamp < 5 else None", "warning", "90 %"),
     "elsewhere": (
-        "def finish(self): return None, OccupancyGrid(probability=np.zeros((9, 9), np.float32), resolution=0.05, "
+        "def finish(self): return None, OccupancyGrid(probability=np.full((9, 9), 0.1, np.float32), resolution=0.05, "
         "origin=(50.0, 0.0, 0.0))",
         "warning",
-        "known cells of its map",
+        "known part of the map",
     ),
     "hits": (
         "def process(self, frame):\n        assert frame.scan is None or frame.scan.hit.any()\n"

@@ -131,8 +131,12 @@ def test_a_map_far_from_the_path_is_noted():
     away = OccupancyGrid(probability=GRID.probability, resolution=0.05, origin=(100.0, 0.0, 0.0))
     here, _ = feed(finishing((None, GRID)), "x", frames(), seed=0)
     there, _ = feed(finishing((None, away)), "x", frames(), seed=0)
+    walls = np.where(np.indices((200, 200)).min(axis=0) < 2, 0.9, np.nan).astype(np.float32)
+    walls = np.fmax(walls, walls[::-1, ::-1])
+    only_walls = OccupancyGrid(probability=walls, resolution=0.05, origin=(-5.0, -5.0, 0.0))
+    assert feed(finishing((None, only_walls)), "x", frames(), seed=0)[0].notes == ()
     assert here.notes == ()
-    assert "only 0% of its path lies on known cells of its map" in there.notes[0]
+    assert "only 0% of the path lies within the known part of the map" in there.notes[0]
 
 
 class EveryFifth(Wheels):
