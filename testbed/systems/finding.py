@@ -49,6 +49,18 @@ BUILT_IN = {
     "scan-matching": BuiltIn(
         "testbed.systems.gmapping:ScanMatchingSystem", "the filter with one particle, without final pass"
     ),
+    "karto": BuiltIn(
+        "testbed.systems.karto:KartoSystem",
+        "Karto's scan matcher with pose graph and loops (yag-slam)",
+        modules=("yag_slam", "cv2"),
+        extra="karto",
+    ),
+    "kiss-icp": BuiltIn(
+        "testbed.systems.kiss_icp:KissIcpSystem",
+        "ICP on flat clouds, without wheels (KISS-ICP)",
+        modules=("kiss_icp",),
+        extra="kiss-icp",
+    ),
 }
 """Systems of the package by name."""
 
