@@ -13,12 +13,15 @@ import numpy as np
 from eval.sweep.answers import answers
 from eval.sweep.decision import Decision
 from eval.sweep.job_times import duration_words, seconds_for_seeds
-from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, SEEDS_PER_LOOK, level_of, looks_for
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, fewest_seeds_to_go_on, level_of, looks_for
 from eval.sweep.margin import Margin
-from eval.sweep.outlook import MAX_UNITS, SOME, chance_words
+from eval.sweep.outlook import SOME, bound_for, chance_words
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import min_values
 from eval.sweep.summary import SweepSummary
+
+MAX_OFFERED_SHARE = 0.25
+"""A margin that is a larger share of the error is not offered: within it a count would hardly be as good."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,8 @@ def advice(summary: SweepSummary, directory: str, workers: int) -> list[Advice]:
 
 
 def chances(summary: SweepSummary, seeds: int) -> str:
-    """The chance that so many seeds in all decide each open world, in a sentence; empty where it cannot be said."""
-    return "" if summary.table.family_names() else _chances(_open_answers(summary), seeds)
+    """The chance that so many seeds in all decide each open world, in a sentence; empty where none is open."""
+    return "" if summary.table.family_names() else _chances(summary.table, _open_answers(summary), seeds)
 
 
 def _open_answers(summary: SweepSummary) -> dict[str, Decision]:
@@ -71,14 +74,15 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
     if np.isin(status, ("missing", "later")).any() and going_on:
         text = _cost_of_looks(table, going_on, bound, workers) if table.is_sequential else ""
         text = text or f"In about {duration_words(seconds_for_seeds(table, going_on, bound, workers))}."
-        chance = _chances({place: open_answers[place] for place in going_on}, bound)
-        return [Advice("Go on", shlex.join(words), f"{text} {chance}")]
+        chance = _chances(table, {place: open_answers[place] for place in going_on}, bound)
+        return [Advice("Go on", shlex.join(words), f"{text} {chance}".strip())]
     wanted = _wanted(open_answers, table)
     if wanted is None or wanted <= bound or table.seeds != tuple(range(bound)):
         return []
-    places = [place for place, d in open_answers.items() if _chance(d, wanted) >= SOME or not _is_known(d)]
-    text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(open_answers, wanted)}"
-    return [Advice("Add seeds", shlex.join([*words, "--seeds", str(wanted), "--until", "decided"]), text)]
+    places = [place for place, d in open_answers.items() if _chance(d, wanted) >= SOME or not _is_known(table, d)]
+    text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(table, open_answers, wanted)}"
+    number = [] if wanted == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(wanted)]
+    return [Advice("Add seeds", shlex.join([*words, *number, "--until", "decided"]), text.strip())]
 
 
 def _cost_of_looks(table: SweepTable, places: Sequence[str], bound: int, workers: int) -> str:
@@ -88,27 +92,25 @@ def _cost_of_looks(table: SweepTable, places: Sequence[str], bound: int, workers
     if not looks:
         return ""
     first, most = (duration_words(seconds_for_seeds(table, places, n, workers)) for n in (looks[0], bound))
+    if len(looks) == 1:
+        return f"The last look, with {bound} seeds, comes in about {most}."
     return (
-        f"The next look, with {looks[0]} seeds, is there in about {first}; a world ends when its answer is known, or "
-        f"its chance falls below 10 %; all end after at most about {most}."
+        f"The next look, with {looks[0]} seeds, comes in about {first}. A world that is open then gets more, up to "
+        f"{bound} seeds (about {most} at most), while its chance of an answer is 10 % or more."
     )
 
 
-def _is_known(decision: Decision) -> bool:
+def _is_known(table: SweepTable, decision: Decision) -> bool:
     """Whether there are enough seeds to say how many would tell."""
-    return decision.outlook is not None and decision.units >= min_values()
+    return decision.outlook is not None and decision.units >= min_values(table.level)
 
 
 def _wanted(open_answers: dict[str, Decision], table: SweepTable) -> int | None:
     """How many seeds to aim at: so many that every world that can be decided probably is; None if none can."""
-    if any(not _is_known(decision) for decision in open_answers.values()):
+    if any(not _is_known(table, decision) for decision in open_answers.values()):
         return MAX_SEEDS_UNTIL_DECIDED
-    found = [decision.outlook.high for decision in open_answers.values() if decision.outlook is not None]
-    reachable = [number for number in found if number is not None]
-    if not reachable:
-        return None
-    steps = range(2 * SEEDS_PER_LOOK, MAX_UNITS + 1, SEEDS_PER_LOOK)
-    return next((n for n in steps if n >= max(reachable)), MAX_UNITS)
+    outlooks = [decision.outlook for decision in open_answers.values() if decision.outlook is not None]
+    return max((bound_for(outlook) for outlook in outlooks if outlook.high is not None), default=None)
 
 
 def _chance(decision: Decision, seeds: int) -> float:
@@ -117,12 +119,18 @@ def _chance(decision: Decision, seeds: int) -> float:
     return 0.0 if outlook is None else outlook.chance(seeds, level=max(level, outlook.level))
 
 
-def _chances(open_answers: dict[str, Decision], seeds: int) -> str:
-    """The chance that so many seeds decide each world; empty where it cannot be said."""
-    known = {place: decision for place, decision in open_answers.items() if decision.outlook is not None}
+def _chances(table: SweepTable, open_answers: dict[str, Decision], seeds: int) -> str:
+    """The chance that so many seeds decide each world, and of which worlds it cannot be said yet."""
+    known = {place: d for place, d in open_answers.items() if _is_known(table, d)}
+    few = {place: d for place, d in open_answers.items() if d.units < min_values(table.level)}
     words = [f"{place} {chance_words(_chance(decision, seeds))}" for place, decision in known.items()]
-    rough = "" if all(map(_is_known, known.values())) else ", roughly"
-    return f"Chance of an answer with {seeds} seeds{rough}: {', '.join(words)}." if words else ""
+    sentences = [f"Chance of an answer with {seeds} seeds: {', '.join(words)}."] if words else []
+    if few:
+        units, fewest = max(d.units for d in few.values()), fewest_seeds_to_go_on(table.level)
+        of = f" of {' and '.join(few)}" if words else ""
+        seeds_there = f"{units} seed{'' if units == 1 else 's'}"
+        sentences.append(f"The chance of an answer{of} cannot be said from {seeds_there}, only from {fewest}.")
+    return " ".join(sentences)
 
 
 def _ways_out(summary: SweepSummary, open_answers: dict[str, Decision], found: Sequence[Advice]) -> list[Advice]:
@@ -142,12 +150,12 @@ def _report_of(summary: SweepSummary, place: str, decision: Decision) -> str:
     """What the seeds that are there show all the same: the interval, and the margin that they decide."""
     table = summary.table
     (answer,) = [a for a in answers(summary, table.baseline) if a.place == place]
-    text = f"Report the interval: {answer.difference}."
+    text = f"Report the interval, as the tables below have it: {answer.difference}."
     wider = _deciding_margin(summary, place, decision)
-    if wider is None:
+    largest = float(summary.group(place, table.baseline, table.counts[-1]).median.value)
+    if wider is None or wider[0] > MAX_OFFERED_SHARE * largest:
         return text
     margin, headline = wider
-    largest = float(summary.group(place, table.baseline, table.counts[-1]).median.value)
     share = f"{100.0 * margin / largest:.0f} % of the error with {table.counts[-1]}"
     unit = table.measure.unit(largest)
     return (

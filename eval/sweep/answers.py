@@ -8,10 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from eval.sweep.decision import Decision, Kind
+from eval.sweep.look_schedule import fewest_seeds_to_go_on, looks_for
 from eval.sweep.measure import Unit
-from eval.sweep.outlook import chance_sentence, chance_words, rounded, typical_outlook
+from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import LEVEL, Interval, min_values, wilson_interval
+from eval.sweep.statistics import Interval, min_values, wilson_interval
 from eval.sweep.summary import SweepSummary
 
 MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
@@ -181,10 +182,15 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
 
 def _undecided(case: _Case) -> str:
     """`undecided with 9 seeds`, or that so few cannot tell."""
-    units, fewest = case.decision.units, min_values(case.table.level)
-    if 0 < units < fewest and case.decision.largest_open is not None:
-        return f"{_count(units, case.unit)} cannot tell: {fewest} or more are needed"
-    return f"undecided with {_count(units, case.unit)}"
+    units = _count(case.decision.units, case.unit)
+    if _cannot_tell(case):
+        return f"{units} cannot tell: at least {fewest_seeds_to_go_on(case.table.level)} are needed"
+    return f"undecided with {units}"
+
+
+def _cannot_tell(case: _Case) -> bool:
+    """Whether there are too few runs for any answer."""
+    return 0 < case.decision.units < min_values(case.table.level) and case.decision.largest_open is not None
 
 
 def _until_known(case: _Case) -> str:
@@ -194,13 +200,13 @@ def _until_known(case: _Case) -> str:
     if case.decision.largest_open is None or not all(map(math.isfinite, values)):
         return ""
     unit = case.table.measure.unit(max(values))
-    texts = [unit.text(value) for value in values]
+    first, *others = texts = [unit.text(value) for value in values]
     if len(set(texts)) == 1:
-        medians = f"{texts[0]} {unit.name}".rstrip() + f" with {counts[0]} to {counts[-1]}"
+        medians = f"{first} {unit.name}".rstrip() + f" with {counts[0]} to {counts[-1]}"
     else:  # in the order of the counts: a range would be read as that of the first count to that of the last
-        each = ", ".join(f"{text} with {count}" for text, count in zip(texts, counts, strict=True))
-        medians = f"{each} ({unit.name})" if unit.name else each
-    return f"Until it is known take {counts[-1]}; medians so far: {medians}"
+        named = [f"{first} {unit.name}".rstrip(), *others]
+        medians = ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
+    return f"Until it is known take {counts[-1]}. Medians so far: {medians}"
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
@@ -216,15 +222,34 @@ def particles(count: int) -> str:
 
 
 def _difference(case: _Case, c: int) -> str:
-    """`15 against 30: +0.57 cm [-0.20, +1.24], margin 0.5 cm`; c: index of the count."""
+    """How a count compares with the largest one, with the interval that decides and the margin; c: its index.
+
+    `15 particles are 0.66 cm worse than 30 [0.76 better to 1.29 worse; 99 % interval]; up to 0.5 cm would not matter`
+    """
     difference, count = case.decision.differences[c], case.table.counts[c]
     if not difference.count:
         return ""
+    matters = f"up to {_margin_length(case)} {'would' if case.decision.kind == 'undecided' else 'does'} not matter"
     if difference.count < min_values():
-        return f"{count} {_were(count)} {_few_words(case, difference)}; up to {_margin_length(case)} would not matter"
-    level = "" if case.table.level <= LEVEL else f" ({100.0 * case.table.level:.3g} % interval)"
-    shown = difference_words(difference, case.shown_in)
-    return f"{count} against {case.largest}: {shown}{level}, margin {_margin_length(case)}"
+        return f"{count} {_were(count)} {_few_words(case, difference)}; {matters}"
+    unit = case.shown_in
+    value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
+    digits = _decimals(value, low, high)
+    size = f"{abs(value):.{digits}f} {unit.name}".rstrip()
+    compared = f"{size} {_side(value)} than {case.largest}"
+    ends = f"{abs(low):.{digits}f}{'' if _side(low) == _side(high) else f' {_side(low)}'} to {abs(high):.{digits}f}"
+    interval = f"[{ends} {_side(high)}; {100.0 * case.table.level:.3g} % interval]"
+    return f"{particles(count)} {'is' if count == 1 else 'are'} {compared} {interval}; {matters}"
+
+
+def _side(difference: float) -> str:
+    """Whether an error that is larger by so much is worse or better."""
+    return "worse" if difference >= 0.0 else "better"
+
+
+def _decimals(*values: float) -> int:
+    """Number of decimals that all of these values are shown with."""
+    return 2 if max((abs(v) for v in values if math.isfinite(v)), default=0.0) < 10.0 else 1
 
 
 def _few_words(case: _Case, difference: Interval) -> str:
@@ -252,7 +277,7 @@ def difference_words(difference: Interval, unit: Unit) -> str:
     if not difference.count:
         return ""
     value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
-    digits = 2 if max(abs(v) for v in (value, low, high) if math.isfinite(v)) < 10.0 else 1
+    digits = _decimals(value, low, high)
     name = f" {unit.name}" if unit.name else ""
     if difference.count == 1:
         return f"{value:+.{digits}f}{name} in one run"
@@ -277,8 +302,10 @@ def _what_is_open(case: _Case) -> str:
     good = [str(count) for count, state in zip(counts, states, strict=False) if state == "good"]
     parts = []
     if good:
-        words = f"{' and '.join(good)} {'is' if len(good) == 1 else 'are'} shown to be as good as {case.largest}"
-        parts.append(f"{words}, {counts[c]} not yet; an answer needs {'both' if len(good) == 1 else 'all'}")
+        parts.append(
+            f"{' and '.join(good)} {'is' if len(good) == 1 else 'are'} shown to be as good as {case.largest}, but "
+            f"{'is' if len(good) == 1 else 'are'} enough only if {counts[c]} is shown to be so too"
+        )
     if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
         (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)
         parts.append(f"{counts[c]} failed in {failed} of {runs} runs, {case.largest} in {base} of {of}")
@@ -287,27 +314,26 @@ def _what_is_open(case: _Case) -> str:
 
 def _needs(case: _Case) -> str:
     """How many seeds would tell; for kinds of buildings, how many worlds."""
-    decision, table = case.decision, case.table
+    decision = case.decision
     if decision.largest_open is None:
         return ""
-    few = decision.units < min_values()
+    if _cannot_tell(case):
+        fewest = fewest_seeds_to_go_on(case.table.level)
+        return f"whether {fewest} will do cannot be said from {_count(decision.units, case.unit)}"
     if decision.outlook is None:
-        usual = typical_outlook(level=table.level, margin=table.margin)
-        return f"usually {usual.words(case.unit)} tell" if few else "how many would tell cannot be said"
-    if few:
-        low = decision.outlook.low
-        least = "more than 200" if low is None else f"{rounded(low)} or more"
-        return f"{_count(decision.units, case.unit)} cannot say how many are needed: probably {least}"
+        return "how many would tell cannot be said"
+    words = _chance_of_more(case)
+    return f"{words}, so no more are added" if case.given_up else words
+
+
+def _chance_of_more(case: _Case) -> str:
+    """The chance that further seeds or worlds decide what is open."""
+    decision, table = case.decision, case.table
+    assert decision.outlook is not None
     bound = len(table.seeds)
-    if case.unit == "world" or not table.is_sequential or bound <= decision.units:
-        return chance_sentence(decision.outlook, case.unit)
-    high = decision.outlook.high
-    if high is not None and high <= bound:
-        most = f"{rounded(high)} give 80 %"
-    else:
-        most = f"for 80 % {'more than 200' if high is None else rounded(high)} are needed"
-    chance = f"with {bound} seeds the chance of an answer is {chance_words(decision.outlook.chance(bound))}"
-    return f"{chance}" + (", so no more are added" if case.given_up else f"; {most}")
+    if case.unit == "seed" and table.is_sequential and bound > decision.units and decision.kind == "undecided":
+        return chance_sentence(decision.outlook, [look for look in looks_for(bound) if look > decision.units])
+    return chance_sentence(decision.outlook, [bound_for(decision.outlook)], case.unit)
 
 
 def _lower_counts(case: _Case) -> str:
@@ -315,9 +341,8 @@ def _lower_counts(case: _Case) -> str:
     decision = case.decision
     if decision.largest_open is None:
         return ""
-    count = case.table.counts[decision.largest_open]
-    words = f"{count} may be enough too"
-    return words if decision.outlook is None else f"{words}: {chance_sentence(decision.outlook, case.unit)}"
+    words = f"{case.table.counts[decision.largest_open]} may be enough too"
+    return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
 
 
 def _failed(failures: int, runs: int, level: float) -> str:

@@ -33,15 +33,6 @@ def seconds_for_seeds(table: SweepTable, places: Iterable[str], seeds: int, work
     return work / workers + REPORT_SECONDS
 
 
-def range_words(low: float, high: float) -> str:
-    """Two times in words: `about 14 to 94 minutes`, `about 50 s to 6 minutes`."""
-    first, last = duration_words(low), duration_words(high)
-    number, _, unit = first.partition(" ")
-    if first == last:
-        return f"about {first}"
-    return f"about {number if last.endswith(f' {unit}') else first} to {last}"
-
-
 def duration_words(seconds: float) -> str:
     """`10 s`, `8 minutes`, `3 hours`, `2 days`; `an unknown time` for NaN."""
     if math.isnan(seconds):

@@ -37,3 +37,11 @@ def level_of(looks: tuple[int, ...]) -> float:
 
 ADDING_LEVEL = level_of(looks_for(MAX_SEEDS_UNTIL_DECIDED))
 """Level of the intervals if seeds are added after looking at the results, up to the usual bound."""
+
+
+def fewest_seeds_to_go_on(level: float) -> int:
+    """The fewest seeds (or worlds) with which a sweep that has too few can be gone on with to an answer.
+
+    level: of the intervals so far. Adding seeds after looking at the results is a further look.
+    """
+    return min_values(max(level, ADDING_LEVEL))

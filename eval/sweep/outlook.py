@@ -11,13 +11,14 @@ power?", Controlled Clinical Trials 7(1), 1986.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri, ndtr, stdtrit
 
-from eval.sweep.look_schedule import ADDING_LEVEL
+from eval.sweep.look_schedule import ADDING_LEVEL, SEEDS_PER_LOOK
 from eval.sweep.margin import MARGIN, Margin
 from eval.sweep.statistics import Interval, min_values
 
@@ -84,29 +85,28 @@ class Outlook:
         fewest = max(min_values(self.level), self.units + 1 if self.is_measured else 0)
         return next((n for n in range(fewest, MAX_UNITS + 1) if self.chance(n) >= chance), None)
 
-    def words(self, unit: str = "seed") -> str:
-        """The range in words: `about 9 seeds`, `10 to 45 seeds`, `45 to more than 200 seeds`."""
-        if self.low is None:
-            return f"more than {MAX_UNITS} {unit}s"
-        low = rounded(self.low)
-        if self.high is None:
-            return f"{low} to more than {MAX_UNITS} {unit}s"
-        high = rounded(self.high)
-        return f"about {low} {unit}s" if low == high else f"{low} to {high} {unit}s"
+
+def bound_for(outlook: Outlook) -> int:
+    """How many units to aim at: the fewest, in whole steps between looks, that decide in four of five sweeps; at most
+    `MAX_UNITS`."""
+    steps = range(2 * SEEDS_PER_LOOK, MAX_UNITS, SEEDS_PER_LOOK)
+    high = MAX_UNITS if outlook.high is None else outlook.high
+    return next((number for number in steps if number >= high), MAX_UNITS)
 
 
-def chance_sentence(outlook: Outlook, unit: str = "seed") -> str:
-    """The range with its chances: `13 seeds give an answer with a chance of 20 %, 50 with 80 %`."""
-    low, high = outlook.low, outlook.high
-    if low is None:
-        return f"even {MAX_UNITS} {unit}s give an answer with a chance below {100.0 * SOME:.0f} %"
-    first, last = rounded(low), None if high is None else rounded(high)
-    if last == first:
-        return f"about {first} {unit}s give an answer with a chance of {100.0 * MOST:.0f} %"
-    begin = f"{first} {unit}s give an answer with a chance of {100.0 * SOME:.0f} %"
-    if last is None:
-        return f"{begin}; for {100.0 * MOST:.0f} % more than {MAX_UNITS} are needed"
-    return f"{begin}, {last} with {100.0 * MOST:.0f} %"
+def chance_sentence(outlook: Outlook, looks: Sequence[int], unit: str = "seed") -> str:
+    """The chance of an answer at the first of these looks that probably has one, else at the last.
+
+    `with 16 seeds the chance of an answer is about 85 %`. looks: after how many units the results are looked at.
+    """
+    chances = {look: outlook.chance(look) for look in looks}
+    look = next((look for look, chance in chances.items() if chance >= MOST), looks[-1])
+    said = f"with {look} {unit}s the chance of an answer is {chance_words(chances[look])}"
+    if chances[look] >= MOST or look >= MAX_UNITS:
+        return said
+    more = bound_for(outlook)
+    needed = f"more than {MAX_UNITS}" if outlook.high is None or more <= look else f"about {more}"
+    return f"{said}; for {100.0 * MOST:.0f} % {needed} are needed"
 
 
 def outlook_of(difference: Interval, limit: float, *, level: float) -> Outlook | None:
@@ -131,9 +131,3 @@ def chance_words(chance: float) -> str:
     if chance < 0.05:
         return "under 5 %"
     return "over 95 %" if chance > 0.95 else f"about {5 * round(20.0 * chance)} %"
-
-
-def rounded(units: int) -> int:
-    """A number of seeds, no finer than it is known: exact up to 20, then to the next 5, from 100 on to the next 10."""
-    step = 1 if units <= 20 else 5 if units <= 100 else 10
-    return step * math.ceil(units / step)

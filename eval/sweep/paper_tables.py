@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Tables of a sweep for a paper, in Markdown and LaTeX: medians with intervals, and failures."""
+"""Tables of a sweep for a paper, in Markdown and LaTeX: medians, failures, and the paired differences that decide."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.sweep.answers import difference_words
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
-from eval.sweep.remarks import described, margin_words
+from eval.sweep.remarks import described, look_rule, margin_choice, margin_words
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
@@ -20,46 +22,90 @@ MARK = "*"
 
 def markdown_table(summary: SweepSummary) -> str:
     """Markdown table; rows and columns as in `latex_table`."""
-    head, blocks = _content(summary)
-    rows = [head, ["---"] * len(head), *(row for block in blocks for row in block)]
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return f"{_caption(summary)}\n\n" + "\n".join(lines) + "\n"
+    blocks = ["\n".join(_markdown_row(row) for row in _with_rule(part)) for part in _parts(summary)]
+    return "\n\n".join([_caption(summary), *blocks]) + "\n"
 
 
 def latex_table(summary: SweepSummary) -> str:
-    """LaTeX table (package booktabs): one row per world and particle count and one for the answer, one column per line.
+    """LaTeX table (package booktabs): one row per world and particle count and one for the answer.
 
-    Seven particle counts side by side would be wider than a page.
+    With a single line, errors and differences stand side by side. With several lines each has a column, and the
+    differences follow in a second part: seven particle counts side by side would be wider than a page.
     """
-    head, blocks = _content(summary)
-    body = "\n\\addlinespace\n".join("\n".join(map(_latex_row, block)) for block in blocks)
+    parts = "\n  \\par\\medskip\n".join(map(_latex_tabular, _parts(summary)))
     return (
         "\\begin{table}\n  \\centering\\footnotesize\n"
-        f"  \\caption{{{_escaped(_caption(summary))}}}\n"
-        f"  \\begin{{tabular}}{{lrr{'r' * len(summary.table.lines)}}}\n\\toprule\n"
-        f"{_latex_row(head)}\n\\midrule\n{body}\n\\bottomrule\n"
-        "  \\end{tabular}\n\\end{table}\n"
+        f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n\\end{{table}}\n"
     )
 
 
-def _content(summary: SweepSummary) -> tuple[list[str], list[list[list[str]]]]:
-    """The head of the table, and for each world (or kind of building) its rows."""
-    table = summary.table
-    head = ["world", "particles", "runs", *(table.lines if len(table.lines) > 1 else ["error"])]
-    blocks = []
-    for panel in panels(summary):
-        place = panel.answer.place
-        rows = [
-            [
-                place,
-                str(count),
-                _marked_runs(panel.runs[:, c]),
-                *(_cell(panel, k, c, summary.unit) for k in range(len(table.lines))),
-            ]
-            for c, count in enumerate(table.counts)
-        ]
-        blocks.append([*rows, [place, "enough", "", *panel.enough]])
-    return head, blocks
+@dataclass(frozen=True)
+class _Part:
+    """A table: its head, and the rows of each world or kind of building."""
+
+    head: list[str]
+    blocks: list[list[list[str]]]
+
+
+def _parts(summary: SweepSummary) -> list[_Part]:
+    """One table for a single line, two for several: of the errors and of the differences."""
+    table, shown = summary.table, panels(summary)
+    lines, several = range(len(table.lines)), len(table.lines) > 1
+    names = list(table.lines) if several else ["error"]
+    against = f"against {table.counts[-1]} [{100.0 * table.level:.3g} %]"
+    errors = _Part([*_HEAD, *names], [_rows(summary, p, lambda p, c: _errors(summary, p, c, lines)) for p in shown])
+    if len(table.counts) < 2:
+        return [errors]
+    differences = [_rows(summary, p, lambda p, c: _differences(summary, p, c, lines)) for p in shown]
+    if several:
+        return [errors, _Part([*_HEAD, *(f"{name} {against}" for name in names)], differences)]
+    beside = [
+        [row + other[len(_HEAD) :] for row, other in zip(block, others, strict=True)]
+        for block, others in zip(errors.blocks, differences, strict=True)
+    ]
+    beside = [[*block[:-1], [*block[-1][:-1], ""]] for block in beside]  # the answer stands once
+    return [_Part([*errors.head, against], beside)]
+
+
+_HEAD = ["world", "particles", "runs"]
+
+
+def _rows(summary: SweepSummary, panel: Panel, cells: Callable[[Panel, int], list[str]]) -> list[list[str]]:
+    """The rows of a world: one per count, and one for the answers."""
+    place = panel.answer.place
+    rows = [
+        [place, str(count), _marked_runs(panel.runs[:, c]), *cells(panel, c)]
+        for c, count in enumerate(summary.table.counts)
+    ]
+    return [*rows, [place, "enough", "", *panel.enough]]
+
+
+def _errors(summary: SweepSummary, panel: Panel, c: int, lines: Iterable[int]) -> list[str]:
+    return [_cell(panel, k, c, summary.unit) for k in lines]
+
+
+def _differences(summary: SweepSummary, panel: Panel, c: int, lines: Iterable[int]) -> list[str]:
+    """The paired differences of a count to the largest one, with the intervals that decide."""
+    unit = replace(summary.unit, name="")
+    if c == len(summary.table.counts) - 1:
+        return ["" for _ in lines]
+    return [difference_words(panel.decisions[k].differences[c], unit) or "-" for k in lines]
+
+
+def _with_rule(part: _Part) -> list[list[str]]:
+    return [part.head, ["---"] * len(part.head), *(row for block in part.blocks for row in block)]
+
+
+def _markdown_row(cells: list[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _latex_tabular(part: _Part) -> str:
+    body = "\n\\addlinespace\n".join("\n".join(map(_latex_row, block)) for block in part.blocks)
+    return (
+        f"  \\begin{{tabular}}{{lrr{'r' * (len(part.head) - len(_HEAD))}}}\n\\toprule\n"
+        f"{_latex_row(part.head)}\n\\midrule\n{body}\n\\bottomrule\n  \\end{{tabular}}"
+    )
 
 
 def _latex_row(cells: list[str]) -> str:
@@ -68,7 +114,7 @@ def _latex_row(cells: list[str]) -> str:
 
 def _caption(summary: SweepSummary) -> str:
     table, unit = summary.table, summary.unit
-    measure = table.measure
+    measure, largest = table.measure, table.counts[-1]
     name = f"{measure.words[0].upper()}{measure.words[1:]}" + (f" [{unit.name}]" if unit.name else "")
     over = "the runs (one per seed)"
     if table.family_names():
@@ -78,14 +124,21 @@ def _caption(summary: SweepSummary) -> str:
     sentences = [
         f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
         f"{brackets} in brackets, failed runs in parentheses where there are any.",
-        f"Enough: with 95 % confidence at most {margin_words(summary)} worse than {table.counts[-1]} particles.",
     ]
+    if len(table.counts) > 1:
+        sentences += [
+            f"Against {largest}: median of the differences to the runs with {largest} particles on the same data, with "
+            f"its {100.0 * table.level:.3g} % interval, which decides; the intervals of the errors do not.",
+            f"Enough: with 95 % confidence at most {margin_words(summary)} worse than {largest} particles, as all "
+            "larger counts are.",
+        ]
+    sentences += [look_rule(table), margin_choice(table)]
     if min(runs, default=0) < few:
         sentences.append(
             f"{MARK} Fewer than {few} runs: the brackets hold the smallest and the largest run, and no count can be "
             "shown to be enough."
         )
-    return " ".join([*sentences, described(table)])
+    return " ".join(filter(None, [*sentences, described(table)]))
 
 
 def _marked_runs(runs: NDArray[np.int64]) -> str:

@@ -5,10 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from eval.sweep.job_times import duration_words, range_words
+from eval.sweep.job_times import duration_words
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, fewest_seeds_to_go_on
 from eval.sweep.margin import MARGIN, Margin
 from eval.sweep.outlook import chance_words, typical_outlook
 from eval.sweep.statistics import LEVEL, min_values
+
+RULE = "by a rule of thumb, with noise as in apartment, office and loop and a count that is as good as the largest"
+"""On what a chance rests before anything is computed."""
 
 
 def foresight(
@@ -23,14 +27,27 @@ def foresight(
 
     level: of the intervals that decide. seconds: time that so many units take [s]; None if it is unknown.
     """
-    outlook = typical_outlook(level=level, margin=margin)
-    usual = f"Usually {outlook.words(unit)} tell"
-    if seconds is not None and outlook.low is not None and outlook.high is not None:
-        usual += f" ({range_words(seconds(outlook.low), seconds(outlook.high))})"
-    fewest = min_values(level)
-    if units < fewest:
-        name = unit if units == 1 else f"{unit}s"
-        price = "" if seconds is None else f" (about {duration_words(seconds(fewest))})"
-        return f"{units} {name} cannot show that a count is enough: at least {fewest} are needed{price}. {usual}."
-    chance = chance_words(outlook.chance(units, level=level))
-    return f"The chance that {units} {unit}s give an answer is {chance}, with noise as in most worlds. {usual}."
+    if units < min_values(level):
+        return _too_few(units, unit, level, seconds)
+    chance = chance_words(typical_outlook(level=level, margin=margin).chance(units, level=level))
+    return (
+        f"The chance that {units} {unit}s give an answer is {chance}: {RULE}. One whose difference lies near the "
+        "margin stays open with any number."
+    )
+
+
+def _too_few(units: int, unit: str, level: float, seconds: Callable[[int], float] | None) -> str:
+    """What is needed instead of too few units, and that nobody can say whether it will do."""
+
+    def with_time(number: int, bound: str) -> str:
+        return f"{number}" if seconds is None else f"{number} ({bound} {duration_words(seconds(number))})"
+
+    fewest = fewest_seeds_to_go_on(level)
+    few = f"{units} {unit if units == 1 else f'{unit}s'} cannot tell how many particles are enough"
+    unknown = f"Whether {fewest} will do cannot be said before they are computed."
+    if unit != "seed":
+        return f"{few}: at least {fewest} are needed. {unknown}"
+    return (
+        f"{few}: at least {with_time(fewest, 'about')} are needed. {unknown} --until decided looks at the results "
+        f"then, and adds seeds where the answer is open, up to {with_time(MAX_SEEDS_UNTIL_DECIDED, 'at most about')}."
+    )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from eval.sweep.decision import median_over_last
 from eval.sweep.margin import Margin
 from eval.sweep.panels import Panel, panels
 from eval.sweep.results import CURVE_GRID, SweepTable
-from eval.sweep.statistics import bootstrap_interval, min_values, wilson_interval
+from eval.sweep.statistics import Interval, bootstrap_interval, min_values, wilson_interval
 from eval.sweep.summary import SweepSummary
 
 WIDTHS = (3.5, 5.3, 7.16)
@@ -44,6 +45,8 @@ MARK_COLOURS = {"good": GOOD, "fair": FAIR, "bad": BAD}
 """Colours of answers."""
 ZONE = "#d3f0d9"
 """Colour of the zone in which differences do not matter."""
+MAX_MARGINS = 8.0
+"""The axis of differences spans at most so many margins to each side."""
 LEGEND_ROW = 0.17
 """Height of a row of the legend [inch]."""
 _BETWEEN_ROWS, _BETWEEN_COLUMNS, _BELOW, _RIGHT = 0.34, 0.14, 0.42, 0.14
@@ -79,6 +82,67 @@ def accuracy(summary: SweepSummary) -> Figure:
 
     words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
     return _figure(table, shown, draw, "particles", words, entries=5 + len(table.lines))
+
+
+def differences(summary: SweepSummary) -> Figure:
+    """Paired differences to the largest count with the intervals that decide, and the margin."""
+    table, unit = summary.table, summary.unit
+    shown = panels(summary)
+    limits = _difference_limits(shown, unit.factor)
+    moved = [[number + 0.16 * (k - 0.5 * (len(table.lines) - 1)) for k in range(len(table.lines))]
+             for number in range(len(table.counts) - 1)]  # fmt: skip
+
+    def draw(ax: Axes, panel: Panel) -> None:
+        _write_answer(ax, panel.answer)
+        ax.axhline(0.0, color=QUIET, lw=0.8, zorder=1)
+        margin = unit.factor * panel.decisions[table.lines.index(table.baseline)].limit
+        if math.isfinite(margin):
+            ax.axhspan(limits[0], margin, color=ZONE, lw=0, zorder=0)
+            ax.axhline(margin, color=GOOD, lw=1.4, ls=(0, (4, 2)), zorder=2, label="margin")
+        for (k, decision), c in product(enumerate(panel.decisions), range(len(table.counts) - 1)):
+            pairs = unit.factor * (panel.error[k, c] - panel.error[k, -1])
+            _draw_units(ax, np.array([moved[c][k] + 0.06]), pairs[None], _colour(k), limits)
+            _draw_interval(
+                ax, moved[c][k], decision.differences[c], decision.states[c], unit.factor, limits, _colour(k)
+            )
+        if len(table.lines) > 1:
+            for k, line in enumerate(table.lines):
+                ax.plot([], [], "-", lw=1.6, color=_colour(k), label=line)
+        _name_markers(ax, table)
+        ax.set_xlim(-0.5, len(table.counts) - 1.5)
+        ax.set_xticks(range(len(table.counts) - 1), [str(count) for count in table.counts[:-1]])
+        ax.set_ylim(*limits)
+
+    words = f"error above that with {table.counts[-1]}" + (f" [{unit.name}]" if unit.name else "")
+    return _figure(table, shown, draw, "particles", words, entries=4 + len(table.lines) * (len(table.lines) > 1))
+
+
+def _difference_limits(shown: Sequence[Panel], factor: float) -> tuple[float, float]:
+    """Ends of the axis of differences for all panels: all intervals, but at most `MAX_MARGINS` margins."""
+    decisions = [decision for panel in shown for decision in panel.decisions]
+    margins = [factor * decision.limit for decision in decisions if math.isfinite(decision.limit)]
+    if not margins:
+        return -1.0, 1.0
+    intervals = [interval for decision in decisions for interval in decision.differences]
+    ends = [factor * end for i in intervals for end in (i.low, i.value, i.high) if math.isfinite(end)]
+    most = MAX_MARGINS * max(margins)
+    low, high = min(ends, default=0.0), max(ends, default=0.0)
+    return 1.15 * max(min(low, -max(margins)), -most), 1.15 * min(max(high, 1.5 * max(margins)), most)
+
+
+def _draw_interval(
+    ax: Axes, x: float, difference: Interval, state: str, factor: float, limits: tuple[float, float], colour: str
+) -> None:
+    """A difference with its interval, marked as in the figure of accuracy; no interval for a few runs.
+
+    What lies above the axis ends at its edge.
+    """
+    value, low, high = (factor * end for end in (difference.value, difference.low, difference.high))
+    if not math.isfinite(value):
+        return
+    if difference.count >= min_values() and math.isfinite(low + high):
+        ax.plot([x, x], np.clip([low, high], *limits), "-", lw=1.6, color=colour, zorder=3, solid_capstyle="butt")
+    _draw_state(ax, x, min(value, limits[1]), state, colour)
 
 
 def failures(summary: SweepSummary) -> Figure:
@@ -319,10 +383,14 @@ def _draw_states(
 ) -> None:
     """Mark each count: filled = not worse than the largest, hollow = undecided, cross = worse."""
     for place, value, state in zip(x, medians, (*states, "good"), strict=True):
-        look = {"good": {"marker": "o", "mfc": colour}, "open": {"marker": "o", "mfc": "white"}}.get(
-            state, {"marker": "x"}
-        )
-        ax.plot([place], [value], ms=4.5, mew=1.2, color=colour, zorder=4, **look)  # type: ignore[arg-type]
+        _draw_state(ax, float(place), float(value), state, colour)
+
+
+def _draw_state(ax: Axes, x: float, y: float, state: str, colour: str) -> None:
+    look: dict[str, Any] = {"good": {"marker": "o", "mfc": colour}, "open": {"marker": "o", "mfc": "white"}}.get(
+        state, {"marker": "x"}
+    )
+    ax.plot([x], [y], ms=4.5, mew=1.2, color=colour, zorder=4, clip_on=False, **look)
 
 
 def _draw_units(

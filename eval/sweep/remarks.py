@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Sentences about what is not the answer: what seeds change, real time, and whether the filter trusts itself."""
+"""Sentences about what is not the answer: looks, margin, seeds, the final pass, real time, overconfidence."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.answers import particles
-from eval.sweep.margin import Margin
+from eval.sweep.margin import Margin, parse_margin
+from eval.sweep.needed_count import PREDICTORS, NeededCount, predictors_of, shipped_model
 from eval.sweep.results import SweepTable
+from eval.sweep.statistics import LEVEL
 from eval.sweep.summary import SweepSummary
 
 FIXED = "all seeds drive the same route, with other noise"
@@ -68,7 +72,7 @@ def overconfidence(summary: SweepSummary) -> str:
     if len(table.places) == 1:
         where = f"{100.0 * known[0][0]:.0f} %"
     elif len(known) <= MAX_NAMED:
-        where = " and ".join(f"{100.0 * share:.0f} % ({place})" for share, place in sorted(known))
+        where = " and ".join(f"{100.0 * share:.0f} % ({place})" for share, place in known)
     else:
         where = f"{100.0 * min(known)[0]:.0f} to {100.0 * max(known)[0]:.0f} %, by world"
     return (
@@ -91,6 +95,114 @@ def margin_words(summary: SweepSummary) -> str:
     return (
         f"{floor} ({share} where that is more: {', '.join(shares)})" if len(shares) <= MAX_NAMED else table.margin_words
     )
+
+
+def look_rule(table: SweepTable) -> str:
+    """How often the results are looked at, with which intervals, and which look this is; empty for a single look."""
+    looks = table.looks
+    if not looks:
+        return ""
+    planned = f"up to {len(looks)} times (after {', '.join(map(str, looks[:-1]))} and {looks[-1]} seeds)"
+    if len(looks) == 1:
+        planned = f"once (after {looks[0]} seeds)"
+    seeds = {place: table.seeds_of(p) for p, place in enumerate(table.places)}
+    of = f"of at most {looks[-1]} seeds"
+    if len(set(seeds.values())) == 1:
+        number = next(iter(seeds.values()))
+        is_look = number in looks
+        now = f"This is look {looks.index(number) + 1}, with {number} {of}." if is_look else "No look is complete yet."
+    else:
+        words = [
+            f"{place} has look {looks.index(number) + 1} ({number} seeds)"
+            if number in looks
+            else f"{place} has none yet"
+            for place, number in seeds.items()
+        ]
+        now = f"Here {', '.join(words)}, {of}."
+    return (
+        f"The results are looked at {planned}, each time with {100.0 * table.level:.3g} % intervals, so that all "
+        f"answers together hold with {100.0 * LEVEL:.0f} % (Bonferroni). {now}"
+    )
+
+
+def margin_choice(table: SweepTable) -> str:
+    """When the margin was changed after results had been seen; empty where it is the one that was planned."""
+    if not table.margin_changes or parse_margin(table.margin_changes[0].before) == table.margin:
+        return ""
+    is_length = table.measure.key.endswith("_m")
+    planned = parse_margin(table.margin_changes[0].before).words(is_length=is_length)
+    seeds = table.margin_changes[-1].seeds
+    look = f"look {table.looks.index(seeds) + 1}, with " if seeds in table.looks else ""
+    return (
+        f"The margin was changed from {planned} to {table.margin_words} after {look}{seeds} "
+        f"seed{'' if seeds == 1 else 's'} had been seen, so the answers are no test of it."
+    )
+
+
+def after_final_pass(summary: SweepSummary) -> str:
+    """What is left of the difference between the smallest and the largest count after the final pass; empty without
+    one."""
+    table = summary.table
+    base, counts = table.lines.index(table.baseline), table.counts
+    known: dict[str, tuple[float, float]] = {}
+    mattering = []
+    for p, place in enumerate(table.places):
+        few, many = table.refined[p, base, 0], table.refined[p, base, -1]
+        both = np.isfinite(few) & np.isfinite(many)
+        if len(counts) < 2 or not both.any():
+            continue
+        known[place] = float(np.median(few[both])), float(np.median(many[both]))
+        if float(np.median(few[both] - many[both])) > table.margin.of(known[place][1]):
+            mattering.append(place)
+    if not known:
+        return ""
+    if not mattering:
+        verdict = "the count hardly matters any more"
+    else:
+        verdict = "the count still matters" + ("" if len(mattering) == len(known) else f" in {_named(mattering)}")
+    unit = table.measure.unit(max(map(max, known.values())))
+    ends = f"{{}} with {particles(counts[0])}, {{}} with {counts[-1]}"
+    if len(known) <= MAX_NAMED:
+        of_places = [
+            f"{place} {ends.format(f'{unit.text(few)} {unit.name}'.strip(), unit.text(many))}"
+            for place, (few, many) in known.items()
+        ]
+        medians = "; ".join(of_places)
+    else:
+        ranges = [
+            f"{unit.text(min(column))} to {unit.text(max(column))} {unit.name}".strip()
+            for column in zip(*known.values(), strict=True)
+        ]
+        medians = f"{ends.format(*ranges)}, by world"
+    return f"{verdict}: {medians}."
+
+
+def _named(places: Sequence[str]) -> str:
+    return " and ".join(places) if len(places) <= MAX_NAMED else f"{len(places)} worlds"
+
+
+def suggested_counts(table: SweepTable) -> str:
+    """What `testbed sweep --suggest` says for the drives of these worlds; empty for logs and other filters."""
+    columns = [table.columns.get(f"features.{predictor.name}") for predictor in PREDICTORS]
+    if table.baseline != "default" or table.measure.estimate != "filter" or any(c is None for c in columns):
+        return ""
+    model, base = shipped_model(), table.lines.index(table.baseline)
+    found = []
+    for p, place in enumerate(table.places):
+        drives = np.stack([table.cube(f"features.{predictor.name}")[p, base, 0] for predictor in PREDICTORS], axis=-1)
+        drives = drives[np.isfinite(drives).all(axis=-1)]
+        if len(drives):
+            names = [predictor.name for predictor in PREDICTORS]
+            features = dict(zip(names, np.median(drives, axis=0).tolist(), strict=True))
+            found.append(f"{place} {_suggested(model, predictors_of(features))}")
+    return ", ".join(found) if 0 < len(found) <= MAX_NAMED else ""
+
+
+def _suggested(model: NeededCount, at: NDArray[np.float64]) -> str:
+    """`7 (95 % interval 5 to 10)`."""
+    low, high = (f"more than {model.max_count}" if end is None else str(end) for end in model.interval(at))
+    needed = model.needed(at)
+    return f"{f'more than {model.max_count}' if needed is None else needed} (95 % interval {low} to {high})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

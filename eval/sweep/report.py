@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import base64
 import os
+import shlex
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,9 +21,22 @@ from eval.report.page import render
 from eval.sweep import plots as sweep_plots
 from eval.sweep.advice import advice
 from eval.sweep.answers import Answer, answer_of_place, answers, difference_words
+from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
+from eval.sweep.needed_count import shipped_model
 from eval.sweep.paper_tables import latex_table, markdown_table, runs_text
-from eval.sweep.remarks import described, margin_words, overconfidence, real_time, seeds_change
+from eval.sweep.remarks import (
+    MAX_NAMED,
+    after_final_pass,
+    described,
+    look_rule,
+    margin_choice,
+    margin_words,
+    overconfidence,
+    real_time,
+    seeds_change,
+    suggested_counts,
+)
 from eval.sweep.results import LEFT_OUT, SweepTable, read_sweep
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
 from eval.sweep.summary import Group, SweepSummary, WorstRun, summarise, worst_runs
@@ -50,10 +64,19 @@ DRAWINGS = (
         "accuracy",
         "Accuracy against particle count",
         sweep_plots.accuracy,
-        "Line: median. Band: 95 % interval of the median (none for fewer than 6 runs). Faint dots: single runs "
-        "(triangle: above the axis). "
+        "Line: median. Band: 95 % interval of the median (none for fewer than 6 runs), which does not decide: the next "
+        "figure shows what does. Faint dots: single runs (triangle: above the axis). "
         "Green zone: the margin around the largest count, within which more particles do not matter. "
         "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter.",
+        is_first=True,
+    ),
+    Drawing(
+        "differences",
+        "What decides: paired differences to the largest count",
+        sweep_plots.differences,
+        "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
+        "interval that decides. A count is shown to be as good (filled) where the whole interval lies below the dashed "
+        "margin, and to be worse (cross) where it lies above; otherwise it is not known yet (hollow).",
         is_first=True,
     ),
     Drawing(
@@ -138,7 +161,13 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
                 figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
     of_line = "" if len(summary.table.lines) == 1 else f"Shown for the line {summary.table.baseline}."
-    notes = {"accuracy": described(summary.table), "cost": real_time(summary), "ess": of_line, "ancestors": of_line}
+    notes = {
+        "accuracy": described(summary.table),
+        "differences": look_rule(summary.table),
+        "cost": real_time(summary),
+        "ess": of_line,
+        "ancestors": of_line,
+    }
     return ShownFigure(
         drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())), notes.get(drawing.name, "")
     )
@@ -147,6 +176,7 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
 def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
     table, unit = summary.table, summary.unit
     status = table.columns["status"].astype(str)
+    enough_runs = table.ran.any(axis=(1, 2)).sum(axis=-1).max(initial=0) >= min_values(table.level)
     return {
         "title": table.title or "Sweep",
         "answers": answers(summary, table.baseline),
@@ -159,7 +189,14 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "failed": int(table.failed.sum()),
         "runs": int(table.ran.sum()),
         "routes": seeds_change(table),
-        "seeds": runs_text(table.ran.any(axis=(1, 2)).sum(axis=-1)),
+        "seeds": _seeds(table),
+        "seed_counts": runs_text(table.ran.any(axis=(1, 2)).sum(axis=-1)),
+        "repeat": _repeat_command(table, folder),
+        "final_pass": after_final_pass(summary),
+        "suggested": suggested_counts(table),
+        "largest_predicted": shipped_model().max_count,
+        "look_rule": look_rule(table),
+        "margin_choice": margin_choice(table),
         "advice": advice(summary, str(folder), os.cpu_count() or 1),
         "workers": os.cpu_count() or 1,
         "margins": margin_words(summary),
@@ -169,10 +206,43 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
         "level": LEVEL,
         "power": POWER,
-        "min_seeds": min_values(table.level),
+        "min_seeds": min_values(table.level) if enough_runs else fewest_seeds_to_go_on(table.level),
         "fewest": min_values(),
         "confidence": overconfidence(summary),
     }
+
+
+def _seeds(table: SweepTable) -> str:
+    """Which seeds the page rests on: `0 to 7`, with the worlds where they differ."""
+    of_place = {
+        place: _ranges([seed for s, seed in enumerate(table.seeds) if table.ran[p, :, :, s].any()])
+        for p, place in enumerate(table.places)
+    }
+    if len(set(of_place.values())) == 1:
+        return next(iter(of_place.values()))
+    if len(of_place) > MAX_NAMED:
+        return "column in_report of sweep.parquet"
+    return "; ".join(f"{place} {seeds}" for place, seeds in of_place.items())
+
+
+def _ranges(seeds: Sequence[int]) -> str:
+    """`0 to 7`, `0 to 2, 4 to 9`, `none`."""
+    parts: list[list[int]] = []
+    for seed in seeds:
+        if parts and seed == parts[-1][-1] + 1:
+            parts[-1].append(seed)
+        else:
+            parts.append([seed])
+    texts = [str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts]
+    return ", ".join(texts) or "none"
+
+
+def _repeat_command(table: SweepTable, folder: Path) -> str:
+    """The command that repeats the sweep in another directory; empty if it is unknown."""
+    if not table.command:
+        return ""
+    command, mark, comment = table.command.partition("  # ")
+    return f"{command} --out {shlex.quote(f'{folder.resolve().name}-again')}{mark}{comment}"
 
 
 def _commit(folder: Path) -> str:

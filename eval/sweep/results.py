@@ -41,6 +41,18 @@ class SweepTableError(ValueError):
     """The tables cannot be read. The message names the file and what was expected."""
 
 
+@dataclass(frozen=True)
+class MarginChange:
+    """Another margin was chosen when results were there already."""
+
+    before: str
+    """The margin until then, as `--margin` has it; empty = the default."""
+    margin: str
+    """The margin from then on."""
+    seeds: int
+    """How many seeds the answers rested on then."""
+
+
 @dataclass(frozen=True, eq=False)
 class SweepTable:
     """All runs of a sweep. Arrays have the shape (places, lines, counts, seeds), NaN if a run lacks the figure."""
@@ -61,6 +73,8 @@ class SweepTable:
     """Confidence level of the decisions: higher than 0.95 where the sweep was looked at several times."""
     margin: Margin
     """How much larger an error may be than that of the largest count before it matters."""
+    margin_changes: tuple[MarginChange, ...]
+    """When another margin was chosen after results had been seen."""
     recorded: bool
     """Whether the places are recorded logs."""
     command: str
@@ -128,6 +142,15 @@ class SweepTable:
         """Whether the results are looked at several times (`--until decided`)."""
         return self.level > LEVEL
 
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """After how many seeds the results are looked at; empty for a sweep that is not sequential."""
+        return looks_for(len(self.seeds)) if self.is_sequential else ()
+
+    def seeds_of(self, place: int) -> int:
+        """How many seeds of a place were computed."""
+        return int(self.ran[place].any(axis=(0, 1)).sum())
+
     def judged(self) -> SweepTable:
         """The table with the runs that answers rest on: seeds of which every count was computed; where the results are
         looked at several times, those up to the last complete look.
@@ -137,7 +160,7 @@ class SweepTable:
         """
         keeps = np.zeros(self.shape, dtype=np.bool_)
         for p, k in np.ndindex(*self.shape[:2]):
-            keeps[p, k] = self._judged_seeds(np.all(self.ran[p, k], axis=0))
+            keeps[p, k] = judged_seeds(np.all(self.ran[p, k], axis=0), is_sequential=self.is_sequential)
         left_out = self.ran & ~keeps
         if not left_out.any():
             return self
@@ -148,18 +171,6 @@ class SweepTable:
         columns["status"][left_out] = LEFT_OUT
         curves = {name: np.where(left_out[..., None], np.nan, cube) for name, cube in self.curves.items()}
         return replace(self, columns=columns, curves=curves)
-
-    def _judged_seeds(self, complete: NDArray[Any]) -> NDArray[Any]:
-        """Which seeds answers rest on, of those of which every count was computed, (seeds,)."""
-        if not complete.any():
-            return np.ones_like(complete)
-        if not self.is_sequential:
-            return complete
-        first = int(np.argmin(complete)) if not complete.all() else len(complete)
-        looked = [look for look in looks_for(len(self.seeds)) if look <= first]
-        kept = complete.copy()
-        kept[looked[-1] if looked else first :] = False
-        return kept
 
     def given_up(self, places: Iterable[str], line: str) -> bool:
         """Whether the sweep adds no more seeds in these places although the answer is open."""
@@ -177,10 +188,39 @@ class SweepTable:
         return [name for name in dict.fromkeys(names) if names.count(name) > 1]
 
 
+def judged_seeds(complete: NDArray[np.bool_], *, is_sequential: bool) -> NDArray[np.bool_]:
+    """Which seeds the answers rest on, of those of which every count was computed, (seeds,); see `SweepTable.judged`.
+
+    is_sequential: whether the results are looked at several times. Where no seed is complete all of them count.
+    """
+    if not complete.any():
+        return np.ones_like(complete)
+    if not is_sequential:
+        return complete
+    first = int(np.argmin(complete)) if not complete.all() else len(complete)
+    looked = [look for look in looks_for(len(complete)) if look <= first]
+    kept = complete.copy()
+    kept[looked[-1] if looked else first :] = False
+    return kept
+
+
 def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
     """Read `sweep.parquet`, `curves.parquet` and `timings.parquet`; raises SweepTableError for other files."""
     folder = Path(directory)
-    runs, about = _read(folder / "sweep.parquet")
+    return _sweep_table(*(_read(folder / f"{name}.parquet") for name in ("sweep", "curves", "timings")))
+
+
+def sweep_table(runs: pa.Table, curves: pa.Table, timings: pa.Table) -> SweepTable:
+    """The sweep of three tables in memory, with the columns and the metadata of those files."""
+    return _sweep_table(*(_content(table) for table in (runs, curves, timings)))
+
+
+_Content = tuple[dict[str, NDArray[Any]], dict[str, Any]]
+"""Columns of a table, and its metadata about the sweep."""
+
+
+def _sweep_table(of_runs: _Content, of_curves: _Content, of_timings: _Content) -> SweepTable:
+    (runs, about), (curves, _), (timings, _) = of_runs, of_curves, of_timings
     axes = [_levels(runs[name]) for name in ("place", "line", "particles", "seed")]
     where = tuple(
         np.array([{v: i for i, v in enumerate(levels)}[value] for value in runs[name].tolist()], dtype=np.intp)
@@ -188,8 +228,6 @@ def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
     )
     shape = tuple(map(len, axes))
     row_of = {key: row for row, key in enumerate(runs["key"].tolist())}
-    timings, _ = _read(folder / "timings.parquet")
-    curves, _ = _read(folder / "curves.parquet")
     curves = {
         _OLD_NAMES.get(name, name): values for name, values in curves.items() if _OLD_NAMES.get(name) not in curves
     }
@@ -210,6 +248,7 @@ def read_sweep(directory: str | os.PathLike[str]) -> SweepTable:
         families=_families(runs, axes[0]),
         level=float(about.get("level", LEVEL)),
         margin=parse_margin(str(about.get("margin", ""))),
+        margin_changes=tuple(MarginChange(**change) for change in about.get("margin_changes", ())),
         recorded=bool(about.get("recorded", False)),
         command=str(about.get("command", "")),
         conditions=str(about.get("conditions", "")),
@@ -226,15 +265,17 @@ def _families(runs: dict[str, NDArray[Any]], places: list[Any]) -> tuple[str | N
     return tuple(of_place[place] for place in places)
 
 
-def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Columns of a table, and its metadata about the sweep."""
+def _read(path: Path) -> _Content:
     try:
-        table = pq.read_table(path)
-        about = json.loads((table.schema.metadata or {})[b"sweep"])
+        return _content(pq.read_table(path))
     except FileNotFoundError:
         raise SweepTableError(f"{path}: no such file, expected what `testbed gather` writes") from None
     except (pa.ArrowInvalid, KeyError, ValueError) as error:
         raise SweepTableError(f"{path}: {error}: expected a table of a sweep") from None
+
+
+def _content(table: pa.Table) -> _Content:
+    about = json.loads((table.schema.metadata or {})[b"sweep"])
     return {name: _array(table.column(name)) for name in table.column_names}, about
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, stdtrit
+from scipy.special import ndtr, ndtri, stdtrit
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -107,7 +107,7 @@ def wilson_interval(failures: int, runs: int, *, level: float = LEVEL) -> tuple[
     """
     if runs == 0:
         return math.nan, math.nan
-    from scipy.stats import binomtest  # takes a second to load
-
-    interval = binomtest(failures, runs).proportion_ci(level, method="wilson")
-    return float(interval.low), float(interval.high)
+    z2 = float(ndtri(0.5 + 0.5 * level)) ** 2
+    middle = (failures + 0.5 * z2) / (runs + z2)
+    half = math.sqrt(z2 * (failures * (runs - failures) / runs + 0.25 * z2)) / (runs + z2)
+    return max(middle - half, 0.0) if failures else 0.0, min(middle + half, 1.0) if failures < runs else 1.0

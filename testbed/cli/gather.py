@@ -53,7 +53,7 @@ def gather_and_report(directory: SweepDirectory, *, worst: bool, lists_missing: 
     if gathered.done:
         console.print("writing the report …")
         page = write_sweep_report(directory.path).resolve()
-        say_answers(directory.path, partial(results.print, markup=False))
+        say_answers(directory.path, partial(results.print, soft_wrap=True, markup=False), is_end=True)
         results.print(f"report: {page}")
     return 0 if gathered.complete else GATE_FAILED
 

@@ -197,7 +197,7 @@ def metrics_of(
         steps=estimation.steps.columns(),
         ended=ended,
         facts={
-            **_self_check(estimation, estimate, ended),
+            **_self_check(job, estimation, estimate, ended),
             "seed": job.seeds.seed,
             "particles": job.filter.particles,
             "refined": estimate is not filtered,
@@ -220,11 +220,12 @@ def metrics_of(
     return metrics | _localized(job.known_map, estimation, estimate, ended)
 
 
-def _self_check(estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
+def _self_check(job: Job, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
     """Return the group `self_check` of a run that has made a map; Ctrl-C must end soon."""
     if not isinstance(estimation.mapper, GMapping):
         return {}
-    return {"self_check": self_check_metrics(estimation, estimate, replay=ended != "interrupted")}
+    replay = job.checks_by_replay and ended != "interrupted"
+    return {"self_check": self_check_metrics(estimation, estimate, replay=replay)}
 
 
 def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:

@@ -101,5 +101,7 @@ class Job:
     """What these lidars could see of the true map (`eval.scoring.cells_in_sight`); None = it is computed."""
     aligns_map: bool = True
     """Whether the map is also scored where it fits best (`map.best_rigid`), which takes most of the time of scoring."""
+    checks_by_replay: bool = True
+    """Whether the self-check draws the map of the estimate once more; otherwise it is the filter's own verdict."""
     relations: Relations | None = None
     """Hand-checked relations between poses."""

@@ -14,6 +14,7 @@ import numpy as np
 from eval.sweep.job_times import REPORT_SECONDS
 from eval.sweep.results import SweepTable
 from testbed.sweep.execution.compute import compute
+from testbed.sweep.execution.recordings import recording_of
 from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Costs, by_recording
@@ -149,16 +150,18 @@ def lidar_of(cell: Cell) -> str:
 
 def _pace(cell: Cell, duration: float, *, refined: bool) -> Pace:
     few, many = PROBE_PARTICLES
-    first, length = _timed(cell, duration, few)
-    again, _ = _timed(cell, duration, few)  # its drive is there already
+    started = time.perf_counter()
+    recording_of(_probe(cell, duration, few, refine=False))
+    simulation = time.perf_counter() - started
+    smaller, length = _timed(cell, duration, few)  # its drive is there already
     larger, _ = _timed(cell, duration, many)
-    particle = max(larger - again, 0.0) / (many - few)
-    with_final_pass = _timed(cell, duration, few, refine=True)[0] if refined else again
+    particle = max(larger - smaller, 0.0) / (many - few)
+    with_final_pass = _timed(cell, duration, few, refine=True)[0] if refined else smaller
     return Pace(
-        simulation=max(first - again, 0.0) / length,
-        fixed=max(again - few * particle, 0.0) / length,
+        simulation=simulation / length,
+        fixed=max(smaller - few * particle, 0.0) / length,
         particle=particle / length,
-        final_pass=max(with_final_pass - again, 0.0) / length,
+        final_pass=max(with_final_pass - smaller, 0.0) / length,
     )
 
 

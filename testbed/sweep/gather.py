@@ -9,18 +9,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from eval.files.atomic_write import atomic_write
 from eval.report.page import flat
+from eval.sweep.results import SweepTable, judged_seeds, sweep_table
+from eval.sweep.statistics import LEVEL
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.command import command_of
 from testbed.sweep.spec.conditions import conditions
 from testbed.sweep.store import SweepDirectory
 from worlds import family
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 DESCRIPTIONS = {
     "place": "name of the world or log",
@@ -33,6 +40,8 @@ DESCRIPTIONS = {
     "hardly be found with it)",
     "reason": "why there is no result",
     "key": "hash of everything that decides the result; joins sweep, curves and timings",
+    "in_report": "whether answers, tables and figures rest on this run: all counts of its seed were computed, "
+    "and with --until its seed belongs to the last complete look",
     "share": "share of the updates that are done, 0 to 1",
     "ess": "effective sample size as a share of the particles",
     "unique_ancestors": "unique ancestors as a share of the particles",
@@ -63,46 +72,97 @@ class Gathered:
         return not self.failed and not self.missing
 
 
+@dataclass(frozen=True, eq=False)
+class Collected:
+    """What the cells of a sweep hold, as rows of the tables."""
+
+    directory: SweepDirectory
+    cells: tuple[Cell, ...]
+    """In the order of the tables."""
+    rows: tuple[dict[str, Any], ...]
+    """Of `sweep.parquet`, one per cell; cells that were not computed are missing."""
+    curves: tuple[dict[str, Any], ...]
+    timings: tuple[dict[str, Any], ...]
+
+    def table(self) -> SweepTable:
+        """The sweep as the evaluation reads it."""
+        about = _about(self.directory)
+        return sweep_table(*(_arrow(rows, about) for rows in (self.rows, self.curves, self.timings)))
+
+    def write(self, absent: Mapping[str, str] | None = None) -> Gathered:
+        """Write the tables and return what is there and what is missing; absent: as in `gather`."""
+        rows = [row | {"status": _status(row, absent)} for row in self.rows]
+        for name, content in zip(TABLES, (rows, self.curves, self.timings), strict=True):
+            with atomic_write(self.directory.path / name) as temporary:
+                _write(temporary, _arrow(content, _about(self.directory)))
+        of_cells = list(zip(self.cells, rows, strict=True))
+        failed = tuple((cell, str(row["reason"])) for cell, row in of_cells if row["status"] == "failed")
+        missing = tuple(cell for cell, row in of_cells if row["status"] == "missing")
+        return Gathered(len(self.timings), failed, missing)
+
+
 def gather(directory: SweepDirectory, absent: Mapping[str, str] | None = None) -> Gathered:
     """Write the tables of a sweep and return what is there and what is missing. Raises SweepError for damaged cells.
 
     absent: status of the cells that have neither result nor reason, by key (`testbed.sweep.looks.statuses`); None = all
     of them are missing.
     """
+    return collect(directory).write(absent)
+
+
+def collect(directory: SweepDirectory) -> Collected:
+    """Read what is there of all cells of a sweep. Raises SweepError for damaged cells."""
     rows: list[dict[str, Any]] = []
     curves: list[dict[str, Any]] = []
     timings: list[dict[str, Any]] = []
-    failed: list[tuple[Cell, str]] = []
-    missing: list[Cell] = []
-    for cell in directory.manifest.cells():
+    cells = tuple(directory.manifest.cells())
+    for cell in cells:
         key = cell.key
         result = directory.result(key)
         reason = directory.reason(key) if result is None else None
-        without = "missing" if absent is None else absent[key]
-        status = "done" if result is not None else "failed" if reason is not None else without
-        rows.append(_row(cell, key, result, {"status": status, "reason": reason, "key": key}))
+        status = "done" if result is not None else "failed" if reason is not None else "missing"
+        rows.append(_row(cell, key, result, {"status": status, "reason": reason, "key": key, "in_report": False}))
         if result is not None:
             curves += _curve_rows(key, result)
             timings.append({"key": key} | result.timing)
-        elif reason is not None:
-            failed.append((cell, reason))
-        elif status == "missing":
-            missing.append(cell)
-    spec = directory.manifest.spec
-    about = {
+    _mark_rows_of_report(rows, is_sequential=directory.manifest.spec.level > LEVEL)
+    return Collected(directory, cells, tuple(rows), tuple(curves), tuple(timings))
+
+
+def _mark_rows_of_report(rows: Sequence[dict[str, Any]], *, is_sequential: bool) -> None:
+    """Set `in_report` of the runs on which the answers rest, see `eval.sweep.results.SweepTable.judged`."""
+    groups: dict[tuple[str, str], dict[int, list[dict[str, Any]]]] = {}
+    for row in rows:
+        groups.setdefault((row["place"], row["line"]), {}).setdefault(row["seed"], []).append(row)
+    for of_seeds in groups.values():
+        complete = np.array([all(row["status"] != "missing" for row in of_seed) for of_seed in of_seeds.values()])
+        kept = judged_seeds(complete, is_sequential=is_sequential)
+        for of_seed, is_kept in zip(of_seeds.values(), kept.tolist(), strict=True):
+            for row in of_seed:
+                row["in_report"] = is_kept and row["status"] != "missing"
+
+
+def _status(row: Mapping[str, Any], absent: Mapping[str, str] | None) -> str:
+    if row["status"] != "missing" or absent is None:
+        return str(row["status"])
+    return absent[row["key"]]
+
+
+def _about(directory: SweepDirectory) -> dict[str, Any]:
+    """Facts about the sweep, the metadata of its tables."""
+    manifest, spec = directory.manifest, directory.manifest.spec
+    return {
         "title": spec.title,
         "measure": spec.key_measure,
         "baseline": spec.baseline or spec.lines()[0].name,
-        "code": directory.manifest.code,
+        "code": manifest.code,
         "command": command_of(spec),
         "level": spec.level,
         "margin": spec.margin,
+        "margin_changes": [asdict(change) for change in manifest.margin_changes],
         "conditions": conditions(spec),
         "recorded": bool(spec.logs),
     }
-    for name, table in zip(TABLES, (rows, curves, timings), strict=True):
-        _write(directory.path / name, table, about)
-    return Gathered(len(timings), tuple(failed), tuple(missing))
 
 
 def _curve_rows(key: str, result: CellResult) -> list[dict[str, Any]]:
@@ -126,19 +186,22 @@ def _row(cell: Cell, key: str, result: CellResult | None, state: Mapping[str, An
     return own | dict(state) | settings | {name: value for name, value in measures.items() if name not in own}
 
 
-def _write(path: Path, rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> None:
-    """Write rows as parquet: columns in the order of their first occurrence, facts about the sweep as metadata."""
+def _arrow(rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> pa.Table:
+    """A table of rows: columns in the order of their first occurrence, facts about the sweep as metadata."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     names = list(dict.fromkeys(name for row in rows for name in row))
     columns = {name: [row.get(name) for row in rows] for name in names}
     arrays = {name: _array(values) for name, values in columns.items()}
     fields = [pa.field(name, array.type, metadata=_description(name)) for name, array in arrays.items()]
     schema = pa.schema(fields, metadata={"sweep": json.dumps(about, sort_keys=True)})
-    table = pa.table(list(arrays.values()), schema=schema)
-    with atomic_write(path) as temporary:
-        pq.write_table(table, temporary)
+    return pa.table(list(arrays.values()), schema=schema)
+
+
+def _write(path: Path, table: pa.Table) -> None:
+    import pyarrow.parquet as pq
+
+    pq.write_table(table, path)
 
 
 def _description(name: str) -> dict[str, str]:

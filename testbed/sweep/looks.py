@@ -20,9 +20,9 @@ from functools import partial
 from pathlib import Path
 
 from eval.sweep.decision import Decision
-from eval.sweep.results import GIVEN_UP, SweepTable, read_sweep
+from eval.sweep.results import GIVEN_UP, SweepTable
 from eval.sweep.summary import SweepSummary
-from testbed.sweep.gather import gather
+from testbed.sweep.gather import collect
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.code_version import code_version, commit
 from testbed.sweep.spec.plan import input_digests
@@ -67,7 +67,10 @@ def statuses(directory: SweepDirectory) -> dict[str, str]:
     missing: it is needed; later: it may be, after the next look; not needed: the answer is known without it; given up:
     the answer is open, and would hardly be found with it
     """
-    look = look_at(directory)
+    return _statuses(directory, look_at(directory))
+
+
+def _statuses(directory: SweepDirectory, look: Look) -> dict[str, str]:
     keys = {cell.key for cell in look.needed}
     return {cell.key: "missing" if cell.key in keys else _status(cell, look) for cell in directory.manifest.cells()}
 
@@ -79,11 +82,14 @@ def _status(cell: Cell, look: Look) -> str:
 
 def look_at(directory: SweepDirectory) -> Look:
     """Look at the stored results; writes the tables of a sweep with `until`."""
-    cells, spec = directory.manifest.cells(), directory.manifest.spec
+    spec = directory.manifest.spec
     if not spec.until:
-        return Look(tuple(cells), tuple(cells), frozenset(), frozenset(), len(spec.seeds))
-    gather(directory)
-    return look_of(spec, cells, read_sweep(directory.path), partial(_is_finished, directory))
+        cells = tuple(directory.manifest.cells())
+        return Look(cells, cells, frozenset(), frozenset(), len(spec.seeds))
+    collected = collect(directory)
+    look = look_of(spec, collected.cells, collected.table(), partial(_is_finished, directory))
+    collected.write(_statuses(directory, look))
+    return look
 
 
 def _is_finished(directory: SweepDirectory, cell: Cell) -> bool:

@@ -19,12 +19,14 @@ import socket
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 from eval.files.atomic_write import atomic_directory, atomic_write, create_once
+from eval.sweep.margin import parse_margin
+from eval.sweep.results import MarginChange, SweepTableError, read_sweep
 from testbed.provenance import versions
 from testbed.sweep.errors import SweepError
 from testbed.sweep.result import CellResult
@@ -45,6 +47,8 @@ class Manifest:
     inputs: Mapping[str, str]
     commit: str = ""
     """`testbed.sweep.spec.code_version.commit`; empty in sweeps of versions up to 0.1."""
+    margin_changes: tuple[MarginChange, ...] = ()
+    """When another margin was chosen after results had been seen."""
 
     @property
     def code_words(self) -> str:
@@ -58,9 +62,11 @@ class Manifest:
     def document(self) -> dict[str, Any]:
         """The content as plain data for TOML."""
         commit = {"commit": self.commit} if self.commit else {}
+        changes = {"margin_changes": [asdict(change) for change in self.margin_changes]} if self.margin_changes else {}
         return {
             "code": self.code,
             **commit,
+            **changes,
             "spec": self.spec.document(),
             "inputs": dict(self.inputs),
             "versions": versions(),
@@ -87,21 +93,38 @@ class SweepDirectory:
             raise SweepError(f"{path}: is not empty and holds no sweep; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
         if not create_once(path / MANIFEST, dump_toml(manifest.document())):
-            cls.open(path)._extend(manifest)
+            manifest = cls.open(path)._extend(manifest)
         for folder in ("cells", "failed"):
             (path / folder).mkdir(exist_ok=True)
         return cls(path, manifest)
 
-    def _extend(self, requested: Manifest) -> None:
+    def _extend(self, requested: Manifest) -> Manifest:
         """Write the manifest of a sweep with more seeds, counts or worlds than there are, or with another question.
+
+        Returns it with the changes of the margin so far, to which another margin is added if there are results.
 
         Keys of cells are hashes of everything that decides their result, so those that are done stay valid. Raises
         SweepError if the requested sweep is another one, or lacks what is there.
         """
         check_extends(self.path, self.manifest, requested)
+        changes = self.manifest.margin_changes + self._change_of_margin(requested.spec.margin)
+        requested = replace(requested, margin_changes=changes)
         if self.manifest.spec.document() != requested.spec.document():
             with self.locked(None), atomic_write(self.path / MANIFEST) as temporary:
                 temporary.write_text(dump_toml(requested.document()), encoding="utf-8")
+        return requested
+
+    def _change_of_margin(self, margin: str) -> tuple[MarginChange, ...]:
+        """The change to this margin, if it is another one and results have been seen."""
+        before = self.manifest.spec.margin
+        if parse_margin(before) == parse_margin(margin):
+            return ()
+        try:
+            table = read_sweep(self.path).judged()
+        except SweepTableError:  # no tables yet: nobody has seen a result
+            return ()
+        seeds = max(map(table.seeds_of, range(len(table.places))))
+        return (MarginChange(before, margin, seeds),) if seeds else ()
 
     @classmethod
     def open(cls, path: Path) -> SweepDirectory:
@@ -110,12 +133,13 @@ class SweepDirectory:
         try:
             document = tomllib.loads(file.read_text(encoding="utf-8"))
             code, inputs = str(document["code"]), dict(document.get("inputs", {}))
+            changes = tuple(MarginChange(**change) for change in document.get("margin_changes", ()))
             spec = parse_spec(document["spec"], str(file), path)
         except FileNotFoundError:
             raise SweepError(f"{path}: expected the directory of a sweep, with {MANIFEST} in it") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
             raise SweepError(f"{file}: {error}: expected what `testbed sweep` writes") from None
-        return cls(path, Manifest(spec, code, inputs, str(document.get("commit", ""))))
+        return cls(path, Manifest(spec, code, inputs, str(document.get("commit", "")), changes))
 
     @contextmanager
     def locked(self, shard: Shard | None) -> Iterator[None]:

@@ -16,6 +16,7 @@ from eval.sweep.margin import parse_margin
 from eval.sweep.measure import Measure
 from eval.sweep.planning import foresight
 from eval.sweep.results import SweepTable, SweepTableError, read_sweep
+from eval.sweep.statistics import min_values
 from eval.sweep.summary import summarise
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.sweep_options import Execution
@@ -145,7 +146,7 @@ def _foresight(work: Work, times: JobTimes | None, execution: Execution) -> list
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
         seconds = None if times is None else partial(_seconds_of_seeds, work, times, execution.worker_count)
         said = foresight(len(spec.seeds), level=spec.level, margin=margin, seconds=seconds)
-        if not spec.until:
+        if not spec.until and len(spec.seeds) >= min_values(spec.level):
             said += " --until decided looks at the results in between and stops where the answer is known."
         sentences.insert(0, said)
     return sentences

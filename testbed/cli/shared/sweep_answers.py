@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
+from eval.sweep.advice import advice
 from eval.sweep.answers import answers
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
@@ -14,8 +16,11 @@ MAX_LINES = 20
 """At most so many worlds and lines are named."""
 
 
-def say_answers(directory: Path, say: Callable[[str], None]) -> None:
-    """Say the answer for each world, or kind of building, and line, from the tables of a sweep."""
+def say_answers(directory: Path, say: Callable[[str], None], *, is_end: bool = False) -> None:
+    """Say the answer for each world, or kind of building, and line, from the tables of a sweep.
+
+    is_end: nothing more is computed now, so what can be done next is said too, as on the page.
+    """
     summary = summarise(read_sweep(directory).judged())
     lines = summary.table.lines
     found = [(line, answer) for line in lines for answer in answers(summary, line)]
@@ -23,3 +28,7 @@ def say_answers(directory: Path, say: Callable[[str], None]) -> None:
         say(f"  {'' if len(lines) == 1 else f'{line}, '}{answer.sentence}")
     if len(found) > MAX_LINES:
         say("  … and more, on the page")
+    for item in advice(summary, str(directory), os.cpu_count() or 1) if is_end else ():
+        if item.command:
+            say(f"{item.title}: {item.command}")
+            say(f"  {item.text}")

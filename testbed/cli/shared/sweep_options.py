@@ -25,6 +25,9 @@ from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes
 from testbed.sweep.store import MANIFEST, SweepDirectory
 from worlds import expand_names
 
+MAX_WORKERS_PER_CORE = 4
+"""More worker processes would only take memory from each other."""
+
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -133,8 +136,9 @@ class Execution:
     """Memory limit of one worker [MB]. Default: nine tenths of the memory, divided by the workers."""
 
     def __post_init__(self) -> None:
-        if self.workers is not None and self.workers < 1:
-            raise SweepError(f"workers must be at least 1, got {self.workers}")
+        most = MAX_WORKERS_PER_CORE * (os.cpu_count() or 1)
+        if self.workers is not None and not 1 <= self.workers <= most:
+            raise SweepError(f"workers: {self.workers}, expected 1 to {most}, {MAX_WORKERS_PER_CORE} for each core")
         _ = self.limits, self.part
 
     @property

@@ -29,6 +29,8 @@ from testbed.sweep.spec.cell import Cell
 
 REPORT_EVERY = 0.1
 """Without a terminal a line is printed each time this share of the work is done."""
+MEDIANS_AT = 0.5
+"""Without a terminal the medians are printed once, when this share of the work is done."""
 MAX_SHOWN_PLACES = 12
 """The live table of medians has at most this many rows."""
 
@@ -78,22 +80,41 @@ class SweepProgress:
         if isinstance(event, Finished):
             self._note(event.cell, event.outcome)
         if not console.is_terminal and self._left.share >= self._reported + REPORT_EVERY:
+            passed_middle = self._reported < MEDIANS_AT <= self._left.share
             self._reported = self._left.share
-            console.print(self._line())
-            if self._errors:
-                console.print(self.medians())
+            console.print(self._line(), soft_wrap=True)
+            if passed_middle and self._errors:
+                for line in self.median_lines():
+                    console.print(line, soft_wrap=True, markup=False)
 
     def medians(self) -> Table:
         """Median of the measure so far, by world and particle count."""
-        unit = self._measure.unit(0.0)
         counts = sorted({count for groups in self._errors.values() for count in groups})
-        of = f" of the {self._measure.estimate}" if self._measure.estimate != "final" else ""
-        words = f"median {self._measure.words}{of}, {unit.name}".removesuffix(", ") + " (runs)"
-        table = Table(words, *map(str, counts), box=None, pad_edge=False)
-        for (place, line), groups in sorted(self._errors.items())[:MAX_SHOWN_PLACES]:
-            name = place if line == "default" else f"{place}, {line}"
-            table.add_row(name, *(_median_text(unit, groups.get(c, ())) for c in counts))
+        table = Table(self._median_of, *map(str, counts), box=None, pad_edge=False)
+        for name, groups in self._named_errors():
+            table.add_row(name, *(_median_text(self._measure.unit(0.0), groups.get(c, ())) for c in counts))
         return table
+
+    def median_lines(self) -> list[str]:
+        """The same as one line per world, for a log."""
+        unit = self._measure.unit(0.0)
+        return [f"{self._median_of} so far:"] + [
+            f"  {name}: "
+            + ", ".join(f"{_median_text(unit, errors)} with {count}" for count, errors in sorted(groups.items()))
+            for name, groups in self._named_errors()
+        ]
+
+    @property
+    def _median_of(self) -> str:
+        """What the medians are of: `median trajectory error of the filter, cm (runs)`."""
+        of = f" of the {self._measure.estimate}" if self._measure.estimate != "final" else ""
+        return f"median {self._measure.words}{of}, {self._measure.unit(0.0).name}".removesuffix(", ") + " (runs)"
+
+    def _named_errors(self) -> list[tuple[str, dict[int, list[float]]]]:
+        return [
+            (place if line == "default" else f"{place}, {line}", groups)
+            for (place, line), groups in sorted(self._errors.items())[:MAX_SHOWN_PLACES]
+        ]
 
     def _note(self, cell: Cell, outcome: CellResult | str) -> None:
         if isinstance(outcome, str):
@@ -111,7 +132,7 @@ class SweepProgress:
             extra += 2.0 * min(self._bad, 2) * self._left.seconds_per_job
         seconds = self._left.seconds(extra)
         left = "" if seconds is None else f", {timedelta(seconds=round(seconds))} left"
-        closing = f"with report{' and worst runs' * self._stage.worst}"
+        closing = f"with report{' and worst runs' * (self._stage.worst and self._bad > 0)}"
         goal = f" {self._stage.goal}" if self._stage.goal else ""
         closing = "" if self._stage.goal or not left else f" ({closing})"
         bad = f", {self._bad} of them ended lost or broken" if self._bad else ""

@@ -64,14 +64,17 @@ def sentences(suggestion: Suggestion) -> list[str]:
     largest = particles(suggestion.largest)
     if suggestion.needed is None:
         lines = [
-            f"{suggestion.name}: not even {largest} hold in most runs "
-            f"({100.0 * suggestion.largest_holds:.0f} % expected); more were not tested"
+            f"{suggestion.name}: even with {largest} most runs end lost or with a broken loop "
+            f"({100.0 * (1.0 - suggestion.largest_holds):.0f} % expected); more were not tested"
         ]
     else:
         lines = [
             f"{suggestion.name}: take {particles(suggestion.needed)} (95 % interval {low} to {high})",
-            f"They are expected to hold in {100.0 * suggestion.holds:.0f} % of the runs, {largest} in "
-            f"{100.0 * suggestion.largest_holds:.0f} %, with an error at most a tenth larger.",
+            f"Expected with {suggestion.needed}: an error at most a tenth above that with {suggestion.largest}, and "
+            f"{100.0 * suggestion.holds:.0f} % of the runs hold, that is, do not end lost or with a broken loop "
+            f"({100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}).",
+            "This is a forecast from other worlds. A sweep measures here and asks for proof, so it may want more, or "
+            "leave open what is forecast.",
         ]
         if suggestion.largest_holds < MOSTLY_HOLDS:
             lines.append(f"More than {largest} were not tested and would probably help.")

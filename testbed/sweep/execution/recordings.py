@@ -64,6 +64,12 @@ def recording_of(cell: Cell) -> Recording:
     return _driven(*key) if isinstance(key, tuple) else _logged(str(key))
 
 
+def forget_recordings() -> None:
+    """Drop the recordings that are kept, so that the next one is simulated or read again."""
+    _driven.cache_clear()
+    _logged.cache_clear()
+
+
 @lru_cache(maxsize=2)
 def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recording:
     loaded, config = simulator.load_world(world, seeds), simulator.simulation(seeds)

@@ -27,7 +27,10 @@ def command_of(spec: SweepSpec) -> str:
     for name, values in spec.axes.items():
         words += ["--axis", f"{name}={','.join(map(_text, values))}"]
     for name, value in spec.settings.items():
-        words += ["--route", str(value)] if name == "route" else ["--set", f"{name}={_text(value)}"]
+        if name != "route":
+            words += ["--set", f"{name}={_text(value)}"]
+        elif value != "random":  # the default of the command line
+            words += ["--route", str(value)]
     return shlex.join(words)
 
 

@@ -4,7 +4,7 @@
 import re
 
 from eval.sweep.answers import answers
-from eval.sweep.outlook import chance_sentence, chance_words, rounded, typical_outlook
+from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
@@ -34,13 +34,12 @@ def test_more_and_undecided_are_different_answers(tmp_path):
         "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a, 1 route: 3 seeds cannot tell: 6 or more are needed (5 particles were between 0.06 cm better and 0.04 "
-        "cm worse than 20 in 3 runs; up to 0.5 cm would not matter; 3 seeds cannot say how many are needed: probably 8 "
-        "or more)."
+        "hall_a, 1 route: 3 seeds cannot tell: at least 8 are needed (5 particles were between 0.06 cm better and 0.04 "
+        "cm worse than 20 in 3 runs; up to 0.5 cm would not matter; whether 8 will do cannot be said from 3 seeds)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a, 1 route: 1 seed cannot tell: 6 or more are needed (5 particles were 0.04 cm worse than 20 in one run; "
-        f"up to 0.5 cm would not matter; usually {typical_outlook().words()} tell)."
+        "hall_a, 1 route: 1 seed cannot tell: at least 8 are needed (5 particles were 0.04 cm worse than 20 in one "
+        "run; up to 0.5 cm would not matter; whether 8 will do cannot be said from 1 seed)."
     )
 
 
@@ -50,13 +49,16 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
 
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
     assert answer.headline == "undecided with 10 seeds"
-    assert answer.detail == "1 is shown to be as good as 20, 5 not yet; an answer needs both"
-    assert answer.today == "Until it is known take 20; medians so far: 10.2 cm with 1 to 20"
-    number = r"[+-]\d\.\d\d"
-    words = rf"5 against 20: {number} cm \[{number}, {number}\], margin 1 cm \(10 %\)"
+    assert answer.detail == ("1 is shown to be as good as 20, but is enough only if 5 is shown to be so too")
+    assert answer.today == "Until it is known take 20. Medians so far: 10.2 cm with 1 to 20"
+    words = (
+        r"5 particles are \d\.\d\d cm (better|worse) than 20 \[\d\.\d\d better to \d\.\d\d worse; 95 % interval\]; "
+        r"up to 1 cm \(10 %\) would not matter"
+    )
     assert re.fullmatch(words, answer.difference)
     summary = summarise(read_sweep(tmp_path))
-    assert answer.needs == chance_sentence(summary.decision("hall_a", "improved").outlook)
+    outlook = summary.decision("hall_a", "improved").outlook
+    assert answer.needs == chance_sentence(outlook, [bound_for(outlook)])
 
 
 def test_medians_stand_in_the_order_of_the_counts(tmp_path):
@@ -66,7 +68,7 @@ def test_medians_stand_in_the_order_of_the_counts(tmp_path):
         return (0.033, 0.028 + 0.012 * (s % 5 - 2), 0.022)[c]
 
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=falling))), "improved")
-    assert answer.today.endswith("medians so far: 3.3 with 1, 2.8 with 5, 2.2 with 20 (cm)")
+    assert answer.today.endswith("Medians so far: 3.3 cm with 1, 2.8 with 5, 2.2 with 20")
 
 
 def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
@@ -77,12 +79,21 @@ def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
     write_sweep(tmp_path, error=noisy, seeds=40, missing=missing, about={"level": 0.99})
     summary = summarise(read_sweep(tmp_path).judged())
     (answer, _) = answers(summary, "improved")
-    assert "] (99 % interval), margin 0.5 cm" in answer.difference
+    assert "; 99 % interval]; up to 0.5 cm would not matter" in answer.difference
     outlook = summary.decision("hall_a", "improved").outlook
-    assert answer.needs == (
-        f"with 40 seeds the chance of an answer is {chance_words(outlook.chance(40))}; "
-        f"{rounded(outlook.high)} give 80 %"
-    )
+    assert answer.needs == chance_sentence(outlook, [16, 24, 32, 40])
+
+
+def test_a_difference_says_which_side_is_better(tmp_path):
+    """Both ends of the interval are worse, or there is no difference."""
+    write_sweep(tmp_path / "worse", error=lambda p, k, c, s: 0.02 + (0.001 + 0.0001 * s) * (c < 2))
+    (answer, _) = answers(summarise(read_sweep(tmp_path / "worse")), "improved")
+    assert answer.difference.startswith("1 particle is 0.14 cm worse than 20 [0.1")
+    assert " worse; 95 % interval]; up to 0.5 cm does not matter" in answer.difference
+    assert "better" not in answer.difference
+    write_sweep(tmp_path / "same", error=lambda p, k, c, s: 0.02)
+    (answer, _) = answers(summarise(read_sweep(tmp_path / "same")), "improved")
+    assert answer.difference.startswith("1 particle is 0.00 cm worse than 20 [0.00 to 0.00 worse; ")
 
 
 def test_more_failures_that_keep_an_answer_open_are_named(tmp_path):
@@ -109,9 +120,9 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
         "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office, 1 route: 2 seeds cannot tell: 6 or more are needed (5 particles were between 0.06 cm better and "
-        "0.04 cm worse than 20 in 2 runs; up to 0.5 cm would not matter; 2 seeds cannot say how many are needed: "
-        "probably 8 or more).",
+        "office, 1 route: 2 seeds cannot tell: at least 8 are needed (5 particles were between 0.06 cm better and "
+        "0.04 cm worse than 20 in 2 runs; up to 0.5 cm would not matter; whether 8 will do cannot be said from 2 "
+        "seeds).",
     ]
     assert len(COUNTS) == 3
 
@@ -132,10 +143,10 @@ def test_a_smaller_margin_changes_the_answer_and_stands_with_it(tmp_path):
     summary = summarise(read_sweep(tmp_path / "small"))
     answer = answers(summary, summary.table.baseline)[0]
     assert answer.headline == "5 particles are enough"
-    assert answer.difference.endswith(", margin 0.2 cm")
+    assert answer.difference.endswith("; up to 0.2 cm does not matter")
     write_sweep(tmp_path / "share", error=errors, about={"margin": "20%"})
     summary = summarise(read_sweep(tmp_path / "share"))
-    assert answers(summary, summary.table.baseline)[0].difference.endswith(", margin 0.44 cm (20 %)")
+    assert answers(summary, summary.table.baseline)[0].difference.endswith("; up to 0.44 cm (20 %) does not matter")
 
 
 def test_what_enough_promises_stands_with_it(tmp_path):
@@ -143,6 +154,6 @@ def test_what_enough_promises_stands_with_it(tmp_path):
     summary = summarise(read_sweep(tmp_path))
     answer = answers(summary, summary.table.baseline)[0]
     assert answer.risk == "1 of 10 runs failed (a rate up to 40 % is possible)"  # the end of Wilson's interval
-    assert answer.difference.startswith("1 against 20: ")
+    assert answer.difference.startswith("1 particle is ")
     undecided = summarise(read_sweep(write_sweep(tmp_path / "few", seeds=3)))
     assert answers(undecided, undecided.table.baseline)[0].risk == ""

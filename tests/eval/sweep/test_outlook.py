@@ -8,7 +8,7 @@ import pytest
 from scipy.special import stdtrit
 
 from eval.sweep.decision import decide
-from eval.sweep.outlook import Outlook, chance_words, outlook_of, rounded, typical_outlook
+from eval.sweep.outlook import Outlook, bound_for, chance_sentence, chance_words, outlook_of, typical_outlook
 from eval.sweep.statistics import min_values, paired_difference
 
 LIMIT = 0.005
@@ -58,8 +58,6 @@ def test_few_seeds_give_a_wide_range_and_many_a_narrow_one():
     few, many = (Outlook(0.004, 0.008, units) for units in (3, 30))
     assert few.high / few.low > 10.0
     assert many.high / many.low < 2.0
-    assert Outlook(0.002, 0.01, 9).words() == "40 to more than 200 seeds"
-    assert Outlook(0.006, 0.005, 9).words("world") == "10 to 13 worlds"
 
 
 def test_the_range_never_begins_below_what_can_decide_or_is_there():
@@ -73,7 +71,7 @@ def test_the_range_never_begins_below_what_can_decide_or_is_there():
 def test_a_difference_at_the_limit_cannot_be_decided():
     outlook = outlook_of(paired_difference(LIMIT + np.resize([0.001, -0.001], 100), np.zeros(100)), LIMIT, level=0.99)
     assert outlook.chance(200) < 0.05
-    assert outlook.words() == "more than 200 seeds"
+    assert chance_sentence(outlook, [200]) == "with 200 seeds the chance of an answer is under 5 %"
 
 
 def test_no_noise_and_no_data_are_no_errors():
@@ -92,5 +90,22 @@ def test_more_seeds_and_a_lower_level_raise_the_chance():
 
 
 def test_numbers_are_no_finer_than_they_are_known():
-    assert [rounded(n) for n in (7, 20, 21, 96, 101, 191)] == [7, 20, 25, 100, 110, 200]
     assert [chance_words(c) for c in (0.01, 0.23, 0.77, 0.99)] == ["under 5 %", "about 25 %", "about 75 %", "over 95 %"]
+
+
+def test_the_look_that_probably_answers_is_named_and_no_other_number():
+    """A number of seeds between two looks cannot be had."""
+    soon = Outlook(0.006, 0.005, 9)
+    assert 9 < soon.high < 16
+    assert chance_sentence(soon, [16, 24, 32, 40]) == "with 16 seeds the chance of an answer is about 90 %"
+    assert bound_for(soon) == 16
+    late = Outlook(0.002, 0.005, 30)
+    assert 48 < late.high <= 200
+    assert bound_for(late) - 8 < late.high <= bound_for(late)
+    said = chance_sentence(late, [32, 40], "world")
+    assert said == (
+        f"with 40 worlds the chance of an answer is {chance_words(late.chance(40))}; for 80 % about {bound_for(late)} "
+        "are needed"
+    )
+    never = Outlook(0.0001, 0.01, 9)
+    assert chance_sentence(never, [16, 40]).endswith("for 80 % more than 200 are needed")

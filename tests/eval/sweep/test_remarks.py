@@ -25,7 +25,7 @@ def test_overconfidence_is_said_of_the_baseline_only(tmp_path):
     # 90 % inside for `improved`, 70 % for `motion`
     assert overconfidence(summarise(read_sweep(write_sweep(tmp_path / "a")))) == ""
     sure = summarise(read_sweep(write_sweep(tmp_path / "b", about={"baseline": "motion"})))
-    assert overconfidence(sure).endswith("with 20 particles it does at 70 % (cave) and 70 % (hall_a).")
+    assert overconfidence(sure).endswith("with 20 particles it does at 70 % (hall_a) and 70 % (cave).")
 
 
 def test_what_seeds_change_is_said(tmp_path):

@@ -14,6 +14,7 @@ from matplotlib.collections import PolyCollection
 from eval.sweep.advice import advice
 from eval.sweep.job_times import REPORT_SECONDS, duration_words
 from eval.sweep.measure import Measure
+from eval.sweep.outlook import bound_for
 from eval.sweep.paper_tables import latex_table, markdown_table
 from eval.sweep.plots import accuracy, pareto_front
 from eval.sweep.report import DRAWINGS, write_sweep_report
@@ -111,14 +112,56 @@ def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
     m = summary.group("hall_a", "motion", 1).median
     cell = f"{100 * m.value:.1f} [{100 * m.low:.1f}, {100 * m.high:.1f}] (3/10)"
     column = 3 + LINES.index("motion")
-    markdown = [line.strip("| ").split(" | ") for line in markdown_table(summary).splitlines() if line.startswith("|")]
+    markdown, differences = tables_in(markdown_table(summary))
     (first,) = [row for row in markdown if row[:2] == ["hall_a", "1"]]
     assert (first[2], first[column]) == ("10", cell)
     (answer,) = [row for row in markdown if row[:2] == ["hall_a", "enough"]]
     assert answer[column] == "more than 5"
+    (first,) = [row for row in differences if row[:2] == ["hall_a", "1"]]
+    d = summary.decision("hall_a", "motion").differences[0]
+    assert first[column] == f"{100 * d.value:+.1f} [{100 * d.low:+.1f}, {100 * d.high:+.1f}]"
+    assert differences[0][column] == "motion against 20 [95 %]"
     latex = [line.removesuffix(r" \\").replace("\\", "") for line in latex_table(summary).splitlines() if "&" in line]
-    assert [row.split(" & ") for row in latex] == [row for row in markdown if row[0] != "---"]
-    assert len(latex) == 1 + len(PLACES) * (len(COUNTS) + 1)
+    assert [row.split(" & ") for row in latex] == [row for row in markdown + differences if row[0] != "---"]
+    assert len(latex) == 2 * (1 + len(PLACES) * (len(COUNTS) + 1))
+
+
+def tables_in(markdown):
+    """Rows of the tables of a Markdown text."""
+    blocks = [block for block in markdown.split("\n\n") if block.startswith("|")]
+    return [[line.strip("|")[1:-1].split(" | ") for line in block.splitlines()] for block in blocks]
+
+
+def test_a_single_line_has_errors_and_differences_side_by_side(tmp_path, monkeypatch):
+    """With the level that decides, and which look this is."""
+    monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", ("improved",))
+    missing = frozenset((p, 0, c, s) for p in range(2) for c in range(3) for s in range(8, 40))
+    write_sweep(tmp_path, seeds=40, missing=missing, about={"level": 0.99})
+    summary = summarise(read_sweep(tmp_path).judged())
+    text = markdown_table(summary)
+    (rows,) = tables_in(text)
+    assert rows[0] == ["world", "particles", "runs", "error", "against 20 [99 %]"]
+    d = summary.decision("cave", "improved").differences[1]
+    (row,) = [row for row in rows if row[:2] == ["cave", "5"]]
+    assert row[4] == f"{100 * d.value:+.2f} [{100 * d.low:+.2f}, {100 * d.high:+.2f}]"
+    assert [row[4] for row in rows if row[1] == "20"] == ["", ""]
+    assert "with its 99 % interval, which decides" in text
+    assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), each time with 99 % intervals" in text
+    assert "This is look 1, with 8 of at most 40 seeds." in text
+
+
+def test_a_margin_that_was_chosen_after_a_look_is_said(tmp_path):
+    change = {"before": "", "margin": "13mm", "seeds": 8}
+    facts = {"level": 0.99, "margin": "13mm", "margin_changes": [change]}
+    write_sweep(tmp_path, seeds=40, about=facts)
+    words = (
+        "The margin was changed from 5 mm (10 % where that is more) to 13 mm after look 1, with 8 seeds had been seen"
+    )
+    assert words in markdown_table(summarise(read_sweep(tmp_path)))
+    assert words in write_sweep_report(tmp_path).read_text()
+    back = facts | {"margin": "", "margin_changes": [change, {"before": "13mm", "margin": "", "seeds": 8}]}
+    write_sweep(tmp_path, seeds=40, about=back)
+    assert "The margin was changed" not in markdown_table(summarise(read_sweep(tmp_path)))
 
 
 def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path):
@@ -129,7 +172,7 @@ def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path)
     assert "| hall_a | 20 | 3 * |" in table
     assert "| hall_a | 5 | 10 |" in table
     assert "| cave | 20 | 10 |" in table
-    assert "at most 2 mm worse than 20 particles." in table
+    assert "at most 2 mm worse than 20 particles, as all larger counts are." in table
     assert "* Fewer than 6 runs" in table
     assert "Each seed drives another route through the whole world. Robot create3, lidar lds01." in table
     assert "Fewer than" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
@@ -227,37 +270,44 @@ def noise(spread, gain=0.0):
 
 def test_few_seeds_are_followed_by_a_sweep_that_stops_by_itself(tmp_path):
     (more,) = advised(tmp_path, error=noise(0.003), seeds=3)
-    assert more.command == "testbed sweep --out OUT --seeds 40 --until decided"
+    assert more.command == "testbed sweep --out OUT --until decided"  # the default bound is 40
     # a job takes 0.5 s and 0.1 s (0.05 s for the second line) a particle: 6.9 s for each seed of a world
     words = [duration_words(2 * 6.9 * seeds / 2 + REPORT_SECONDS) for seeds in (5, 37)]
-    assert more.text.startswith(f"The next look, with 8 seeds, is there in about {words[0]}; ")
-    assert f"at most about {words[1]}." in more.text
+    assert more.text.startswith(f"The next look, with 8 seeds, comes in about {words[0]}. ")
+    assert f"up to 40 seeds (about {words[1]} at most)" in more.text
+    assert more.text.endswith("The chance of an answer cannot be said from 3 seeds, only from 8.")
     page = write_sweep_report(tmp_path).read_text()
-    assert f"testbed sweep --out {tmp_path} --seeds 40 --until decided" in page
+    assert f"testbed sweep --out {tmp_path} --until decided" in page
 
 
 def test_seeds_are_advised_where_they_will_probably_tell(tmp_path):
     (more,) = advised(tmp_path, error=noise(0.006, gain=0.001), seeds=10)
     wanted = int(re.search(r"--seeds (\d+) --until decided", more.command)[1])
     outlook = summarise(read_sweep(tmp_path)).decision("cave", "improved").outlook
-    assert outlook.high <= wanted <= outlook.high + 8
+    assert wanted == bound_for(outlook)
     assert re.search(rf"Chance of an answer with {wanted} seeds: hall_a (about|over) \d+ %, cave", more.text)
 
 
 def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_path):
-    at_limit = {"error": noise(0.004, gain=0.0051), "seeds": 10}
+    at_limit = {"error": lambda *index: 0.02 + noise(0.004, gain=0.0051)(*index), "seeds": 10}
     found = advised(tmp_path / "usual", **at_limit)
     assert [item.title for item in found] == [f"{place} without further seeds" for place in PLACES]
     said = re.fullmatch(
-        r"Report the interval: 5 against 20: (.*), margin 0.5 cm. Or report what these seeds do decide: with a margin "
-        r"of (.*) cm \((\d+) % of the error with 20\) 5 particles are enough here. Say that this margin was chosen "
-        r"after 10 seeds.",
+        r"Report the interval, as the tables below have it: 5 particles are (.*); up to 0.5 cm would not matter."
+        r" Or report what these seeds do decide: with a margin of (.*) cm \((\d+) % of the error with 20\) 5 particles "
+        r"are enough here. Say that this margin was chosen after 10 seeds.",
         found[0].text,
     )
     assert found[0].command == ""  # another margin would be one for all worlds
-    assert float(said[3]) == pytest.approx(100.0 * float(said[2]) / 2.0, abs=1.0)
+    assert float(said[3]) == pytest.approx(100.0 * float(said[2]) / 4.0, abs=1.0)
     write_sweep(tmp_path / "wider", **at_limit, about={"margin": f"{said[2]}cm"})
     assert summarise(read_sweep(tmp_path / "wider")).decision("hall_a", "improved").kind == "enough"
+
+
+def test_a_margin_within_which_a_count_is_hardly_as_good_is_not_offered(tmp_path):
+    found = advised(tmp_path, error=noise(0.004, gain=0.0051), seeds=10)
+    assert found
+    assert not any("Or report" in item.text for item in found)  # the margin would be half of the error
 
 
 def test_nothing_is_advised_where_all_is_decided(tmp_path):

@@ -61,15 +61,20 @@ def test_the_pace_separates_what_it_measures(tmp_path, monkeypatch):
     clock = {"now": 0.0}
     simulated = set()
 
+    def simulate(cell):
+        """Costs 5 s once a drive."""
+        drive = cell.settings["lidar"], cell.settings["duration"]
+        clock["now"] += 5.0 * (drive not in simulated)
+        simulated.add(drive)
+
     def compute(cell):
-        """Costs 5 s for the drive once, 2 s for the job, 0.1 s a particle, 4 s for the final pass; 2 m are driven."""
-        lidar, duration = cell.settings["lidar"], cell.settings["duration"]
-        clock["now"] += 5.0 * ((lidar, duration) not in simulated)
+        """Costs 2 s for the job, 0.1 s a particle, 4 s for the final pass; 2 m are driven."""
+        simulate(cell)
         clock["now"] += 2.0 + 0.1 * cell.particles + 4.0 * cell.settings["refine"]
-        simulated.add((lidar, duration))
         return type("Result", (), {"metrics": {"trajectory": {"length_m": 2.0}}})
 
     monkeypatch.setattr(forecast, "compute", compute)
+    monkeypatch.setattr(forecast, "recording_of", simulate)
     monkeypatch.setattr(forecast.time, "perf_counter", lambda: clock["now"])
     paces = measure_pace(cells, costs, 1)
     assert paces.keys() == {"lds01", "rplidar_a1"}

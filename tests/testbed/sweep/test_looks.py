@@ -4,6 +4,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from eval.sweep.decision import decide
@@ -111,6 +112,26 @@ def test_an_interrupted_look_is_completed_first(tmp_path):
     first = needed_cells(directory)
     store(directory, first[:5], clear)
     assert needed_cells(directory) == first
+
+
+def test_rows_say_whether_the_report_rests_on_them_and_what_is_to_come(tmp_path):
+    """Before the first look as after it; a seed that lacks a count is left out."""
+    directory = directory_of(tmp_path, ["loop"])
+    first = needed_cells(directory)
+    assert states_of(directory, "status") == ["missing"] * 8 + ["later"] * 16
+    store(directory, first, clear)
+    second = [cell for cell in needed_cells(directory) if cell.seed >= 8]
+    store(directory, second[:5], clear)
+    needed_cells(directory)
+    assert states_of(directory, "in_report") == [True] * 8 + [False] * 16
+    assert states_of(directory, "status") == ["done"] * 13 + ["missing"] * 3 + ["later"] * 8
+    assert read_sweep(directory.path).judged().ran[0, 0, 0].tolist() == states_of(directory, "in_report")
+
+
+def states_of(directory, column):
+    """A column of the tables for one particle."""
+    rows = pq.read_table(directory.path / "sweep.parquet").to_pylist()
+    return [row[column] for row in rows if row["particles"] == 1]
 
 
 def test_jobs_without_a_result_do_not_stop_the_looks(tmp_path):

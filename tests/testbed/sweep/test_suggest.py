@@ -46,7 +46,7 @@ def test_what_the_experiment_did_not_cover_is_named():
 def test_hopeless_drives_get_no_count():
     found = suggest("desert", EASY | {"longest_unknown_m": 4096.0}, model())
     assert found.needed is None
-    assert sentences(found)[0].startswith("desert: not even 64 particles hold in most runs")
+    assert sentences(found)[0].startswith("desert: even with 64 particles most runs end lost")
 
 
 def test_the_command_checks_the_suggestion_from_both_sides():

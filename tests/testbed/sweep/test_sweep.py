@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -176,7 +177,8 @@ def test_jobs_over_the_limit_fail_and_are_tried_again(swept, copied, capsys):
         (["--worlds", "generated:rooms*100000"], "expected a number of worlds from 1 to 1000"),
         (["--worlds", "office", "--measure", "accuracy"], "expected one of online, filter, refined"),
         (["--worlds", "office", "--until", "decided", "--shard", "0/2"], "--shard and --until: expected one of them"),
-        (["--worlds", "office", "--workers", "0"], "workers must be at least 1"),
+        (["--worlds", "office", "--workers", "0"], "workers: 0, expected 1 to "),
+        (["--worlds", "office", "--workers", "1000000"], "workers: 1000000, expected 1 to "),
         (["--worlds", "office", "--shard", "4/4"], "shard 4/4: expected 0/4 to 3/4"),
         (["--worlds", "office", "--time-limit", "0"], "time limit must be positive"),
         (["--preset", "partcles"], "expected one of experiment, gate, particles"),
@@ -246,7 +248,7 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
     assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThat takes some seconds." in said
-    assert "3 seeds cannot show that a count is enough: at least 6 are needed." in said
+    assert "3 seeds cannot tell how many particles are enough: at least 8 are needed." in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -259,8 +261,7 @@ def test_a_larger_plan_is_measured(capsys):
     assert re.search(
         r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\n"
         r"Expected: about \d+ (s|minutes) with 2 workers, from the beginning of a run\.\n"
-        r"The chance that 8 seeds give an answer is about \d+ %, .* "
-        r"Usually 8 to 55 seeds tell \(about .* to \d+ minutes\)",
+        r"The chance that 8 seeds give an answer is about \d+ %: by a rule of thumb, .* --until decided looks",
         said,
     )
 
@@ -292,9 +293,25 @@ def test_each_look_writes_the_page_and_says_what_it_has_shown(world, tmp_path, m
     said = " ".join(printed.err.split())
     assert written == [out]
     assert "  room, 16 routes: undecided with 16 seeds" in printed.out  # at the end
-    assert re.search(r"room, 8 routes: undecided with 8 seeds \(.*2 against 3: [+-]\d\.\d\d cm \[", said)
+    assert re.search(r"room, 8 routes: undecided with 8 seeds \(.*2 particles are \d\.\d\d cm \w+ than 3 \[", said)
     assert re.search(r"Next look with 16 seeds, 16 jobs, in about \d+ s; at most 16 jobs and about \d+ s in all", said)
     assert said.count("Looked at the results") == 1  # after the last look the page of the whole sweep follows
+
+
+def test_another_margin_is_recorded_with_the_seeds_that_were_seen(copied, capsys):
+    """It changes no run; going back is recorded too."""
+    before = read_sweep(copied)
+    assert before.margin_changes == ()
+    for margin in ("2mm", "2mm", "10%,5mm"):
+        assert call("sweep", "--out", copied, "--margin", margin, "--no-worst") == 0
+    changes = tomllib.loads((copied / "sweep.toml").read_text())["margin_changes"]
+    seeds = len(before.seeds)
+    assert changes == [
+        {"before": "", "margin": "2mm", "seeds": seeds},
+        {"before": "2mm", "margin": "10%,5mm", "seeds": seeds},
+    ]
+    assert [change.margin for change in read_sweep(copied).margin_changes] == ["2mm", "10%,5mm"]
+    assert {row["status"] for row in pq.read_table(copied / "sweep.parquet").to_pylist()} == {"done"}
 
 
 def test_damaged_cells_and_directories_are_named(copied, tmp_path, capsys):
