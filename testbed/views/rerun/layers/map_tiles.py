@@ -19,7 +19,7 @@ from testbed.views.rerun.layers._tile_kernels import Looks, look, take_due
 
 SQUARE = 128
 """Pixels along the side of a square."""
-MAX_STALE, MAX_STALE_SHARE = 32, 0.005
+MAX_STALE, MAX_STALE_SHARE = 32, 0.01
 """Pixels of a square that may be of another kind (free, occupied, never seen) than what was sent last: so many, or this
 share of those that were seen, whichever is more. How free or how occupied they are is sent along with others, or when
 `everything` is asked for."""
