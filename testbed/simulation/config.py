@@ -38,8 +38,9 @@ class SimulationConfig:
     """Imperfections of the lidar."""
     backend: Literal["pybullet", "fast"] = "pybullet"
     """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics."""
-    duration: float = 1800.0
-    """Longest simulated time [s]."""
+    duration: float = 14_400.0
+    """Longest simulated time [s]. The longest tour of the catalogue takes about 4000 s: the default stops only a drive
+    that would go on for ever."""
     seeds: RunSeeds = field(default_factory=lambda: RunSeeds.from_seed(0))
     """Seeds of all random numbers."""
 

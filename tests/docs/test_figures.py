@@ -7,7 +7,7 @@ from pathlib import Path
 
 import worlds
 from tools.measure.check_outcomes import BREAKS, PEERS, RECORDED, SIMULATED
-from tools.measure.measure_worlds import OPEN
+from tools.measure.measure_worlds import LARGE, OPEN
 
 ROOT = Path(__file__).parents[2]
 README = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
@@ -34,11 +34,11 @@ def row_of(label: str) -> list[str]:
 
 
 def test_the_table_of_accuracy_has_every_world():
-    assert sorted(name for name, _, _ in WORLD_ROWS) == sorted(worlds.catalogue())
+    assert sorted([*(name for name, _, _ in WORLD_ROWS), *LARGE]) == sorted(worlds.catalogue())
 
 
 def test_failures_in_the_readme_are_those_of_the_table():
-    closed = set(worlds.catalogue()) - set(OPEN)
+    closed = set(worlds.catalogue()) - set(OPEN) - set(LARGE)
     runs, failures = runs_and_failures(closed)
     assert failures == 0
     assert f"In the {WORDS[len(closed)]} closed worlds none of {runs} runs fails" in README
