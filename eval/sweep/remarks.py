@@ -111,6 +111,8 @@ def look_rule(table: SweepTable) -> str:
         number = next(iter(seeds.values()))
         is_look = number in looks
         now = f"This is look {looks.index(number) + 1}, with {number} {of}." if is_look else "No look is complete yet."
+    elif len(seeds) > MAX_NAMED:
+        now = f"Here worlds have {min(seeds.values())} to {max(seeds.values())} {of}."
     else:
         words = [
             f"{place} has look {looks.index(number) + 1} ({number} seeds)"
