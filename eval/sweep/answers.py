@@ -341,7 +341,11 @@ def _lower_counts(case: _Case) -> str:
     decision = case.decision
     if decision.largest_open is None:
         return ""
-    words = f"{case.table.counts[decision.largest_open]} may be enough too"
+    count = case.table.counts[decision.largest_open]
+    failed, runs = case.failed_of(count)
+    if failed > case.failed_of(case.largest)[0]:
+        return f"{count} {'is' if count == 1 else 'are'} not shown to be enough, and failed in {failed} of {runs} runs"
+    words = f"{count} may be enough too"
     return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
 
 
