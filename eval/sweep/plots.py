@@ -23,7 +23,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
-from eval.report.comparison import COLOURS
+from eval.report.comparison_plots import COLOURS
 from eval.report.plots import BAD, GOOD, QUIET, STYLE
 from eval.sweep.answers import Answer
 from eval.sweep.decision import median_over_last
