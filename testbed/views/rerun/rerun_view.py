@@ -363,7 +363,7 @@ class RerunView:
         if snapshot.poses is None or snapshot.weights is None:
             return
         self._columns.add(entities.PARTICLES, snapshot.poses, snapshot.weights, build=self._arrows)
-        if self._scene.particles > 1 and len(snapshot.poses):  # a search of the whole map has none at first
+        if self._scene.particles > 1:
             self._columns.add(entities.SPREAD, snapshot.poses, snapshot.weights)
         self._columns.add(entities.PARTICLE_DOTS, snapshot.poses, snapshot.weights)
 

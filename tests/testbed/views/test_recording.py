@@ -224,15 +224,6 @@ def test_the_spread_is_that_of_the_particles_and_a_single_one_has_none(recorded:
     assert rows(alone, entities.SPREAD, "Scalars:scalars") == []
 
 
-def test_a_search_without_particles_at_first_has_no_spread(recorded: Recorded, tmp_path: Path) -> None:
-    empty = replace(recorded.snapshots[0], poses=np.zeros((0, 3)), weights=np.ones(1), path=None)
-    with open_view(tmp_path / "search.rrd", scene(), ViewOptions()) as view:
-        for snapshot in (empty, *recorded.snapshots[1:3]):
-            view.show(snapshot)
-    spreads = rows(tmp_path / "search.rrd", entities.SPREAD, "Scalars:scalars")
-    assert [stamp for stamp, _ in spreads] == pytest.approx([s.stamp for s in recorded.snapshots[1:3]])
-
-
 def test_paths_reach_the_newest_poses(recorded: Recorded) -> None:
     poses = {
         entities.PATH: [s.estimate for s in recorded.snapshots],
