@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.filter.step_table import Columns, column
+from eval.outcome import LOOP_DEG, LOOP_M
 from eval.trajectory.trajectory import Trajectory
 from eval.wording import length
 from slam.se2 import Pose, between
@@ -25,6 +26,8 @@ MIN_RESTART_M = 0.5
 """A restarted odometry jumps by more than this, to a pose nearer than this to its first one [m]."""
 BLIND_SHARE = 0.2
 """A lidar is blind if less than this part of the usual number of beams returns."""
+LOOP_REACH_M, MIN_LOOP_M = 1.0, 10.0
+"""A robot is back at a place within the first distance of it, after the second of driving."""
 GAP_FACTOR, MIN_GAP_S = 5.0, 1.0
 """Scans were lost if the time between two of them is this many times the usual one, and at least this long [s]."""
 
@@ -45,7 +48,12 @@ def find_cause(
     for found in (_lost_scans(stamp, odometry), _blind_lidar(stamp, steps), _wrong_motion(stamp, odometry, reference)):
         if found is not None:
             return found
-    return _failed_matching(stamp, steps) or _wrong_place(stamp, odometry, reference, estimate)
+    return (
+        _failed_matching(stamp, steps)
+        or _wrong_history(stamp, steps, reference, estimate)
+        or _wrong_place(stamp, odometry, reference, estimate)
+        or _loop_left_open(stamp, reference, estimate)
+    )
 
 
 def _lost_scans(stamp: float, odometry: Trajectory | None) -> str | None:
@@ -168,9 +176,22 @@ def _failed_matching(stamp: float, steps: Columns | None) -> str | None:
         return (
             f"scan matching failed for {failed[at]:.0f} of {particles[at]:.0f} particles; the odometry shows no fault"
         )
-    if (column(steps, "loop_closed")[near] == 1.0).any():
-        return "the robot had come back to a known place, and the particles settled on a wrong history"
     return None
+
+
+def _wrong_history(
+    stamp: float, steps: Columns | None, reference: Trajectory | None, estimate: Trajectory | None
+) -> str | None:
+    """A loop that closed as the estimate made a wrong motion, or where its motion is unknown."""
+    if steps is None:
+        return None
+    near = np.abs(column(steps, "stamp") - stamp) <= WINDOW_S
+    if not (column(steps, "loop_closed")[near] == 1.0).any():
+        return None
+    motions = _motions(stamp, reference, estimate)
+    if motions is not None and not _slipped(*motions):
+        return None
+    return "the robot had come back to a known place, and the particles settled on a wrong history"
 
 
 def _wrong_place(
@@ -194,6 +215,41 @@ def _wrong_place(
         f"the scans were matched to a wrong place of the map: from {stamps[0] - start:.1f} to "
         f"{stamps[-1] - start:.1f} s the estimate moved by {_in_words(reported)}, the robot by {_in_words(moved)}, as "
         f"its wheels reported{earlier if slips else ''}"
+    )
+
+
+def _motions(stamp: float, reference: Trajectory | None, estimate: Trajectory | None) -> tuple[Pose, Pose] | None:
+    """True and estimated poses (n, 3) about a time [s]; None where fewer than two are known."""
+    if reference is None or estimate is None:
+        return None
+    stamps = np.intersect1d(reference.stamps, estimate.stamps)
+    stamps = stamps[np.abs(stamps - stamp) <= WINDOW_S]
+    if len(stamps) < 2:
+        return None
+    return reference.poses[np.isin(reference.stamps, stamps)], estimate.poses[np.isin(estimate.stamps, stamps)]
+
+
+def _loop_left_open(stamp: float, reference: Trajectory | None, estimate: Trajectory | None) -> str | None:
+    """A return to a place at which the estimate is elsewhere, although no motion about the moment is wrong."""
+    if reference is None or estimate is None:
+        return None
+    stamps, rows, own = np.intersect1d(reference.stamps, estimate.stamps, return_indices=True)
+    if len(stamps) < 2:
+        return None
+    true, estimated, path = reference.poses[rows], estimate.poses[own], reference.distance[rows]
+    now = int(np.argmin(np.abs(stamps - stamp)))
+    there = np.hypot(*(true[:, :2] - true[now, :2]).T) <= LOOP_REACH_M
+    before = np.flatnonzero(there & (path <= path[now] - MIN_LOOP_M))
+    if len(before) == 0:
+        return None
+    then = int(before[np.argmin(np.hypot(*(true[before, :2] - true[now, :2]).T))])
+    miss = between(between(true[then], true[now]), between(estimated[then], estimated[now]))
+    if float(np.hypot(miss[0], miss[1])) <= LOOP_M and abs(float(np.degrees(miss[2]))) <= LOOP_DEG:
+        return None
+    return (
+        f"a loop was left open: the robot is back where it was {stamps[now] - stamps[then]:.0f} s and "
+        f"{path[now] - path[then]:.0f} m before, and the estimate has drifted by {_in_words(miss)} since, a little by "
+        "each metre"
     )
 
 

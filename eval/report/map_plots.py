@@ -13,10 +13,14 @@ from eval.report import plots
 from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext, positions_in
-from slam.se2 import Pose, compose, inverse
+from slam.se2 import compose, inverse
 
-MAX_CROP = 6.0
-"""The picture of the failure shows at most this much around the robot [m]."""
+CROPS = (1.5, 2.5, 4.0, 6.0)
+"""The picture of the failure shows as much around the robot [m] as the first of these that is enough: …"""
+CROP_GAPS = 3.0
+"""… so many times the distance of the two poses, …"""
+CROP_SHARE, CROP_POINTS = 0.3, 40
+"""… and this share of the scan, or so many of its end points."""
 
 
 def map_plots(context: ReportContext) -> Iterator[Plot]:
@@ -116,30 +120,33 @@ def failure_plot(context: ReportContext) -> Plot | None:
             "Green rings: the scan drawn from the true pose. Red dots: the same scan drawn from the estimated pose. "
             f"The gap is the error. Drawn over the true map; both paths are aligned at scan {failure.since}."
         )
-    window = _window(failure, points)
     background = None
     if grid is not None and grid.known.any():
         background = draw_map(grid, frame_around(grid, T, [], 0.5), T)
+    window = _window(failure, points, background)
     source = plots.scan_over_map(seen, curves, background=background, window=window)
     time = run.estimate.stamps[failure.shown_scan] - context.start
     return Plot(f"Around scan {failure.shown_scan}, {time:.1f} s", source, caption)
 
 
-def _window(failure: Failure, points: NDArray[np.float64]) -> Extent:
-    """What to show (x, x, y, y) [m]: both poses, and most of the scan but no more than `MAX_CROP` around each."""
-    corners = []
-    for pose in (failure.estimated, failure.true_pose):
-        if pose is not None:
-            corners += _corners_around(pose, points)
-    (left, low), (right, high) = np.min(corners, axis=0), np.max(corners, axis=0)
-    # In the proportions of a plot: a strip would be drawn small.
-    wider = max(0.0, 0.5 * ((high - low) / 0.75 - (right - left)))
-    higher = max(0.0, 0.5 * (0.75 * (right - left) - (high - low)))
-    return float(left - wider), float(right + wider), float(low - higher), float(high + higher)
+def _window(failure: Failure, points: NDArray[np.float64], background: Picture | None) -> Extent:
+    """What to show (x, x, y, y) [m]: both poses and the part of the scan about them, no more than the background."""
+    poses = [pose[:2] for pose in (failure.estimated, failure.true_pose) if pose is not None]
+    reach = _crop(points, float(np.hypot(*(poses[0] - poses[-1]))))
+    (left, low), (right, high) = np.min(poses, axis=0) - reach, np.max(poses, axis=0) + reach
+    if background is not None:
+        x_min, x_max, y_min, y_max = background.extent
+        left, right, low, high = max(left, x_min), min(right, x_max), max(low, y_min), min(high, y_max)
+        if not (right > left and high > low):  # lost so far away that nothing of the map is there
+            return _window(failure, points, None)
+    return float(left), float(right), float(low), float(high)
 
 
-def _corners_around(pose: Pose, points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Two corners (2,) of the square about a pose (3,) that holds most of its scan (k, 2) [m]."""
-    reach = np.percentile(np.hypot(*points.T), 90.0) if len(points) else 0.0
-    reach = np.clip(reach, 2.0, MAX_CROP)
-    return [pose[:2] - reach, pose[:2] + reach]
+def _crop(points: NDArray[np.float64], gap: float) -> float:
+    """How much to show around a robot [m] that sees end points (k, 2) [m], where two poses lie so far apart [m]."""
+    distances = np.max(np.abs(points), axis=1) if len(points) else np.zeros(1)
+    for crop in CROPS:
+        seen = int(np.count_nonzero(distances <= crop))
+        if crop >= CROP_GAPS * gap and seen >= min(CROP_SHARE * len(points), CROP_POINTS):
+            return crop
+    return CROPS[-1]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +13,15 @@ import numpy as np
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
 from eval.filter.step_table import column
-from eval.loss_watch import Spell, spells
+from eval.loss_watch import spells
 from eval.report import plots
+from eval.report.check_story import times_in_words
 from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
 from eval.report.page import Plot, flat, render
 from eval.report.report_context import ReportContext
-from eval.report.time_plots import error_plots, filter_plots
+from eval.report.time_plots import error_plots, filter_plots, moment_plots
 from eval.report.verdict import verdict
 from eval.wording import length
-
-MAX_SPELLS = 6
-"""More times at which the estimate was lost, or had drifted, are counted only."""
 
 
 def write_report(run_directory: str | os.PathLike[str]) -> Path:
@@ -43,7 +42,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
     failure = context.failure
     return {
         "name": run.name,
-        "path": run.path,
+        "path": shlex.quote(str(run.path.resolve())),  # a command that works wherever it is typed
         "title": _title(run),
         "verdict": verdict(run),
         "metrics": run.metrics,
@@ -55,6 +54,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "lost_while_driving": _lost_while_driving(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "failure_plot": failure_plot(context),
+        "moment_plots": list(moment_plots(context)),
         "start": context.start,
         "length": length,
         "maps": list(map_plots(context)),
@@ -77,7 +77,7 @@ def _lost_while_driving(context: ReportContext) -> str:
     found = spells(context.run.steps, "lost")
     if not found:
         return "The recording judges the pose while driving, and does not call it lost at any time."
-    return f"The recording judges the pose while driving, and calls it lost {_times(found, context.start)}."
+    return f"The recording judges the pose while driving, and calls it lost {times_in_words(found, context.start)}."
 
 
 def _drift_before(context: ReportContext) -> str:
@@ -92,20 +92,11 @@ def _drift_before(context: ReportContext) -> str:
     within = np.zeros(len(stamps), np.bool_)
     for spell in before:
         within |= (stamps >= spell.start) & (stamps <= min(spell.end or failure.stamp, failure.stamp))
+    times = times_in_words(before, context.start)
     return (
-        f"The map was bent before: the pose while driving had drifted {_times(before, context.start)}, by up to "
+        f"The map was bent before: the pose while driving had drifted {times}, by up to "
         f"{length(float(np.nanmax(errors[within])))}, so that a wall seen before and after may lie in it twice."
     )
-
-
-def _times(found: list[Spell], start: float) -> str:
-    """Times since the start [s] in words."""
-    times = [
-        f"from {spell.start - start:.1f} s " + ("on" if spell.end is None else f"to {spell.end - start:.1f} s")
-        for spell in found[:MAX_SPELLS]
-    ]
-    more = f", and {len(found) - MAX_SPELLS} times more" if len(found) > MAX_SPELLS else ""
-    return ", ".join(times) + more
 
 
 def _title(run: RunFiles) -> str:

@@ -20,6 +20,8 @@ from eval.trajectory.trajectory import Trajectory
 ONLINE = "#a5b8cf"
 """Colour of the errors while driving."""
 LOOPS = "#2b8a3e"
+AROUND_S = 15.0
+"""Errors around the moment of a failure are drawn from this long before it to this long after it [s]."""
 MIN_NEES = 1e-3
 """Smaller values are drawn here: the axis is logarithmic."""
 
@@ -45,6 +47,25 @@ def error_plots(context: ReportContext) -> Iterator[Plot]:
         caption if live is not None else aligned,
     )
     yield Plot("Heading error", plots.over_time(time, heading, "error [deg]", cursor=cursor), aligned)
+
+
+def moment_plots(context: ReportContext) -> Iterator[Plot]:
+    """Position and heading error of the pose while driving about the moment of a failure; nothing without both."""
+    steps, failure = context.run.steps, context.failure
+    if steps is None or failure is None or not failure.bad or "error_m" not in steps:
+        return
+    stamps = column(steps, "stamp")
+    near = np.abs(stamps - failure.stamp) <= AROUND_S
+    if not np.isfinite(column(steps, "error_m")[near]).any():
+        return
+    around = {name: np.asarray(values)[near] for name, values in steps.items()}
+    time, cursor = stamps[near] - context.start, context.failure_time
+    caption = "Of the pose while driving, with both paths aligned at the first scan."
+    for name, key, unit in (("Position", "error_m", "m"), ("Heading", "error_deg", "deg")):
+        curve: list[plots.Series] = [("while driving", column(around, key), plots.ESTIMATE)]
+        marks = _event_marks(around, context.start)
+        source = plots.over_time(time, curve, f"error [{unit}]", marks=marks, cursor=cursor)
+        yield Plot(f"{name} error around the moment", source, caption)
 
 
 def _online_errors(context: ReportContext) -> AbsoluteError | None:

@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from eval.files.run_reader import RunFiles
+from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
+from eval.loss_watch import spells
+from eval.report.check_story import self_check_story
+from eval.report.report_context import ReportContext
 from eval.wording import length, share, spread
 
 Severity = Literal["good", "fair", "bad", "none"]
@@ -48,7 +52,8 @@ class Loop:
     sentence: str
     """Empty where nothing is known of loops."""
     time: float | None = None
-    """When it began to close, since the first scan [s]; None where none was seen."""
+    """When to watch it, since the first scan [s]: the resampling in which most particles died, else the scan that
+    closed it; None where none was seen."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,7 @@ class Verdict:
 
 def verdict(run: RunFiles) -> Verdict:
     """Return the verdict on a run, made from its `metrics.json`."""
+    context = ReportContext.of(run)
     outcome = str(run.metrics.get("outcome", "unjudged"))
     lead, severity = OUTCOME_SENTENCES.get(outcome, (f"Outcome: {outcome}.", "none"))
     if outcome == "ok":
@@ -76,30 +82,14 @@ def verdict(run: RunFiles) -> Verdict:
         lead, severity = UNJUDGED_LEADS.get(str(run.metric("self_check.verdict")), (lead, severity))
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [
-        _self_check_of_run(run),
+        self_check_story(context),
         _sentence(reason),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
         _closed_loops_sentence(run),
     ]
-    return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), _loop(run), tuple(_headlines(run)))
-
-
-def self_check_sentence(check: Mapping[str, Any]) -> str:
-    """Say what a run's own check found, from the group `self_check` of its metrics."""
-    time, place = check.get("time_s"), check.get("place")
-    words = str(check["verdict"])
-    if time is not None:
-        words += f" from {time:.1f} s on"
-    if place is not None:
-        words += f" at ({place[0]:.1f}, {place[1]:.1f}) m of the map's frame"
-    return f"{words}: {check['reason']}"
-
-
-def _self_check_of_run(run: RunFiles) -> str:
-    check = run.metric("self_check")
-    return f"The run's own check, without any truth: {self_check_sentence(check)}." if check else ""
+    return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), _loop(context), tuple(_headlines(run)))
 
 
 def _sentence(text: str) -> str:
@@ -198,15 +188,43 @@ def _closed_loops_sentence(run: RunFiles) -> str:
     return f"{text}."
 
 
-def _loop(run: RunFiles) -> Loop:
-    """Name the largest loop closure, or say that none was seen."""
-    metres, stamp = run.metric("filter.largest_loop_m"), run.metric("filter.largest_loop_stamp")
+def _loop(context: ReportContext) -> Loop:
+    """Describe the largest loop closure and what the particles did in it, or say that none was seen."""
+    run = context.run
     if run.metric("filter.loop_closures") == 0:
         return Loop("No loop closure was seen while driving: no scan met enough walls that had long been out of sight.")
-    if metres is None or stamp is None or run.estimate is None or len(run.estimate) == 0:
+    loop = None if run.steps is None else largest_closing_loop(run.steps)
+    if loop is None:
         return Loop("")
-    time = stamp - float(run.estimate.stamps[0])
-    return Loop(f"The largest loop closure: {time:.1f} s, after {metres:.0f} m of driving.", time)
+    start = context.start
+    times = f"{loop.stamp - start:.1f} s"
+    if loop.began < loop.stamp:
+        times = f"from {loop.began - start:.1f} s to {times}"
+    text = f"The largest loop closure: {times}, after {loop.metres:.0f} m of driving.{_particles_in(loop, start)}"
+    if loop.errors is not None:
+        before, after = loop.errors
+        text += f" The error of the pose while driving went from {length(before)} to {length(after)}."
+    lost = [] if run.steps is None else spells(run.steps, "lost")
+    if any(spell.start <= loop.end and (spell.end is None or spell.end > loop.began) for spell in lost):
+        text += " The estimate was lost during it or soon after."
+    watch = loop.stamp if loop.most_died is None else loop.most_died
+    # Rounded up to a tenth, as it is printed: rounded down it may show the scan before.
+    return Loop(text, math.ceil(10.0 * (watch - start) - 1e-6) / 10.0)
+
+
+def _particles_in(loop: ClosingLoop, start: float) -> str:
+    """What the particles did in a loop, as a sentence; empty where it is unknown."""
+    if loop.particles == 1:
+        return " With a single particle there is no choice between histories."
+    if loop.died is None:
+        return ""
+    text = " No particle died"
+    if loop.most_died is not None:
+        text = f" {loop.died} of {loop.particles} particles died (most at {loop.most_died - start:.1f} s)"
+    if loop.spread is not None and loop.least_spread is not None:
+        least, stamp = loop.least_spread
+        text += f", and their spread went from {length(loop.spread)} to {length(least)} (at {stamp - start:.1f} s)"
+    return f"{text}."
 
 
 def _wall_distance(run: RunFiles) -> str:

@@ -28,7 +28,6 @@ from testbed.simulation import Simulation, SimulationConfig, simulate
 from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.drivers.driver import Driver
 from testbed.simulation.drivers.recorded import RecordedDriver
-from testbed.simulation.physics.urdf import robot_urdf
 from testbed.systems.execute import Recorded
 from testbed.views import Scene
 from worlds import true_map
@@ -78,7 +77,6 @@ def run(
         particles=filter_config.max_particles,
         motion=filter_config.motion,
         true_map=truth,
-        robot_urdf=robot_urdf(config.robot),
         robot_radius=config.robot.footprint_radius,
     )
     with _driver(simulator, config) as driver, simulate(loaded, config, driver) as simulation:

@@ -22,7 +22,7 @@ from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
 from testbed.cli.shared.system_options import SYSTEMS, SystemOptions, compare_systems
 from testbed.datasets.truth import attach_truth
-from testbed.formats import open_log
+from testbed.inspect import AS_STATED, Reading, inspect_log, notes_of
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
@@ -68,19 +68,7 @@ class MapOptions:
         return () if self.map is None else (self.map, self.map.with_suffix(".pgm"))
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class ReadingOptions:
-    """What a log does not say of its lidar."""
-
-    laser_offset: float | None = None
-    """x of the laser in the robot's frame [m]; default: stated by the log."""
-    range_max: float | None = None
-    """Readings of at least this range are no returns [m]; default: stated or shown by the log."""
-
-
 KNOWN_MAP = MapOptions()
-READING = ReadingOptions()
 
 
 def slam(
@@ -88,7 +76,7 @@ def slam(
     *,
     relations: Path | None = None,
     truth: Path | None = None,
-    reading: ReadingOptions = READING,
+    reading: Annotated[Reading, Parameter(name="*")] = AS_STATED,
     known_map: MapOptions = KNOWN_MAP,
     estimator: EstimatorOptions = ESTIMATOR,
     output: OutputOptions = OUTPUT,
@@ -114,7 +102,7 @@ def slam(
                 "--map: none of the systems has a setting `map`, expected --system localization among them"
             )
         systems.check_other_options(output)
-    recording = open_log(log, **asdict(reading))
+    recording = reading.open(log)
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
@@ -128,6 +116,7 @@ def slam(
         **estimator.settings(),
         **systems.settings(),
     }
+    findings = inspect_log(recording)
     inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
@@ -149,6 +138,7 @@ def slam(
         known_map=known,
         truth_map=truth_map,
         truth_walls=truth_walls,
+        notes=notes_of(findings),
     )
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
@@ -160,6 +150,9 @@ def slam(
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
+    for finding in findings:
+        if finding.verdict == "doubtful":
+            console.print(f"{log}: {finding.item}: {finding.found}; {finding.action}", soft_wrap=True)
     for note in known.notes if known is not None else ():
         console.print(note, soft_wrap=True)
     return run_and_report(job, output.directory(name), scene, output)

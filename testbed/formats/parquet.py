@@ -66,7 +66,7 @@ def write_parquet(path: str | Path, blocks: Iterable[FrameTable], head: LogHead)
         _schema(),
         compression="zstd",
         write_page_checksum=True,
-        use_dictionary=["lidar", "angles.list.element", "time_offsets.list.element"],
+        use_dictionary=["lidar"],  # zstd finds the angles of the scan before sooner than a dictionary is made
     ) as writer:
         for block in blocks:
             totals.add(block)

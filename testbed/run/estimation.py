@@ -96,7 +96,8 @@ class Estimation:
             self._waiting.clear()
         else:
             self._waiting[frame.lidar] = frame.odometry, frame.scan
-        self.steps.add(frame, report, time.perf_counter() - start)
+        seconds = time.perf_counter() - start
+        self.steps.add(frame, report, seconds, self.mapper.poses, self.mapper.weights)
         self._online.append(report.pose)
         return report
 

@@ -32,7 +32,7 @@ from testbed.run.estimation import Estimate, Estimation
 from testbed.run.interruption import deferred_interruption
 from testbed.run.job import Job
 from testbed.run.known_map import KnownMap, failure_reason, localization_metrics
-from testbed.run.loop_metrics import loop_metrics
+from testbed.run.loop_metrics import loop_metrics, loops_to_show
 from testbed.run.run_directory import RunDirectory, result_hash
 from testbed.run.self_check import localization_self_check, self_check_metrics
 from testbed.run.snapshot import take_snapshot
@@ -82,7 +82,8 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
             watcher.stage("final pass")
             try:
                 estimate = estimation.refined(filtered)
-                view.finish(estimate.at_scans.poses, estimate.map)
+                loops = loops_to_show(estimate.closing, filtered.dense.poses, estimate.dense.poses)
+                view.finish(estimate.at_scans.poses, estimate.map, loops)
             except KeyboardInterrupt:
                 interrupted = True
         wall_seconds = time.perf_counter() - started  # of the estimate; writing and scoring it are no part of that
@@ -214,6 +215,7 @@ def metrics_of(
         metrics |= score_estimate("filter", path, reference, ended)
     if estimate.closing is not None:
         metrics["loops"] = loop_metrics(estimate.closing, filtered.dense)
+    metrics["notes"] = [*job.notes, *metrics["notes"]]
     if job.known_map is None:
         return metrics
     metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The group `loops` of `metrics.json`: what the final pass found of loops; docs/metrics.md explains each key."""
+"""What the final pass found of loops: the group `loops` of `metrics.json` (docs/metrics.md), and for a view."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 
@@ -9,6 +11,8 @@ from eval.metrics_json import Metrics
 from eval.trajectory.trajectory import Trajectory
 from slam import se2
 from slam.loops import LoopClosing
+from slam.se2 import Pose
+from testbed.views import FinalLoop
 
 
 def loop_metrics(closing: LoopClosing, path: Trajectory) -> Metrics:
@@ -40,3 +44,15 @@ def loop_metrics(closing: LoopClosing, path: Trajectory) -> Metrics:
         "path_changed": closing.changed,
         "list": sorted(rows, key=lambda row: row["stamp"]),
     }
+
+
+def loops_to_show(closing: LoopClosing | None, before: Pose, after: Pose) -> list[FinalLoop]:
+    """Return the loops that the final pass found, for a view; before, after: poses at every frame, (frames, 3)."""
+    if closing is None:
+        return []
+    shown = []
+    for loop, accepted in zip(closing.loops, closing.accepted.tolist(), strict=True):
+        rows = closing.frames[[loop.first, loop.second]]
+        closed: Literal["closed_by_filter", "left_open"] = "closed_by_filter" if loop.was_closed else "left_open"
+        shown.append(FinalLoop(kind=closed if accepted else "rejected", before=before[rows], after=after[rows]))
+    return shown

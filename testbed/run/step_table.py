@@ -20,7 +20,7 @@ from slam.step.step_report import StepReport
 from testbed.frame import Frame
 
 FLAGS = ("updated", "resampled", "loop_closed", "odometry_jumped")
-COUNTS = ("scan", "particles", "match_failures", "unique_ancestors", "map_bytes", *BeamCounts._fields)
+COUNTS = ("scan", "particles", "match_failures", "particles_died", "unique_ancestors", "map_bytes", *BeamCounts._fields)
 VERDICTS = get_args(Verdict)
 """The column `self_check` holds the number of the verdict: 0 plausible, 1 doubtful, 2 lost."""
 TRUTH_COLUMNS = ("true_x", "true_y", "true_theta", "error_m", "error_deg")
@@ -39,8 +39,13 @@ class StepTable:
     rows: list[dict[str, Any]] = field(default_factory=list)
     _first: tuple[Pose, Pose] | None = None
 
-    def add(self, frame: Frame, report: StepReport, filter_seconds: float) -> None:
-        """Append the row of one scan; `filter_seconds` is the time spent in the filter [s]."""
+    def add(
+        self, frame: Frame, report: StepReport, filter_seconds: float, poses: Pose, weights: NDArray[np.float64]
+    ) -> None:
+        """Append the row of one scan.
+
+        filter_seconds: time spent in the filter [s];  poses (particles, 3), weights (particles,): after the scan
+        """
         cov = report.covariance
         row: dict[str, Any] = {
             "scan": len(self.rows),
@@ -61,6 +66,8 @@ class StepTable:
             "matched_share": report.matched_share if report.updated else math.nan,
             "match_failures": report.match_failures,
             "log_evidence": report.log_evidence,
+            "particles_died": report.particles - len(np.unique(poses, axis=0)) if report.resampled else 0,
+            "spread_m": spread_of(poses, weights) if report.updated else math.nan,
             "unique_ancestors": report.unique_ancestors,
             **report.readings._asdict(),
             "map_bytes": report.map_bytes,
@@ -111,6 +118,13 @@ class StepTable:
         }
         with atomic_write(path) as aside:
             pq.write_table(pa.table(columns), aside)
+
+
+def spread_of(poses: Pose, weights: NDArray[np.float64]) -> float:
+    """Standard deviation of the position over particles with poses (n, 3) and weights (n,), whose sum is 1 [m]."""
+    positions = poses[:, :2]
+    off = positions - weights @ positions
+    return math.sqrt(float(weights @ (off * off).sum(axis=1)))
 
 
 def _contradicted_share(report: StepReport) -> float:

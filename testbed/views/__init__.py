@@ -2,9 +2,10 @@
 """Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
 
 from testbed.views.opening import OpenedRun, open_run, open_view, record_frames, record_side_by_side, recording_of
-from testbed.views.view import NullView, Proposal, Scene, Snapshot, View, ViewOptions
+from testbed.views.view import FinalLoop, NullView, Proposal, Scene, Snapshot, View, ViewOptions
 
 __all__ = [
+    "FinalLoop",
     "NullView",
     "OpenedRun",
     "Proposal",

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Literal, Protocol, Self
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -37,10 +37,8 @@ class Scene:
     """The true map in the world's frame, if known."""
     T_world_map: Pose | None = None
     """The map's frame seen from the world's, (3,); None = both paths start at the same pose."""
-    robot_urdf: str | None = None
-    """The robot as URDF text, base_link on the floor, x forward; None = a disc of `robot_radius` is drawn."""
     robot_radius: float = 0.2
-    """Radius of the robot [m]; also the length of its heading arrow."""
+    """Radius of the robot's footprint [m]."""
     motion: MotionConfig | None = None
     """The filter's motion model, to show what it predicts; None = unknown."""
 
@@ -101,6 +99,19 @@ class Snapshot:
     """Map of a particle (None = the best) as a grid of its own; called at the end, and where `cells` is None."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinalLoop:
+    """A loop that a final pass found between two visits to the same walls."""
+
+    kind: Literal["closed_by_filter", "left_open", "rejected"]
+    """Whether the filter had closed it, or had left it open and the final pass has closed it; or whether the match was
+    rejected, since the robot's motion or other loops contradict it."""
+    before: Pose
+    """Poses of the two visits before the final pass in the map's frame, (2, 3)."""
+    after: Pose
+    """The same after it, (2, 3)."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
     """Live viewers of a run, in addition to its recording; several can be combined."""
@@ -132,8 +143,11 @@ class View(Protocol):
     def show(self, snapshot: Snapshot) -> None:
         """Show one scan. Its callables are called before this returns; those of the last snapshot also in `close`."""
 
-    def finish(self, path: Pose, grid: OccupancyGrid) -> None:
-        """Show the path (scans, 3) and the map that a final pass made of the run, after the last snapshot."""
+    def finish(self, path: Pose, grid: OccupancyGrid, loops: Sequence[FinalLoop] = ()) -> None:
+        """Show the path (scans, 3) and the map that a final pass made of the run, after the last snapshot.
+
+        loops: those that it found
+        """
 
     def close(self) -> None:
         """Complete the recording; returns soon, whatever the viewers do."""
@@ -156,7 +170,7 @@ class NullView:
     def show(self, snapshot: Snapshot) -> None:
         """Do nothing."""
 
-    def finish(self, path: Pose, grid: OccupancyGrid) -> None:
+    def finish(self, path: Pose, grid: OccupancyGrid, loops: Sequence[FinalLoop] = ()) -> None:
         """Do nothing."""
 
     def close(self) -> None:

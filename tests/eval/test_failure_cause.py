@@ -77,6 +77,27 @@ def test_scans_matched_to_a_wrong_place_are_named_last():
     assert found.startswith("the wheels slipped")
 
 
+def test_a_loop_that_is_left_open_is_named_at_the_return():
+    """A square of 10 m, driven once; the estimate turns by 0.6 degrees with each metre. The wheels say as it does."""
+    corner, side = [0.0, 0.0, np.pi / 2], np.tile([0.1, 0.0, 0.0], (100, 1))
+    motions = np.concatenate([np.concatenate([side, [corner]])] * 4)[:403]
+    true, bent = [np.zeros(3)], [np.zeros(3)]
+    for motion in motions:
+        true.append(compose(true[-1], motion))
+        bent.append(compose(bent[-1], np.add(motion, [0.0, 0.0, 0.1 * np.radians(0.6)])))
+    stamps = 0.1 * np.arange(404)
+    truth, estimate = Trajectory(stamps, np.array(true)), Trajectory(stamps, np.array(bent))
+    steps = {**{name: np.resize(values, 404) for name, values in STEPS.items()}, "stamp": stamps}
+    given = {"odometry": estimate, "reference": truth, "steps": steps, "estimate": estimate}
+    found = find_cause(40.0, **given)
+    assert found.startswith("a loop was left open: the robot is back where it was 40 s and 40 m before")
+    assert "and 24 degrees since" in found
+    assert find_cause(25.0, **given) is None  # on the far side of the square
+    assert find_cause(40.0, **given | {"estimate": truth}) is None
+    closed = steps | {"loop_closed": np.ones(404)}
+    assert find_cause(40.0, **given | {"steps": closed}) == found  # its motion at the return is right
+
+
 def test_an_odometry_that_starts_anew_is_named():
     assert "restarted" in cause(odometry=np.concatenate([TRUTH[:200], between(TRUTH[200], TRUTH[200:])]))
 

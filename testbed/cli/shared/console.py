@@ -58,6 +58,8 @@ def announce_world(world: World) -> None:
         console.print(f"note: {note}", soft_wrap=True)
 
 
+FINAL_PASS_SHARE = 0.25
+"""The final pass takes about this share of the time that the drive before it took (office, Intel)."""
 REPORT_PERIOD = 10.0
 """Time between two lines where stderr is no terminal [s]: short jobs print none."""
 
@@ -76,7 +78,9 @@ class ProgressLine:
         self._said = False  # whether a line was printed: short jobs print none
 
     def stage(self, text: str) -> None:
-        """Show that a new stage of the job begins: what is left of it is unknown."""
+        """Show that a new stage of the job begins."""
+        if text == "final pass" and self._first_stamp is not None:
+            text += f", about {FINAL_PASS_SHARE * (time.perf_counter() - self._started):.0f} s"
         self._progress.remove_task(self._task)  # a task of unknown length cannot be made of one whose length is known
         self._task = self._progress.add_task(text, total=None, status="")
         if not console.is_terminal and self._said:
@@ -110,6 +114,7 @@ def progress_line() -> Iterator[ProgressLine]:
         SpinnerColumn(),
         TextColumn("{task.description:<14}"),
         BarColumn(bar_width=30),
+        TimeElapsedColumn(),
         TextColumn("{task.fields[status]}"),
     )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

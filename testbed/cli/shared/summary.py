@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from eval.report.verdict import self_check_sentence
+from eval.report.check_story import self_check_sentence
 
 HEADLINES = (
     (("localization.error_median_m",), "error in the map's frame, median", "{:.3f} m"),

@@ -19,7 +19,6 @@ from slam.scan import Scan
 from slam.se2 import Pose, compose, inverse, transform_points
 from testbed.envs.scenario.scenario import PreparedWorld
 from testbed.simulation.fleet.robot_group import Readings, RobotSetup
-from testbed.simulation.physics.urdf import robot_urdf
 from testbed.views import NullView, Scene, Snapshot, View, ViewOptions, open_view
 
 MODES = ("rgb_array", "human")
@@ -102,7 +101,6 @@ class Screen:
         scene = Scene(
             title=world.terrain.world.name,
             true_map=grid_from_true_map(world.true_map),
-            robot_urdf=robot_urdf(self._setup.robot),
             robot_radius=self._setup.robot.footprint_radius,
         )
         try:

@@ -69,3 +69,8 @@ def strips(lines: Sequence[NDArray[Any]], z: float) -> Any:
     flat = drawing.lifted(np.concatenate([np.zeros((0, 2)), *lines]), z).reshape(-1)
     offsets = np.cumsum([0, *(len(points) for points in lines)], dtype=np.int32)
     return pa.ListArray.from_arrays(offsets, pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type), type=kind)
+
+
+def lines(paths: Sequence[NDArray[Any]], z: float) -> rr.LineStrips3D:
+    """Lines through points or poses (n, 2 or 3) at height z [m], without a style."""
+    return rr.LineStrips3D.from_fields(strips=strips([path[:, :2] for path in paths], z))

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -53,8 +53,9 @@ def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
 def overview(scenery: Scenery) -> rrb.Horizontal:
     """Lay out the map with everything on it, next to the plots, the event log and the settings."""
     errors = [
-        plot(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m),
-        plot(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg),
+        estimates_error(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m),
+        estimates_error(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg),
+        plot(entities.POSITION_ERROR, "Odometry's error", "m", scenery.max_odometry_error_m),
     ]
     # one particle has none
     spread = [plot(entities.SPREAD, "Spread of the particles", "cm")] if scenery.particles > 1 else []
@@ -63,7 +64,7 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
             map_view("Map", scenery.extent),
             legend_view("map"),
             rrb.StateTimelineView(origin=entities.STATE, name="State", time_view=rrb.TimeAxis(view_range=WHOLE_RUN)),
-            row_shares=[12, 1.3, 2.7],
+            row_shares=[12, 1.3 if scenery.particles > 1 else 1.0, 3.9],
         ),
         rrb.Vertical(
             close_view("Around the robot", AROUND_HEIGHT),
@@ -95,20 +96,12 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
 
 def map_view(name: str, extent: Extent | None, follow: str = entities.ESTIMATED_ROBOT) -> rrb.Spatial3DView:
     """The world from above, x to the right, with everything that is known at the time."""
-    contents = [f"+ {entities.WORLD}/**", *(f"+ {root}/**" for root in entities.ROBOT_MODELS)]
-    contents += [f"- {robot}/outline" for robot in (entities.ESTIMATED_ROBOT, entities.TRUE_ROBOT)]
-    return top_view(name, contents, eye(extent, follow), origin=entities.WORLD)
+    return top_view(name, [f"+ {entities.WORLD}/**"], eye(extent, follow), origin=entities.WORLD)
 
 
 def close_view(name: str, height: float) -> rrb.Spatial3DView:
-    """The world close up, from a height [m] above the robot.
-
-    Instead of the robots' shapes there are their outlines: the shapes would hide the particles, and a view whose
-    contents have named frames, as the parts of a URDF have, stays at the world's origin (seen with Rerun 0.41).
-    """
-    contents = [f"+ {entities.WORLD}/**"]
-    contents += [f"- {robot}/body" for robot in (entities.ESTIMATED_ROBOT, entities.TRUE_ROBOT)]
-    return top_view(name, contents, eye_above((0.0, 0.0), height), origin=entities.AROUND)
+    """The world close up, from a height [m] above the robot."""
+    return top_view(name, [f"+ {entities.WORLD}/**"], eye_above((0.0, 0.0), height), origin=entities.AROUND)
 
 
 def top_view(
@@ -163,7 +156,7 @@ def proposal() -> rrb.Vertical:
     return rrb.Vertical(rrb.Horizontal(*views), legend_view("proposal"), row_shares=[12, 1], name="Proposal")
 
 
-def final_pass(extent: Extent | None) -> rrb.Tabs:
+def final_pass(extent: Extent | None) -> rrb.Vertical:
     """Map and path before and after the final pass: side by side, or as steps of a timeline."""
     both = []
     for step in entities.FINAL_STEPS:
@@ -171,9 +164,8 @@ def final_pass(extent: Extent | None) -> rrb.Tabs:
         both.append(top_view(f"{step.capitalize()} the final pass", contents, eye(extent, entities.FINAL, HALF_VIEW)))
     contents = [f"+ {entities.FINAL}/step/**", f"+ {entities.TRUE_WALLS}", f"+ {entities.FINAL_TRUTH}"]
     switch = top_view("Choose the timeline final_pass, step 0 or 1", contents, eye(extent, entities.FINAL))
-    return rrb.Tabs(
-        rrb.Horizontal(*both, name="Side by side"), rrb.Horizontal(switch, name="Switch"), name="Final pass"
-    )
+    tabs = rrb.Tabs(rrb.Horizontal(*both, name="Side by side"), rrb.Horizontal(switch, name="Switch"))
+    return rrb.Vertical(tabs, legend_view("final"), row_shares=[12, 1], name="Final pass")
 
 
 def eye(extent: Extent | None, follow: str, landscape: float = LANDSCAPE) -> rrb.EyeControls3D:
@@ -196,8 +188,22 @@ def eye_above(place: tuple[float, float], height: float, follow: str | None = No
     )
 
 
-def plot(origin: str, name: str, unit: str, largest: float | None = None) -> rrb.TimeSeriesView:
-    """A plot of all series below an entity; with its largest value the axis is fixed, and its name says the range."""
+def estimates_error(entity: str, name: str, unit: str, largest: float | None) -> rrb.TimeSeriesView:
+    """A plot of an error of the estimate alone: on an axis that holds the odometry's too it would be a flat line."""
+    return plot(entity, name, unit, largest, {entity: rr.SeriesLines.from_fields(visible_series=[True, False])})
+
+
+def plot(
+    origin: str,
+    name: str,
+    unit: str,
+    largest: float | None = None,
+    overrides: Mapping[Any, rr.SeriesLines] | None = None,
+) -> rrb.TimeSeriesView:
+    """A plot of all series below an entity; with its largest value the axis is fixed, and its name says the range.
+
+    overrides: styles for this view alone, by entity
+    """
     units = f" [{unit}]" if unit else ""
     return rrb.TimeSeriesView(
         origin=origin,
@@ -205,4 +211,5 @@ def plot(origin: str, name: str, unit: str, largest: float | None = None) -> rrb
         axis_x=rrb.TimeAxis(view_range=WHOLE_RUN),
         axis_y=None if largest is None else rrb.ScalarAxis(range=(0.0, 1.05 * max(largest, 1e-3))),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+        overrides=overrides,
     )

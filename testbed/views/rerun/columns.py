@@ -7,6 +7,7 @@ makes one call for it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -105,7 +106,7 @@ def images(rows: Sequence[Values]) -> rr.ComponentColumnList:
 
 
 def text_lines(rows: Sequence[Values]) -> rr.ComponentColumnList:
-    """Rows (text, level) of a log."""
+    """Rows (text, level) of a log, see `Columns.add_event`."""
     return rr.TextLog.columns(text=[row[0] for row in rows], level=[row[1] for row in rows])
 
 
@@ -132,13 +133,14 @@ class ErrorColumns:
     T_world_odom: Pose
     heading: bool
     """Whether the errors are of the heading [deg], not of the position [m]."""
-    maximum: float = 0.0
-    """Largest error so far."""
+    maxima: tuple[float, float] = (0.0, 0.0)
+    """Largest errors of estimate and odometry so far."""
 
     def __call__(self, rows: Sequence[Values]) -> rr.ComponentColumnList:
         """Errors (rows, 2)."""
         errors = self.of(rows)
-        self.maximum = max(self.maximum, float(errors.max()))
+        largest = errors.max(axis=0).tolist()
+        self.maxima = max(self.maxima[0], largest[0]), max(self.maxima[1], largest[1])
         return rr.Scalars.columns(scalars=errors.ravel()).partition([2] * len(rows))
 
     def of(self, rows: Sequence[Values]) -> NDArray[np.float64]:
@@ -180,6 +182,7 @@ BUILD: dict[str, Build] = {
     entities.STAGES: numbers,
     entities.EVENTS: text_lines,
     entities.ESTIMATE_STATE: states,
+    entities.SELF_CHECK_STATE: states,
     entities.MATCHING_STATE: states,
     entities.ROBOT_STATE: states,
     entities.LOCALIZATION_STATE: states,
@@ -218,6 +221,15 @@ class Columns:
             self._late.add(entity)
         times.append(self.time if at is None else at)
         rows.append(values)
+
+    def add_event(self, text: str, level: str, at: tuple[float, int] | None = None) -> None:
+        """Keep a line of the event log.
+
+        Its time is rounded up to a tenth of a second: the log cuts longer numbers, and a click on the line moves the
+        cursor to a time at which it can be seen.
+        """
+        stamp, scan = self.time if at is None else at
+        self.add(entities.EVENTS, text, level, at=(math.ceil(10.0 * stamp - 1e-6) / 10.0, scan))
 
     def send(self) -> None:
         """Send all rows."""

@@ -10,6 +10,8 @@ FINAL_PASS_TIMELINE = "final_pass"
 WORLD = "/world"
 """The world's frame; the map's frame where no truth is known."""
 TRUE_WALLS = "/world/truth/walls"
+TRUE_MAP = "/world/truth/map"
+"""The true map, in the recording of a drive without an estimate."""
 TRUE_PATH = "/world/truth/path"
 TRUE_ROBOT = "/world/truth/robot"
 ODOMETRY = "/world/odometry"
@@ -40,16 +42,14 @@ PROPOSAL_EYE = "/proposal/eye"
 AROUND = "/around"
 """The robot's estimated position in the world's frame, for a view that follows it and does not turn."""
 
-TRUE_MODEL, ESTIMATED_MODEL = "/true_robot", "/estimated_robot"
-ROBOT_MODELS = (TRUE_MODEL, ESTIMATED_MODEL)
-"""Shapes of the URDF; their root frames hang on the robots above."""
-
 COMPARE = "/compare"
 """The map's frame once more, for the views that compare particles."""
 RANKS = ("best", "lightest", "most_different_a", "most_different_b")
 FINAL = "/final"
 """The map's frame once more, for the views of the final pass."""
 FINAL_STEPS = ("before", "after")
+FINAL_LOOPS = ("closed_by_filter", "left_open", "rejected")
+"""Kinds of the loops that the final pass found, below `loops` of each step."""
 FINAL_TRUTH = "/final_truth/path"
 """The whole true path, in the world's frame."""
 
@@ -65,6 +65,7 @@ STAGES = "/metrics/stages"
 WEIGHTS = "/filter/weights"
 STATE = "/state"
 ESTIMATE_STATE = "/state/estimate"
+SELF_CHECK_STATE = "/state/self_check"
 MATCHING_STATE = "/state/matching"
 ROBOT_STATE = "/state/robot"
 LOCALIZATION_STATE = "/state/localization"

@@ -16,7 +16,7 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -32,11 +32,11 @@ from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.views.live.viewers import LiveViewer, start_viewers
 from testbed.views.rerun import columns, drawing, entities
-from testbed.views.rerun.archetypes import grid_map, pose_transform, square_frame, strips
+from testbed.views.rerun.archetypes import grid_map, lines, pose_transform, square_frame
 from testbed.views.rerun.blueprints import blueprint
 from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
 from testbed.views.rerun.layers import comparison
-from testbed.views.rerun.layers.events import EventWatch
+from testbed.views.rerun.layers.events import EventWatch, final_lines
 from testbed.views.rerun.layers.loop_watch import LoopWatch
 from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
@@ -46,7 +46,7 @@ from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
 from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN
 from testbed.views.schedule import Schedule
-from testbed.views.view import Scene, Snapshot, ViewOptions
+from testbed.views.view import FinalLoop, Scene, Snapshot, ViewOptions
 
 MAX_POINTS = 240
 """Beams of a scan that are drawn."""
@@ -151,8 +151,8 @@ class RerunView:
         self._travelled += distance
         return abs(snapshot.stamp - last.stamp), distance
 
-    def finish(self, path: Pose, grid: OccupancyGrid) -> None:
-        """Show map and path before and after a final pass; path (scans, 3)."""
+    def finish(self, path: Pose, grid: OccupancyGrid, loops: Sequence[FinalLoop] = ()) -> None:
+        """Show map and path before and after a final pass, and the loops that it found; path (scans, 3)."""
         last = self._last
         if last is None:
             return
@@ -160,27 +160,37 @@ class RerunView:
         self._refined = True
         before = None if last.path is None or last.map is None else (last.path(None), last.map(None))
         for number, (step, shown) in enumerate(zip(entities.FINAL_STEPS, (before, (path, grid)), strict=True)):
-            if shown is None:
-                continue
-            image = grid_map(shown[1])
-            line = styles.line_style(styles.ESTIMATE, 1.2)
-            row = rr.LineStrips3D.from_fields(strips=strips([shown[0][:, :2]], Z_ESTIMATE))
-            for base, static in ((f"{entities.FINAL}/{step}", True), (f"{entities.FINAL}/step", False)):
-                self._rec.reset_time()
-                self._rec.log(f"{base}/path", line, static=True)
-                self._rec.set_time(entities.FINAL_PASS_TIMELINE, sequence=number)
-                self._rec.log(f"{base}/map", image, static=static)
-                self._rec.log(f"{base}/path", row, static=static)
+            if shown is not None:
+                self._log_final("path", number, lines([shown[0]], Z_ESTIMATE), styles.line_style(styles.ESTIMATE, 1.2))
+                self._log_final("map", number, grid_map(shown[1]))
+            for kind, colour in styles.FINAL_LOOPS.items():
+                links = [loop.before if step == "before" else loop.after for loop in loops if loop.kind == kind]
+                if links:
+                    row = lines(links, styles.Z_TOP)
+                    self._log_final(f"loops/{kind}", number, row, styles.line_style(colour, 1.8))
         truth = self._visited[entities.TRUE_PATH].poses
         if len(truth):
             self._rec.log(entities.FINAL_TRUTH, styles.line_style(styles.TRUTH, 2.5), static=True)
-            row = rr.LineStrips3D.from_fields(strips=strips([truth[:, :2]], styles.Z_TRUTH))
-            self._rec.log(entities.FINAL_TRUTH, row, static=True)
+            self._rec.log(entities.FINAL_TRUTH, lines([truth], styles.Z_TRUTH), static=True)
         self._rec.reset_time()
         self._set_time(last)
-        text = "final pass: map and path before and after it are in the tab Final pass"
-        self._columns.add(entities.EVENTS, text, "INFO")
+        for line in final_lines(loops):
+            self._columns.add_event(line.text, line.level)
         self._fit_view(grid)
+
+    def _log_final(
+        self, name: str, number: int, content: rr.AsComponents, style: rr.AsComponents | None = None
+    ) -> None:
+        """Log what belongs to a step of the final pass: for the view of the step, and for the timeline of the steps."""
+        for base, static in (
+            (f"{entities.FINAL}/{entities.FINAL_STEPS[number]}", True),
+            (f"{entities.FINAL}/step", False),
+        ):
+            self._rec.reset_time()
+            if style is not None:
+                self._rec.log(f"{base}/{name}", style, static=True)
+            self._rec.set_time(entities.FINAL_PASS_TIMELINE, sequence=number)
+            self._rec.log(f"{base}/{name}", content, static=static)
 
     def close(self) -> None:
         """Log the last map, complete the file, and let the viewers have the rest."""
@@ -203,8 +213,8 @@ class RerunView:
         self._add_frame(last)
         self._add_map_and_paths(last, everything=True)
         self._add_comparison(last, everything=True)
-        for text in self._loops.end():
-            self._columns.add(entities.EVENTS, text, "INFO")
+        for level, text in self._loops.end(self._events.lost):
+            self._columns.add_event(text, level)
 
     @contextmanager
     def _file_errors(self) -> Iterator[None]:
@@ -266,7 +276,7 @@ class RerunView:
         for at, pose, covariance, disagreement in self._predictions.take() if self._predictions is not None else ():
             self._columns.add(entities.PROPOSAL_PRIOR, pose, covariance, at=at)
             if disagreement is not None:
-                self._columns.add(entities.EVENTS, disagreement, "WARN", at=at)
+                self._columns.add_event(disagreement, "WARN", at=at)
         self._columns.send()
         self._images.clear()
         for viewer in self._viewers:
@@ -297,12 +307,12 @@ class RerunView:
         step, loops = snapshot.step, []
         if step is not None and step.updated:
             spread = _spread_of(snapshot) if step.loop_closed or self._loops.closing else None
-            loops = self._loops.update(self._columns.time[0], step, died, spread)
+            loops = self._loops.update(self._columns.time[0], step, died, spread, self._events.lost)
         lines, states = self._events.update(snapshot, self._columns.time, died, loops)
         for lane, state, at in states:
             self._columns.add(lane, state, at=at)
         for level, text, at in lines:
-            self._columns.add(entities.EVENTS, text, level, at=at)
+            self._columns.add_event(text, level, at=at)
 
     # --- each update of the filter
 
@@ -460,13 +470,14 @@ class RerunView:
     def _scenery(self, extent: drawing.Extent | None) -> Scenery:
         """What the layout depends on, as far as it is known."""
         known = self._scene.true_map
-        largest = [errors.maximum for errors in self._errors]
+        metres, degrees = [errors.maxima for errors in self._errors] or [(0.0, 0.0)] * 2
         return Scenery(
             particles=self._scene.particles,
             truth=known is not None or len(self._visited[entities.TRUE_PATH].poses) > 0,
             extent=extent if known is None else drawing.extent_of(known, np.zeros(3)),
-            max_error_m=largest[0] if any(largest) else None,
-            max_error_deg=largest[1] if any(largest) else None,
+            max_error_m=metres[0] if any(metres) else None,
+            max_error_deg=degrees[0] if any(metres) else None,
+            max_odometry_error_m=max(metres) if any(metres) else None,
             final_pass=self._refined,
         )
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from eval.files.run_reader import read_run
@@ -32,15 +35,30 @@ def test_the_wall_distance_is_that_of_the_summary(tmp_path, exact, shown):
     assert shown in [headline.value for headline in found.headlines]
 
 
-def test_the_largest_loop_closure_is_said_with_its_time(tmp_path):
+def with_steps(run, **columns):
+    """The run with other columns in its table of steps, arrays (scans,)."""
+    table = pq.read_table(run / "steps.parquet")
+    for name, values in columns.items():
+        if name in table.column_names:
+            table = table.drop_columns([name])
+        table = table.append_column(name, pa.array(values))
+    pq.write_table(table, run / "steps.parquet")
+    return read_run(run)
+
+
+def test_the_largest_loop_closure_is_said_with_what_the_particles_did(tmp_path):
     run = write_run(tmp_path / "run")
-    metrics = json.loads((run / "metrics.json").read_text())
-    start = read_run(run).estimate.stamps[0]
-    metrics.setdefault("filter", {}).update(loop_closures=1, largest_loop_m=63.7, largest_loop_stamp=start + 129.72)
-    (run / "metrics.json").write_text(json.dumps(metrics))
-    loop = verdict(read_run(run)).loop
-    assert loop.sentence == "The largest loop closure: 129.7 s, after 64 m of driving."
-    assert loop.time == pytest.approx(129.72)
+    n = len(read_run(run).steps["scan"])
+    lengths, died, spread = np.zeros(n), np.zeros(n, np.int64), np.full(n, 0.05)
+    lengths[300], lengths[350], lengths[50] = 20.0, 63.7, 30.0
+    died[[320, 400]], died[100] = (11, 2), 20
+    spread[390:420], spread[[120, 410]] = 0.02, (0.001, 0.016)
+    loop = verdict(with_steps(run, loop_length=lengths, particles_died=died, spread_m=spread)).loop
+    assert loop.sentence.startswith(
+        "The largest loop closure: from 30.0 s to 35.0 s, after 64 m of driving. 13 of 30 particles died (most at "
+        "32.0 s), and their spread went from 5.0\u00a0cm to 1.6\u00a0cm (at 41.0 s)."
+    )
+    assert loop.time == pytest.approx(32.0)
 
 
 def test_a_run_without_a_loop_says_so(tmp_path):
@@ -115,10 +133,10 @@ def test_an_unjudged_run_is_led_by_its_own_check(tmp_path, word, severity, lead)
     found = verdict(read_run(run))
     assert lead in found.lead
     assert found.severity == severity
-    expected = (
-        f"The run's own check, without any truth: {word} from 12.5 s on at (1.0, -2.0) m of the map's frame: because."
+    assert found.sentences[0].startswith(
+        f"The run's own check, without any truth: {word}; its first sign is at 12.5 s, "
     )
-    assert found.sentences[0] == expected
+    assert found.sentences[0].endswith("m in the plots below. It saw this: because.")
 
 
 def test_the_truth_leads_where_it_is_known(tmp_path):
@@ -129,3 +147,31 @@ def test_the_truth_leads_where_it_is_known(tmp_path):
     found = verdict(read_run(run))
     assert found.lead.startswith("OK: ")
     assert found.sentences[0] == "The run's own check, without any truth: lost: because."
+
+
+def test_the_check_and_the_headline_tell_one_story(tmp_path):
+    """The place is in the frame of the plots, and each time at which the filter called itself lost is named."""
+    run = write_run(tmp_path / "run", broken=True)
+    files = read_run(run)
+    start, n = float(files.estimate.stamps[0]), len(files.estimate)
+    metrics = json.loads((run / "metrics.json").read_text())
+    moment = files.failure.failure.stamp - start
+    first = round(moment - 1.5, 1)
+    check = {
+        "verdict": "lost",
+        "reason": "because",
+        "stamp": start + first,
+        "time_s": first,
+        "place": [50.0, 60.0, 0.0],
+    }
+    (run / "metrics.json").write_text(json.dumps(metrics | {"outcome": "lost", "self_check": check}))
+    verdicts = np.zeros(n)
+    verdicts[100:150], verdicts[150:], verdicts[round(10 * moment) + 20 :] = 2.0, 1.0, 2.0
+    sentence = verdict(with_steps(run, self_check=verdicts)).sentences[0]
+    x, y = files.truth.poses[round(10 * first), :2]
+    assert (
+        f"first sign is at {first:.1f} s, at ({x:.1f}, {y:.1f}) m in the plots below, 1.5 s before the moment"
+        in sentence
+    )
+    assert f"while driving the check was certain from {moment + 2.0:.1f} s on" in sentence
+    assert sentence.endswith("While driving it had also said lost from 10.0 s to 15.0 s.")

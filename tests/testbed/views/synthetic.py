@@ -91,13 +91,12 @@ def snapshots(
         yield take_snapshot(Frame(stamp=stamp, odometry=odometry, scan=scan, truth=truth), step, mapper)
 
 
-def scene(particles: int = 30, urdf: str | None = None) -> Scene:
+def scene(particles: int = 30) -> Scene:
     """The scene that the snapshots belong to."""
     return Scene(
         title="synthetic room",
         settings="# Settings\n\n| name | value |\n|---|---|\n| particles | 30 |\n",
         particles=particles,
         true_map=true_map(),
-        robot_urdf=urdf,
         robot_radius=0.2,
     )

@@ -19,7 +19,6 @@ from testbed.frame import Frame
 from testbed.run.estimation import Estimation
 from testbed.run.snapshot import take_snapshot
 from testbed.simulation import SimulationConfig, simulate
-from testbed.simulation.physics.urdf import robot_urdf
 from testbed.views import Scene, open_view
 
 INTEL = Path(__file__).parents[4] / "shared/datasets/intel/intel-910.clf.gz"
@@ -78,7 +77,6 @@ def test_a_view_costs_little_of_a_simulated_run(tmp_path: Path) -> None:
         particles=30,
         motion=FilterConfig().motion,
         true_map=grid_from_true_map(worlds.true_map(world)),
-        robot_urdf=robot_urdf(config.robot),
     )
     with simulate(world, config) as frames:
         cost = cost_of(frames, scene, tmp_path / "recording.rrd")

@@ -5,17 +5,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-import rerun as rr
 
 from slam import se2
 from slam.config import MotionConfig
 from slam.occupancy import OccupancyGrid
-from testbed.presets import load_robot
-from testbed.simulation.physics.urdf import robot_urdf
-from testbed.views import NullView, ViewOptions, open_run, open_view
+from testbed.views import FinalLoop, NullView, ViewOptions, open_run, open_view
 from testbed.views.rerun import drawing, entities
 from tests.testbed.views.conftest import Recorded
 from tests.testbed.views.shown_map import rows
@@ -134,10 +132,15 @@ def test_the_prior_lies_where_the_odometry_points(tmp_path: Path) -> None:
         assert centre[0][:2] == pytest.approx(expected[:2], abs=1e-5)
 
 
+def small_map() -> OccupancyGrid:
+    """A map of six cells."""
+    return OccupancyGrid(probability=np.ones((2, 3), np.float32), resolution=1.0, origin=(0.0, 0.0, 0.0))
+
+
 def test_a_final_pass_is_shown_before_and_after_and_as_steps(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     refined = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5]])
-    grid = OccupancyGrid(probability=np.ones((2, 3), np.float32), resolution=1.0, origin=(0.0, 0.0, 0.0))
+    grid = small_map()
     shown = list(snapshots(2.0))
     with open_view(path, scene()) as view:
         for snapshot in shown:
@@ -156,18 +159,44 @@ def test_a_final_pass_is_shown_before_and_after_and_as_steps(tmp_path: Path) -> 
     assert ends[-1][1][0][:2] == pytest.approx(shown[-1].estimate[:2], abs=1e-6)  # the run itself stays as it was
 
 
-def test_the_robots_urdf_hangs_on_both_robots(tmp_path: Path) -> None:
+def test_loops_of_the_final_pass_are_drawn_before_and_after_it(tmp_path: Path) -> None:
+    path, pair = tmp_path / "recording.rrd", np.array([[1.0, 2.0, 0.0], [1.5, 2.0, 0.0]])
+    loops = [
+        FinalLoop(kind="left_open", before=pair, after=pair + 0.25),
+        FinalLoop(kind="left_open", before=pair + 1.0, after=pair + 1.25),
+        FinalLoop(kind="rejected", before=pair, after=pair),
+    ]
+    shown = list(snapshots(2.0))
+    with open_view(path, scene()) as view:
+        for snapshot in shown:
+            view.show(snapshot)
+        view.finish(np.zeros((len(shown), 3)), small_map(), loops)
+
+    def drawn(entity: str, **options: Any) -> list[tuple[Any, np.ndarray]]:
+        found = rows(path, f"{entities.FINAL}/{entity}", "LineStrips3D:strips", **options)
+        return [(time, np.array(strips)[..., :2]) for time, strips in found]
+
+    for step, moved in (("before", 0.0), ("after", 0.25)):
+        ((_, strips),) = drawn(f"{step}/loops/left_open", static=True)
+        np.testing.assert_allclose(strips, [pair[:, :2] + moved, pair[:, :2] + 1.0 + moved])
+        assert len(drawn(f"{step}/loops/rejected", static=True)) == 1
+        assert drawn(f"{step}/loops/closed_by_filter", static=True) == []
+    assert [time for time, _ in drawn("step/loops/left_open", timeline=entities.FINAL_PASS_TIMELINE)] == [0, 1]
+    lines = [text for _, (text,) in rows(path, entities.EVENTS, "TextLog:text")]
+    assert "final pass: 2 loops closed that the filter had left open" in lines
+    assert "final pass: 1 loop rejected" in lines
+
+
+def test_both_robots_are_outlines_of_one_kind(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
-    with open_view(path, scene(urdf=robot_urdf(load_robot("create3")))) as view:
+    with open_view(path, scene()) as view:
         view.show(next(iter(snapshots(0.0))))
-    for robot, model in (
-        (entities.TRUE_ROBOT, entities.TRUE_MODEL),
-        (entities.ESTIMATED_ROBOT, entities.ESTIMATED_MODEL),
-    ):
-        hung = rows(path, f"{model}/mount", "Transform3D:parent_frame", static=True)
-        assert hung[0][1] == [f"tf#{robot}"]
-        shapes = rr.chunk.RrdReader(path).store().schema().entity_paths()
-        assert sum(shape.startswith(f"{model}/create3/visual") for shape in shapes) == 4  # body, wheels, caster
+    for part in ("outline", "heading"):
+        (true,), (estimated,) = (
+            rows(path, f"{robot}/{part}", "LineStrips3D:strips", static=True)
+            for robot in (entities.TRUE_ROBOT, entities.ESTIMATED_ROBOT)
+        )
+        assert true[1] == estimated[1]
 
 
 def test_a_log_without_truth_has_neither_true_robot_nor_errors(tmp_path: Path) -> None:
@@ -274,3 +303,16 @@ def record(path: Path) -> None:
     with open_view(path, scene()) as view:
         for snapshot in snapshots(1.0):
             view.show(snapshot)
+
+
+def test_times_of_events_are_short_enough_to_be_read(tmp_path: Path) -> None:
+    """They are rounded up: the log cuts longer ones, and at an earlier time the event cannot be seen yet."""
+    path = tmp_path / "recording.rrd"
+    with open_view(path, scene()) as view:
+        for snapshot in snapshots(2.0):
+            view.show(replace(snapshot, stamp=0.97 * snapshot.stamp, notes=("something",)))
+    times = [time for time, _ in rows(path, entities.EVENTS, "TextLog:text")]
+    assert times == [round(time, 1) for time in times]
+    assert 0.1 in times
+    scans = [n for n, _ in rows(path, entities.EVENTS, "TextLog:text", timeline=entities.SCAN_TIMELINE)]
+    assert sorted(set(scans)) == list(range(21))

@@ -13,9 +13,10 @@ from eval.first_failure import MIN_HEAL_PATH
 from eval.loss_watch import Change, LossWatch
 from slam.step.step_report import StepReport
 from testbed.views.rerun import entities
-from testbed.views.rerun.layers.loop_watch import count_of
+from testbed.views.rerun.layers.loop_watch import LoopLine, count_of
 from testbed.views.rerun.layers.prediction import Time
-from testbed.views.view import Snapshot
+from testbed.views.rerun.layers.repeats import Repeats
+from testbed.views.view import FinalLoop, Snapshot
 
 Level = Literal["INFO", "WARN", "ERROR"]
 
@@ -41,6 +42,7 @@ class StateChange(NamedTuple):
 GOOD, DRIFTED, LOST = "follows the truth", "has drifted", "lost"
 MATCHED, POORLY_MATCHED, MATCH_FAILED = "scan fits the map", "scan fits poorly", "matching failed"
 DRIVING, COLLIDED = "driving", "collided"
+PLAUSIBLE, DOUBTFUL, CALLED_LOST = "plausible", "doubtful", "says lost"
 SEARCHING, AMBIGUOUS, FOUND = "searching", "ambiguous", "found"
 MIN_SHARE = 0.8
 """A scan fits poorly if less than this part of the usual share of its beams meet walls of the map …"""
@@ -48,7 +50,11 @@ MIN_USUAL = 20
 """… which is known after this many updates."""
 
 
+JUMPS_QUIET_S = 60.0
+"""Wheels that slip do so again and again: after a line about motion that no robot drives there is none for this long
+[s]."""
 _STATES = {"close": GOOD, "drifted": DRIFTED, "lost": LOST}
+_SELF_CHECK = {"plausible": PLAUSIBLE, "doubtful": DOUBTFUL, "lost": CALLED_LOST}
 
 
 @dataclass
@@ -58,16 +64,17 @@ class EventWatch:
     states: dict[str, str] = field(default_factory=dict)
     _loss: LossWatch = field(default_factory=LossWatch)
     _compared: list[Time] = field(default_factory=list)  # times of the updates that were compared with the truth
+    _jumps: Repeats = field(default_factory=lambda: Repeats(JUMPS_QUIET_S))
     _shares: list[float] = field(default_factory=list)
     _usual: float = 0.0
     _poor: int = 0
 
     def update(
-        self, snapshot: Snapshot, now: Time, died: int, loops: Sequence[str] = ()
+        self, snapshot: Snapshot, now: Time, died: int, loops: Sequence[LoopLine] = ()
     ) -> tuple[list[Line], list[StateChange]]:
         """Lines for the event log, and the lanes whose state has changed.
 
-        now: the snapshot's time;  died: particles that this update killed;  loops: sentences about loops that close
+        now: the snapshot's time;  died: particles that this update killed;  loops: lines about loops that close
         """
         lines = [Line("WARN", note) for note in snapshot.notes]
         found = self.states.get(entities.LOCALIZATION_STATE, FOUND) == FOUND
@@ -83,11 +90,15 @@ class EventWatch:
                 changes.append(StateChange(entities.ESTIMATE_STATE, _STATES[self._loss.state], since))
                 if (line := _loss_line(change, since)) is not None:
                     lines.append(line)
-        if step is not None and step.odometry_jumped:
-            text = "the odometry has jumped further than a robot drives between two scans: left out"
-            lines.append(Line("WARN", text))
+        if step is not None and step.odometry_jumped and (before := self._jumps.say(now[0])) is not None:
+            lines.append(
+                Line("WARN", f"the odometry moved further between two scans than a robot drives: left out{before}")
+            )
         if step is not None and step.updated:
             lines += _filter_lines(step, died, loops)
+            lines += self._self_check_lines(step)
+            if step.self_check is not None:
+                states[entities.SELF_CHECK_STATE] = _SELF_CHECK[step.self_check.verdict]
             states[entities.MATCHING_STATE] = self._matching_state(step)
         if snapshot.localization is not None:
             states[entities.LOCALIZATION_STATE] = snapshot.localization
@@ -103,6 +114,19 @@ class EventWatch:
             lines.append(Line("ERROR", "the robot has collided"))
         self.states |= changed
         return lines, changes
+
+    @property
+    def lost(self) -> bool:
+        """Whether the estimate was lost at the last update: by the truth, else by the filter's own check."""
+        judged = self.states.get(entities.ESTIMATE_STATE)
+        return judged == LOST if judged is not None else self.states.get(entities.SELF_CHECK_STATE) == CALLED_LOST
+
+    def _self_check_lines(self, step: StepReport) -> list[Line]:
+        """A line where the filter's own check begins to call the estimate lost."""
+        check = step.self_check
+        if check is None or check.verdict != "lost" or self.states.get(entities.SELF_CHECK_STATE) == CALLED_LOST:
+            return []
+        return [Line("WARN", f"the self-check says lost: {check.reason}")]
 
     def _matching_state(self, step: StepReport) -> str:
         """How the scan fits the map; a single scan that fits poorly changes nothing."""
@@ -125,6 +149,24 @@ class EventWatch:
         return [Line("INFO", f"localisation: {state}")]
 
 
+def final_lines(loops: Sequence[FinalLoop]) -> list[Line]:
+    """What is said of a final pass and of the loops that it found."""
+    kinds = [loop.kind for loop in loops]
+    counts = {kind: kinds.count(kind) for kind in ("closed_by_filter", "left_open", "rejected")}
+    lines = [Line("INFO", "final pass: map and path before and after it are in the tab Final pass")]
+    if counts["closed_by_filter"]:
+        lines.append(Line("INFO", f"final pass: {_loops(counts['closed_by_filter'])} found that the filter had closed"))
+    if counts["left_open"]:
+        lines.append(Line("WARN", f"final pass: {_loops(counts['left_open'])} closed that the filter had left open"))
+    if counts["rejected"]:
+        lines.append(Line("INFO", f"final pass: {_loops(counts['rejected'])} rejected"))
+    return lines
+
+
+def _loops(count: int) -> str:
+    return f"{count} loop{'' if count == 1 else 's'}"
+
+
 def _loss_line(change: Change, since: Time) -> Line | None:
     if change.kind in ("drifted", "close"):
         return None
@@ -135,13 +177,13 @@ def _loss_line(change: Change, since: Time) -> Line | None:
     return Line("ERROR", f"{begin}: wrong by {amount} over the metre before", since)
 
 
-def _filter_lines(step: StepReport, died: int, loops: Sequence[str]) -> list[Line]:
+def _filter_lines(step: StepReport, died: int, loops: Sequence[LoopLine]) -> list[Line]:
     """What the filter did at an update."""
     lines: list[Line] = []
     if step.resampled:
         size = f"effective sample size {step.ess:.1f} of {step.particles}"
         lines.append(Line("INFO", f"resampled: {size}; {count_of(died)} died"))
-    lines += [Line("INFO", sentence) for sentence in loops]
+    lines += [Line(level, text) for level, text in loops]
     if step.match_failures:
         lines.append(Line("WARN", f"scan matching failed for {step.match_failures} of {step.particles} particles"))
     return lines

@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
+from eval.filter.closing_loop import CLOSING_S
 from slam.step.step_report import StepReport
-
-CLOSING_S = 15.0
-"""The particles settle on one history within about this time [s]."""
 
 
 @dataclass
@@ -23,8 +22,27 @@ class ClosingLoop:
     """Time of the last scan that made it longer [s]."""
     spread: float | None
     """Spread of the particles at the first scan [m]; None with a single one."""
+    least: tuple[float, float] | None
+    """Smallest spread since [m], and its time [s]."""
     died: int = 0
     """Particles that have died since."""
+    most_died: tuple[int, float] = (0, 0.0)
+    """The most that have died in one resampling, and its time [s]."""
+
+    def note(self, time: float, died: int, spread: float | None) -> None:
+        """Take in what an update at a time [s] did to the particles."""
+        self.died += died
+        if died > self.most_died[0]:
+            self.most_died = died, time
+        if spread is not None and (self.least is None or spread < self.least[0]):
+            self.least = spread, time
+
+
+class LoopLine(NamedTuple):
+    """What is to be said of a loop."""
+
+    level: Literal["INFO", "WARN"]
+    text: str
 
 
 @dataclass
@@ -33,52 +51,55 @@ class LoopWatch:
 
     _times: list[float] = field(default_factory=list)  # of the updates [s]
     _closing: ClosingLoop | None = None
-    _spread: float | None = None  # at the last update [m]
 
     @property
     def closing(self) -> bool:
         """Whether a loop was closing at the last update."""
         return self._closing is not None
 
-    def update(self, time: float, step: StepReport, died: int, spread: float | None) -> list[str]:
+    def update(self, time: float, step: StepReport, died: int, spread: float | None, lost: bool) -> list[LoopLine]:
         """Take in an update, and return what is to be said.
 
-        time: of the update [s];  died: number of particles
+        time: of the update [s];  died: number of particles;  lost: whether the estimate is lost
         spread: of the particles [m]; None with a single one
         """
         self._times.append(time)
         lines = []
         if self._closing is not None and abs(time - self._closing.grew) >= CLOSING_S:
-            lines += self.end()
-        self._spread = spread
+            lines += self.end(lost)
         if step.loop_closed:
-            lines.append(self._first_line(step))
+            level: Literal["INFO", "WARN"] = "WARN" if lost else "INFO"
+            lines.append(LoopLine(level, self._first_line(step, spread) + (", while lost" if lost else "")))
             if self._closing is None:
-                self._closing = ClosingLoop(step.loop_length, time, time, spread)
+                self._closing = ClosingLoop(step.loop_length, time, time, spread, None)
             self._closing.length, self._closing.grew = max(self._closing.length, step.loop_length), time
         if self._closing is not None:
-            self._closing.died += died
+            self._closing.note(time, died, spread)
         return lines
 
-    def _first_line(self, step: StepReport) -> str:
+    def _first_line(self, step: StepReport, spread: float | None) -> str:
         """What is said of a loop when it begins to close."""
         then = f"{self._times[-1 - step.loop_updates]:.0f} s, {step.loop_length:.0f} m ago"
         seen = f"back where it was at {then}" if step.loop_at_place else f"walls last seen at {then}"
-        spread = "" if self._spread is None else f"; the particles spread {100 * self._spread:.1f} cm"
-        return f"loop closes: {seen}{spread}"
+        spreading = "" if spread is None else f"; the particles spread {100 * spread:.1f} cm"
+        return f"loop closes: {seen}{spreading}"
 
-    def end(self) -> list[str]:
-        """What is to be said of the loop that was closing at the last update, if one was."""
+    def end(self, lost: bool) -> list[LoopLine]:
+        """What is to be said of the loop that was closing at the last update, if one was; lost: whether the estimate is
+        lost."""
         loop, self._closing = self._closing, None
         if loop is None:
             return []
+        if lost:
+            return [LoopLine("WARN", f"the loop of {loop.length:.0f} m has not helped: the estimate is lost")]
         text = f"loop of {loop.length:.0f} m closed"
-        if loop.spread is None or self._spread is None:
-            return [text]
-        return [
-            f"{text}: {count_of(loop.died)} died since {loop.began:.0f} s, the spread went from "
-            f"{100 * loop.spread:.1f} to {100 * self._spread:.1f} cm"
-        ]
+        if loop.spread is None or loop.least is None:
+            return [LoopLine("INFO", text)]
+        most, at = loop.most_died
+        when = f" (at {at:.1f} s)" if most else ""
+        least, least_at = loop.least
+        spread = f"the spread went from {100 * loop.spread:.1f} to {100 * least:.1f} cm (at {least_at:.1f} s)"
+        return [LoopLine("INFO", f"{text}: {count_of(loop.died)} died{when}, {spread}")]
 
 
 def count_of(particles: int) -> str:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +12,14 @@ from slam import se2
 from slam.config import MotionConfig
 from slam.motion.odometry_model import motion_prior
 from slam.se2 import Pose
+from testbed.views.rerun.layers.repeats import Repeats
 from testbed.views.view import Snapshot
 
 MAX_SIGMAS = 5.0
 """Odometry disagrees with the scans beyond this many standard deviations of the motion model …"""
-QUIET_S = 2.0
-"""One fault makes several updates disagree: after a sentence there is none for this long [s]."""
+QUIET_S = 20.0
+"""One fault makes several updates disagree, and wheels slip again and again: after a sentence there is none for this
+long [s], unless they are more than twice as far apart."""
 Time = tuple[float, int]
 """Time [s] since the first scan, and number of the scan."""
 MIN_MISS_M, MIN_MISS_DEG = 0.08, 4.0
@@ -44,7 +45,7 @@ class Predictions:
     def __init__(self, motion: MotionConfig) -> None:
         """No update has come yet."""
         self._motion = motion
-        self._said_at = -math.inf  # time of the last sentence [s]
+        self._repeats = Repeats(QUIET_S)
         self._times: list[Time] = []
         self._rows: list[tuple[Pose, Pose, Pose, Pose]] = []  # odometry before and now, best particle before and now
 
@@ -65,19 +66,21 @@ class Predictions:
         poses = se2.compose(start, by_wheels)
         deviations = motion_prior(by_wheels, self._motion).precision[:, 0] ** -0.5  # along, across, in heading
         covariances = _turned(deviations, poses[:, 2])
-        far = _disagree(by_wheels, by_scans, deviations)
+        far, miss = _disagree(by_wheels, by_scans, deviations)
+        self._times, times = [], self._times
+        self._rows = []
         sentences = [
-            _sentence(*motions) if apart else None for apart, *motions in zip(far, by_wheels, by_scans, strict=True)
+            self._sentence(*row) if apart else None
+            for apart, *row in zip(far, times, miss, by_wheels, by_scans, strict=True)
         ]
-        predictions = [Prediction(*row) for row in zip(self._times, poses, covariances, sentences, strict=True)]
-        for k, prediction in enumerate(predictions):
-            if prediction.disagreement is not None:
-                if abs(prediction.time[0] - self._said_at) < QUIET_S:
-                    predictions[k] = prediction._replace(disagreement=None)
-                else:
-                    self._said_at = prediction.time[0]
-        self._times, self._rows = [], []
-        return predictions
+        return [Prediction(*row) for row in zip(times, poses, covariances, sentences, strict=True)]
+
+    def _sentence(self, time: Time, miss: NDArray[np.float64], by_wheels: Pose, by_scans: Pose) -> str | None:
+        """What is said of an update whose motions by wheels and scans (3,) miss each other by (2,) [m, deg]."""
+        before = self._repeats.say(time[0], *miss.tolist())
+        if before is None:
+            return None
+        return f"the odometry disagrees: wheels {_in_words(by_wheels)}, scans {_in_words(by_scans)}{before}"
 
 
 def _turned(deviations: NDArray[np.float64], headings: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -92,20 +95,18 @@ def _turned(deviations: NDArray[np.float64], headings: NDArray[np.float64]) -> N
     return covariances
 
 
-def _disagree(by_wheels: Pose, by_scans: Pose, deviations: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether the motions (n, 3) lie further apart than the odometry's deviations (n, 3) explain, (n,)."""
+def _disagree(
+    by_wheels: Pose, by_scans: Pose, deviations: NDArray[np.float64]
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Whether the motions (n, 3) lie further apart than the odometry's deviations (n, 3) explain, (n,), and how far
+    [m, deg], (n, 2)."""
     miss = se2.between(by_wheels, by_scans)
     metres, degrees = np.hypot(miss[:, 0], miss[:, 1]), np.abs(np.degrees(miss[:, 2]))
     sigma_m, sigma_deg = np.hypot(deviations[:, 0], deviations[:, 1]), np.degrees(deviations[:, 2])
     far: NDArray[np.bool_] = (metres > np.maximum(MIN_MISS_M, MAX_SIGMAS * sigma_m)) | (
         degrees > np.maximum(MIN_MISS_DEG, MAX_SIGMAS * sigma_deg)
     )
-    return far
-
-
-def _sentence(by_wheels: Pose, by_scans: Pose) -> str:
-    wheels, scans = _in_words(by_wheels), _in_words(by_scans)
-    return f"the odometry disagrees: wheels {wheels}, scans {scans}"
+    return far, np.column_stack([metres, degrees])
 
 
 def _in_words(motion: Pose) -> str:

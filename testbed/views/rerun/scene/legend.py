@@ -10,12 +10,14 @@ from typing import Literal
 from PIL import Image, ImageDraw, ImageFont
 
 Colour = tuple[int, int, int]
-Mark = Literal["line", "dot", "square", "ellipse", "arrow"]
+Mark = Literal["thin", "line", "band", "dot", "square", "ellipse", "arrow"]
 Entry = tuple[Mark, tuple[Colour, ...], str]
 """What is drawn, in which colours from left to right, and what it means."""
 
 HEIGHT, MARGIN, MARK, FONT = 34, 14, 34, 20
 """Height of a row, space between entries, width of a mark, size of the letters [px]."""
+LINE_WIDTHS = {"thin": 2, "line": 4, "band": 9}
+"""Widths of marks that are lines [px]."""
 INK, PAPER = (40, 44, 48), (245, 246, 248)
 
 
@@ -46,8 +48,8 @@ def _draw_mark(draw: ImageDraw.ImageDraw, mark: Mark, colours: Sequence[Colour],
     step = MARK / len(colours)
     for number, colour in enumerate(colours):
         left, right = x + step * number, x + step * (number + 1)
-        if mark == "line":
-            draw.line([(left, y), (right, y)], fill=colour, width=4)
+        if mark in LINE_WIDTHS:
+            draw.line([(left, y), (right, y)], fill=colour, width=LINE_WIDTHS[mark])
         elif mark == "dot":
             middle = (left + right) / 2
             draw.ellipse([middle - 4, y - 4, middle + 4, y + 4], fill=colour)

@@ -20,9 +20,11 @@ class Scenery:
     extent: Extent | None
     """What the views of the map show; None = not known yet, they follow the robot."""
     max_error_m: float | None = None
-    """Largest position error of estimate or odometry [m]; None = not known yet."""
+    """Largest position error of the estimate [m]; None = not known yet."""
     max_error_deg: float | None = None
-    """Largest heading error [deg]; None = not known yet."""
+    """Largest heading error of the estimate [deg]; None = not known yet."""
+    max_odometry_error_m: float | None = None
+    """Largest position error of the odometry or the estimate [m]; None = not known yet."""
     final_pass: bool = False
     """Whether there is a final pass to show."""
 

@@ -23,22 +23,25 @@ Z_TRUE_WALLS, Z_TRUTH, Z_ODOMETRY, Z_FAN, Z_ESTIMATE, Z_TOP = 0.01, 0.02, 0.03, 
 """Heights at which things are drawn [m], so that they do not fight for the same pixels."""
 STATES = {
     entities.ESTIMATE_STATE: {events.GOOD: TRUTH, events.DRIFTED: ODOMETRY, events.LOST: RED},
+    entities.SELF_CHECK_STATE: {events.PLAUSIBLE: GREY, events.DOUBTFUL: ODOMETRY, events.CALLED_LOST: RED},
     entities.LOCALIZATION_STATE: {events.SEARCHING: RED, events.AMBIGUOUS: ODOMETRY, events.FOUND: TRUTH},
     entities.MATCHING_STATE: {events.MATCHED: GREY, events.POORLY_MATCHED: ODOMETRY, events.MATCH_FAILED: RED},
     entities.ROBOT_STATE: {events.DRIVING: GREY, events.COLLIDED: RED},
 }
 LINES = {
     entities.PARTICLE_PATHS: (FAN, 0.5),
-    entities.DEAD_BRANCHES: (RED, 0.7),
+    entities.DEAD_BRANCHES: (RED, 1.5),
 }
 """Colour and half the width in points of the screen."""
 PATHS = {
-    entities.TRUE_PATH: (TRUTH, 3.2, Z_TRUTH),
+    entities.TRUE_PATH: (TRUTH, 2.6, Z_TRUTH),
     entities.ODOMETRY_PATH: (ODOMETRY, 1.2, Z_ODOMETRY),
-    entities.PATH: (ESTIMATE, 1.0, Z_ESTIMATE),
+    entities.PATH: (ESTIMATE, 1.2, Z_ESTIMATE),
     **{f"{entities.COMPARE}/{rank}/path": (ESTIMATE, 1.2, Z_ESTIMATE) for rank in entities.RANKS},
 }
 """Colour, half the width in points of the screen, and height [m] of the paths that are sent in blocks."""
+FINAL_LOOPS = dict(zip(entities.FINAL_LOOPS, (PROPOSAL, COVARIANCE, RED), strict=True))
+"""Colours of the loops that the final pass found, by their kind."""
 SERIES = {
     entities.POSITION_ERROR: (["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
     entities.HEADING_ERROR: (["estimate", "odometry"], [ESTIMATE, ODOMETRY]),
@@ -50,29 +53,46 @@ SERIES = {
 """Names and colours of the curves."""
 
 
-def legend(truth: bool) -> tuple[tuple[Entry, ...], ...]:
-    """The rows of the legend, with the colours of the truth where it is known."""
-    known: tuple[Entry, ...] = (("line", (TRUTH,), "truth: path, robot, walls"),) if truth else ()
-    return (
-        (
-            *known,
-            ("line", (ESTIMATE,), "estimate: path, robot"),
-            ("line", (ODOMETRY,), "odometry alone"),
-            ("dot", (SCAN, SCAN, SCAN), "scan, from the estimated pose"),
-            ("square", (FREE, WALL, UNSEEN), "map: free, wall, not seen"),
-        ),
-        (
-            ("arrow", (drawing.LIGHT, drawing.HEAVY), "particles, light to heavy"),
-            ("line", (FAN,), "their histories"),
-            ("line", (RED,), "histories that ended at the last resampling"),
-            ("ellipse", (COVARIANCE,), "95 % of the filter's position"),
-        ),
+def legend(truth: bool, particles: bool) -> tuple[tuple[Entry, ...], ...]:
+    """The rows of the legend, with the colours of the truth where it is known, and of particles where there are some.
+
+    The footprint of a robot has the colour of its path.
+    """
+    known: tuple[Entry, ...] = (("band", (TRUTH,), "truth: path, robot, thin walls"),) if truth else ()
+    on_all: tuple[Entry, ...] = (
+        *known,
+        ("line", (ESTIMATE,), "estimate: path, robot"),
+        ("line", (ODOMETRY,), "odometry alone"),
+        ("dot", (SCAN, SCAN, SCAN), "scan, from the estimated pose"),
+        ("square", (FREE, WALL, UNSEEN), "map: free, wall, not seen"),
     )
+    of_particles: tuple[Entry, ...] = (
+        ("arrow", (drawing.LIGHT, drawing.HEAVY), "particles, light to heavy"),
+        ("thin", (FAN,), "their histories"),
+        ("band", (RED,), "histories that ended at the last resampling"),
+        ("ellipse", (COVARIANCE,), "95 % of the filter's position"),
+    )
+    return (on_all, of_particles) if particles else (on_all,)
 
 
 def legend_of_maps() -> bytes:
-    """A PNG of the legend of a map, with the truth."""
-    return legend_image(legend(truth=True))
+    """A PNG of the legend of a map, with the truth and with particles."""
+    return legend_image(legend(truth=True, particles=True))
+
+
+def legend_of_final_pass(truth: bool) -> tuple[tuple[Entry, ...], ...]:
+    """The rows of the legend of the final pass."""
+    known: tuple[Entry, ...] = (("band", (TRUTH,), "truth"),) if truth else ()
+    closed, left_open, rejected = FINAL_LOOPS.values()
+    return (
+        (
+            *known,
+            ("line", (ESTIMATE,), "estimated path"),
+            ("band", (closed,), "loop that the filter had closed"),
+            ("band", (left_open,), "loop that it had left open"),
+            ("band", (rejected,), "rejected loop"),
+        ),
+    )
 
 
 PROPOSAL_LEGEND: tuple[tuple[Entry, ...], ...] = (
@@ -92,11 +112,17 @@ def log_scene(rec: rr.RecordingStream, scene: Scene) -> None:
         rec.log(entities.SETTINGS, rr.TextDocument(scene.settings, media_type=rr.MediaType.MARKDOWN), static=True)
     if scene.true_map is not None:
         log_true_walls(rec, scene)
-        log_robot(rec, scene, entities.TRUE_ROBOT, entities.TRUE_MODEL, TRUTH)
-    log_robot(rec, scene, entities.ESTIMATED_ROBOT, entities.ESTIMATED_MODEL, ESTIMATE)
+        log_robot(rec, entities.TRUE_ROBOT, scene.robot_radius, TRUTH)
+    log_robot(rec, entities.ESTIMATED_ROBOT, scene.robot_radius, ESTIMATE)
     log_shapes(rec)
     log_plots(rec)
-    for name, rows in (("map", legend(scene.true_map is not None)), ("proposal", PROPOSAL_LEGEND)):
+    truth = scene.true_map is not None
+    legends = (
+        ("map", legend(truth, scene.particles > 1)),
+        ("proposal", PROPOSAL_LEGEND),
+        ("final", legend_of_final_pass(truth)),
+    )
+    for name, rows in legends:
         image = rr.EncodedImage(contents=legend_image(rows), media_type="image/png")
         rec.log(f"{entities.LEGEND}/{name}", image, static=True)
 

@@ -18,34 +18,53 @@ def step(loop_length: float = 0.0, at_place: bool = False) -> StepReport:
 
 
 def said(
-    loops: dict[int, StepReport], died: dict[int, int], updates: int, particles: bool = True
-) -> dict[int, list[str]]:
+    loops: dict[int, StepReport], died: dict[int, int], updates: int, particles: bool = True, lost_from: int = 10_000
+) -> dict[int, list[tuple[str, str]]]:
     """Lines by update, one a second and 0.5 m; loops: reports of the updates at which a loop closes.
 
-    The spread is 8 cm up to update 95 and 2 cm from then on. The lines of the end come with the number `updates`.
+    The spread is 8 cm up to update 95, 2 cm at update 98, and else 3 cm. The lines of the end come with the number
+    `updates`.
     """
     watch, lines, nothing = LoopWatch(), {}, step()
     for k in range(updates):
-        spread = (0.08 if k <= 95 else 0.02) if particles else None
-        lines[k] = watch.update(float(k), loops.get(k, nothing), died.get(k, 0), spread)
-    return {k: texts for k, texts in (lines | {updates: watch.end()}).items() if texts}
+        spread = (0.08 if k <= 95 else 0.02 if k == 98 else 0.03) if particles else None
+        lines[k] = watch.update(float(k), loops.get(k, nothing), died.get(k, 0), spread, k >= lost_from)
+    lines[updates] = watch.end(updates >= lost_from)
+    return {k: [(line.level, line.text) for line in found] for k, found in lines.items() if found}
 
 
 def test_a_loop_is_said_at_once_and_again_when_it_has_settled() -> None:
     lines = said({90: step(40.0)}, died={50: 4, 90: 2, 95: 3, 106: 5}, updates=120)
     assert lines == {
-        90: ["loop closes: walls last seen at 10 s, 40 m ago; the particles spread 8.0 cm"],
-        105: ["loop of 40 m closed: 5 particles died since 90 s, the spread went from 8.0 to 2.0 cm"],
+        90: [("INFO", "loop closes: walls last seen at 10 s, 40 m ago; the particles spread 8.0 cm")],
+        105: [
+            (
+                "INFO",
+                "loop of 40 m closed: 5 particles died (at 95.0 s), the spread went from 8.0 to 2.0 cm (at 98.0 s)",
+            )
+        ],
     }
 
 
 def test_a_longer_loop_takes_the_place_of_the_shorter_one() -> None:
     lines = said({90: step(20.0), 102: step(42.0, at_place=True)}, died={91: 1}, updates=130)
-    assert lines == {
-        90: ["loop closes: walls last seen at 50 s, 20 m ago; the particles spread 8.0 cm"],
-        102: ["loop closes: back where it was at 18 s, 42 m ago; the particles spread 2.0 cm"],
-        117: ["loop of 42 m closed: 1 particle died since 90 s, the spread went from 8.0 to 2.0 cm"],
-    }
+    assert [text.split(":")[0] for found in lines.values() for _, text in found] == [
+        "loop closes",
+        "loop closes",
+        "loop of 42 m closed",
+    ]
+    assert lines[102] == [("INFO", "loop closes: back where it was at 18 s, 42 m ago; the particles spread 3.0 cm")]
+    assert list(lines) == [90, 102, 117]
+
+
+def test_a_loop_that_ends_while_lost_is_no_success() -> None:
+    lines = said({90: step(40.0)}, died={95: 3}, updates=120, lost_from=100)
+    assert lines[105] == [("WARN", "the loop of 40 m has not helped: the estimate is lost")]
+    begun = said({90: step(40.0)}, died={}, updates=99, lost_from=80)
+    assert begun[90] == [
+        ("WARN", "loop closes: walls last seen at 10 s, 40 m ago; the particles spread 8.0 cm, while lost")
+    ]
+    assert begun[99][0][0] == "WARN"
 
 
 def test_a_loop_ends_with_the_run() -> None:
@@ -54,7 +73,10 @@ def test_a_loop_ends_with_the_run() -> None:
 
 def test_a_single_particle_has_no_spread() -> None:
     lines = said({90: step(40.0)}, died={}, updates=120, particles=False)
-    assert lines == {90: ["loop closes: walls last seen at 10 s, 40 m ago"], 105: ["loop of 40 m closed"]}
+    assert lines == {
+        90: [("INFO", "loop closes: walls last seen at 10 s, 40 m ago")],
+        105: [("INFO", "loop of 40 m closed")],
+    }
 
 
 def test_without_loops_nothing_is_said() -> None:

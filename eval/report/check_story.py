@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: MIT
+"""What a run says of itself (docs/self-check.md) in the words and the frame of its report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from eval.filter.step_table import Columns, column, updates
+from eval.loss_watch import Spell
+from eval.report.report_context import ReportContext
+from slam.se2 import transform_points
+
+LOST = 2.0
+"""The verdict `lost` in the column `self_check`."""
+MAX_SPELLS = 6
+"""More times are counted only."""
+
+
+def self_check_sentence(check: Mapping[str, Any]) -> str:
+    """Say what a run's own check found, from the group `self_check` of its metrics; places are in the map's frame."""
+    where = "" if check.get("place") is None else f"{_place(check['place'])} of the map's frame"
+    return f"{check['verdict']}{_first_sign(check, where)}: {check['reason']}"
+
+
+def self_check_story(context: ReportContext) -> str:
+    """Say what a run's own check found, in the frame and the time of the report; empty where it has none.
+
+    Names how the first sign lies to the moment at which the run went wrong by the truth, when the filter was certain,
+    and each time at which it had called the estimate lost before.
+    """
+    run = context.run
+    check = run.metric("self_check")
+    if not check:
+        return ""
+    where = ""
+    if check.get("place") is not None:
+        where = f"{_place(_shown_place(context, check))} in the plots below"
+    story = f"The run's own check, without any truth: {check['verdict']}{_first_sign(check, where)}"
+    if check.get("time_s") is not None and context.failure_time is not None:
+        story += f", {_lead(context.failure_time - check['time_s'])}"
+    found = [] if run.steps is None else called_lost(run.steps)
+    first = None if check.get("time_s") is None else context.start + check["time_s"]
+    sure = [spell for spell in found if first is not None and spell.start >= first - 1e-6]
+    if sure and check["verdict"] == "lost":
+        story += f"; while driving the check was certain from {sure[0].start - context.start:.1f} s on"
+        found = [spell for spell in found if spell.start < sure[0].start]
+    story += f"{': ' if first is None else '. It saw this: '}{check['reason']}."
+    if found:
+        story += f" While driving it had also said lost {times_in_words(found, context.start)}."
+    return story
+
+
+def called_lost(steps: Columns) -> list[Spell]:
+    """When the filter's own check called the estimate lost while driving, by the table of a run."""
+    if "self_check" not in steps:
+        return []
+    rows = updates(steps)
+    stamps, lost = column(steps, "stamp")[rows], column(steps, "self_check")[rows] == LOST
+    turns = np.flatnonzero(np.diff(np.r_[False, lost].astype(np.int8)))
+    ends = [*turns[1::2].tolist(), None][: len(turns[::2])]
+    return [
+        Spell(float(stamps[start]), None if end is None else float(stamps[end]))
+        for start, end in zip(turns[::2].tolist(), ends, strict=True)
+    ]
+
+
+def times_in_words(found: Sequence[Spell], start: float) -> str:
+    """Times since the start [s] in words."""
+    times = [
+        f"from {spell.start - start:.1f} s " + ("on" if spell.end is None else f"to {spell.end - start:.1f} s")
+        for spell in found[:MAX_SPELLS]
+    ]
+    more = f", and {len(found) - MAX_SPELLS} times more" if len(found) > MAX_SPELLS else ""
+    return ", ".join(times) + more
+
+
+def _first_sign(check: Mapping[str, Any], where: str) -> str:
+    """Time and place of the first sign; empty where there is none."""
+    if check.get("time_s") is None:
+        return ""
+    return f"; its first sign is at {check['time_s']:.1f} s" + (f", at {where}" if where else "")
+
+
+def _shown_place(context: ReportContext, check: Mapping[str, Any]) -> Sequence[float]:
+    """Where the robot was at the first sign, in the frame of the report: by the truth where it is known."""
+    truth, stamp = context.run.truth, check.get("stamp")
+    if truth is not None and stamp is not None and truth.stamps[0] <= stamp <= truth.stamps[-1]:
+        place: list[float] = truth.poses[int(np.argmin(np.abs(truth.stamps - stamp))), :2].tolist()
+        return place
+    estimated: list[float] = transform_points(context.T_frame_estimate, [check["place"][:2]])[0].tolist()
+    return estimated
+
+
+def _place(place: Sequence[float]) -> str:
+    return f"({place[0]:.1f}, {place[1]:.1f}) m"
+
+
+def _lead(seconds: float) -> str:
+    """How a first sign lies to the moment of the failure."""
+    return f"{abs(seconds):.1f} s {'before' if seconds >= 0.0 else 'after'} the moment at which the truth shows it"
