@@ -34,7 +34,7 @@ GIVEN_UP = "given up"
 """Status of jobs that would hardly help to find an answer that is open."""
 _NAMES_OF_RUNS = ("key", "place", "line", "particles", "seed", "family")
 """Columns that say which run it is."""
-_TIMINGS = ("filter_s", "cell_s")
+_TIMINGS = ("filter_s", "cell_s", "wall_s")
 
 
 class SweepTableError(ValueError):
