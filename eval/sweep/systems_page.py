@@ -126,8 +126,8 @@ def _about(summary: SweepSummary) -> str:
     places = f"{len(table.places)} worlds or logs" if len(table.places) > 1 else table.places[0]
     return (
         f"{len(table.lines)} systems, {places}, {len(table.seeds)} seeds. Of one seed all systems see the same frames. "
-        f"Measured is {table.measure.key}. Errors are medians over the seeds with 95 % intervals; differences are paired "
-        "by seed. A failed run ended lost, with broken loops, or without a result."
+        f"Measured is {table.measure.key}. Errors are medians over the seeds with 95 % intervals; differences are "
+        "paired by seed. A failed run ended lost, with broken loops, or without a result."
     )
 
 
