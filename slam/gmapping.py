@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
+from slam._kernel_cache import announce_compilation
 from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.diagnosis.contradiction import ContradictionMonitor, ScanEvidence, SelfCheck
@@ -48,6 +50,7 @@ class GMapping:
         threads: int | None = None,
     ) -> None:
         """Create a filter without a map; `threads` defaults to the cores of this machine."""
+        announce_compilation(Path(__file__).parent)
         self.config = config or FilterConfig()
         self.maps = ParticleMaps(self.config.first_particles, self.config.map, Threads(threads))
         self._rng = np.random.default_rng(seed)
@@ -56,6 +59,11 @@ class GMapping:
         self._loops = LoopDetector()
         self._monitor = ContradictionMonitor()
         self._matched = 0.0  # share of the hits near a wall at the last update, of the best particle
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        scans = f"{len(self._intake.update_scans)} of {self._intake.scans} scans used"
+        return f"<GMapping: {len(self._particles)} particles, {scans}, self-check {self.self_check.verdict}>"
 
     def process(
         self, odometry: ArrayLike, scan: Scan | Sequence[Scan], *, twist: ArrayLike | None = None
