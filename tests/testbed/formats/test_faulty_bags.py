@@ -253,7 +253,7 @@ def test_an_increment_against_the_limits_is_refused(tmp_path, messages):
     path = bag(
         tmp_path / "bag", changed(messages, "/scan", lambda m, _: replace(m, angle_increment=-m.angle_increment))
     )
-    with pytest.raises(LogError, match="contradict each other.*angle_increment is -0.0078"):
+    with pytest.raises(LogError, match=r"contradict each other.*angle_increment is -0\.0078"):
         open_log(path)
 
 

@@ -119,6 +119,14 @@ def test_odometry_that_stands_still_or_jumps(log):
     assert "1 jumps that no robot can make, the first at 20.0 s" in note
 
 
+def test_a_recording_over_decades_takes_no_more_memory(log):
+    stamps = log.table.stamps.copy()
+    stamps[-1] = 2.0**31
+    found = {finding.item: finding for finding in inspect_log(with_table(log, stamps=stamps))}
+    assert found["odometry"].found.endswith("0.45 m/s at most")
+    assert found["gaps of laser"].verdict in ("ok", "doubtful")
+
+
 def test_a_lidar_that_is_mirrored(log):
     pattern = log.table.patterns[0]
     mirrored = replace(pattern, angles=-pattern.angles)
