@@ -13,12 +13,14 @@ from cyclopts import Group, Parameter
 from eval.files.map_server import read_map
 from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
+from eval.scoring import Reference
 from eval.trajectory.relations import read_relations
 from slam.config import LocalizationConfig
 from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
+from testbed.cli.shared.system_options import SYSTEMS, SystemOptions, compare_systems
 from testbed.datasets.truth import attach_truth
 from testbed.inspect import AS_STATED, Reading, inspect_log, notes_of
 from testbed.provenance import config_document, settings_as_markdown
@@ -26,6 +28,7 @@ from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
 from testbed.seeds import RunSeeds
 from testbed.settings.estimator import ESTIMATOR, EstimatorOptions
+from testbed.systems.execute import Recorded
 from testbed.views import Scene
 
 LOCALIZATION_GROUP = Group("Localisation (with --map)", sort_key=11)
@@ -77,6 +80,7 @@ def slam(
     known_map: MapOptions = KNOWN_MAP,
     estimator: EstimatorOptions = ESTIMATOR,
     output: OutputOptions = OUTPUT,
+    systems: SystemOptions = SYSTEMS,
 ) -> int:
     """Map a recorded log with the particle filter, or localise in a finished map; score it where truth is known.
 
@@ -91,6 +95,13 @@ def slam(
     """
     output.check_directory()
     filter_config = estimator.filter_config  # raises before the log is read
+    entrants = systems.entrants(estimator, known_map.settings())
+    if entrants:
+        if known_map.map is not None and not any("map" in entrant.facts()["settings"] for entrant in entrants):
+            raise ValueError(
+                "--map: none of the systems has a setting `map`, expected --system localization among them"
+            )
+        systems.check_other_options(output)
     recording = reading.open(log)
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
@@ -103,11 +114,19 @@ def slam(
         **asdict(reading),
         **known_map.settings(),
         **estimator.settings(),
+        **systems.settings(),
     }
     findings = inspect_log(recording)
     inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
+    truth_walls = None if truth_map is None else read_true_walls(log, truth_map)
+    name = log.name.split(".")[0]
+    if entrants:
+        for note in recording.notes:
+            console.print(f"{log}: {note}", soft_wrap=True)
+        reference = Reference(relations=known_relations, grid=truth_map, walls=truth_walls)
+        return compare_systems(entrants, Recorded.of(frames, estimator.seed, reference), document, name, output)
     job = Job(
         source=RecordedFrames(frames),
         document=document,
@@ -118,10 +137,9 @@ def slam(
         relations=known_relations,
         known_map=known,
         truth_map=truth_map,
-        truth_walls=None if truth_map is None else read_true_walls(log, truth_map),
+        truth_walls=truth_walls,
         notes=notes_of(findings),
     )
-    name = log.name.split(".")[0]
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),

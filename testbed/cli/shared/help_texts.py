@@ -144,6 +144,17 @@ testbed presets show create3
 testbed presets umbmark
 ```
 """,
+    "systems": """List SLAM systems, and check your own.
+
+A system is a Python class, in a file or a package. `run` and `slam` run it with `--system`, next to others on the same
+data.
+
+```
+testbed systems list
+testbed systems check my_slam.py:MySlam
+testbed run office --system my_slam.py:MySlam,odometry,gmapping
+```
+""",
     "warmup": """Compile the kernels now instead of in the first run.
 
 This is useful in the build of a container image. The machine code is kept in `~/.cache/slam-testbed` or

@@ -123,7 +123,7 @@ def test_a_recording_over_decades_takes_no_more_memory(log):
     stamps = log.table.stamps.copy()
     stamps[-1] = 2.0**31
     found = {finding.item: finding for finding in inspect_log(with_table(log, stamps=stamps))}
-    assert found["odometry"].found.endswith("0.45 m/s at most")
+    assert float(found["odometry"].found.split()[-4]) < 0.6
     assert found["gaps of laser"].verdict in ("ok", "doubtful")
 
 
