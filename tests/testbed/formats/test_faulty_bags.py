@@ -271,3 +271,17 @@ def test_scans_from_where_time_steps_back_are_counted(tmp_path, messages, sound)
     log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", lambda m, k: at_zero(m) if k >= count else m)))
     assert log.scan_count == count
     assert any("scans from where their time steps back on are left out" in note for note in log.repairs)
+
+
+def test_scans_in_a_gap_of_the_odometry_are_counted(tmp_path, messages, sound):
+    gone = [m for m in messages if not (m[0] == "/odom" and 3 <= m[2].header.stamp.sec < 5)]
+    log = open_log(bag(tmp_path / "bag", gone))
+    assert any("scans lie in gaps of the odometry of up to 2.0" in note for note in log.repairs)
+    assert not any("gaps of the odometry" in note for note in open_log(bag(tmp_path / "whole", messages)).notes)
+
+
+def test_a_limit_that_is_no_number_is_noted(tmp_path, messages, sound):
+    path = bag(tmp_path / "bag", changed(messages, "/scan", lambda m, _: replace(m, angle_max=float("inf"))))
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert any(note.startswith("angle_max is inf") for note in log.repairs)

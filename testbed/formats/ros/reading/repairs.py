@@ -48,8 +48,10 @@ class Fan(NamedTuple):
 
     def check(self) -> str | None:
         """A note where the numbers differ by about a beam; ValueError, with the numbers, where they contradict."""
-        if self.readings < 2 or not math.isfinite(self.angle_max):
+        if self.readings < 2:
             return None
+        if not math.isfinite(self.angle_max):
+            return f"angle_max is {self.angle_max:g}: angle_min and the increment are used"
         span = abs(self.angle_max - self.angle_min)
         backward = (self.angle_max - self.angle_min) * self.increment < 0.0 and span > 2.0 * abs(self.increment)
         accepted = max(ACCEPTED_BEAMS, ACCEPTED_SHARE * (self.readings - 1))
