@@ -230,7 +230,7 @@ def _write_lock_owner(file: TextIOWrapper) -> None:
     file.flush()
 
 
-_QUESTIONS = ("title", "measure", "margin", "baseline", "until")
+_QUESTIONS = ("title", "measure", "margin", "baseline", "until", "give_up")
 """Parts of a specification that decide no result."""
 _LISTS = ("worlds", "logs", "seeds", "particles")
 """Parts to which more may be added."""
