@@ -30,6 +30,8 @@ class ClosingLoop:
     """Number of particles when it began."""
     died: int | None
     """Particles that died in it; None where that is unknown."""
+    resamplings: int
+    """In how many resamplings they died."""
     most_died: float | None
     """Stamp of the resampling in which most of them died; None where none did."""
     spread: float | None
@@ -55,7 +57,7 @@ def largest_closing_loop(steps: Columns) -> ClosingLoop | None:
     rows = np.arange(group[0], len(stamps))
     rows = rows[(rows <= group[-1]) | (np.abs(stamps[rows] - stamps[group[-1]]) < CLOSING_S)]
     particles = int(column(steps, "particles")[on][rows[0]])
-    died, most = _deaths(steps, on, rows)
+    died, resamplings, most = _deaths(steps, on, rows)
     spread, least = _spreads(steps, on, rows) if particles > 1 else (None, None)
     return ClosingLoop(
         metres=float(lengths[full]),
@@ -64,6 +66,7 @@ def largest_closing_loop(steps: Columns) -> ClosingLoop | None:
         end=float(stamps[rows[-1]]),
         particles=particles,
         died=died,
+        resamplings=resamplings,
         most_died=None if most is None else float(stamps[most]),
         spread=spread,
         least_spread=None if least is None else (least[0], float(stamps[least[1]])),
@@ -71,12 +74,12 @@ def largest_closing_loop(steps: Columns) -> ClosingLoop | None:
     )
 
 
-def _deaths(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tuple[int | None, int | None]:
-    """How many particles died at these rows, and at which most; None where that is unknown, or none did."""
+def _deaths(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tuple[int | None, int, int | None]:
+    """How many particles died at these rows, at how many of them, and at which most; None = unknown, or none did."""
     if "particles_died" not in steps:
-        return None, None
+        return None, 0, None
     died = column(steps, "particles_died")[on][rows]
-    return int(died.sum()), int(rows[np.argmax(died)]) if died.any() else None
+    return int(died.sum()), int(np.count_nonzero(died)), int(rows[np.argmax(died)]) if died.any() else None
 
 
 def _spreads(

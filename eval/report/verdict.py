@@ -197,10 +197,10 @@ def _loop(context: ReportContext) -> Loop:
     if loop is None:
         return Loop("")
     start = context.start
-    times = f"{loop.stamp - start:.1f} s"
+    times = f"closed at {loop.stamp - start:.1f} s"
     if loop.began < loop.stamp:
-        times = f"from {loop.began - start:.1f} s to {times}"
-    text = f"The largest loop closure: {times}, after {loop.metres:.0f} m of driving.{_particles_in(loop, start)}"
+        times = f"closed from {loop.began - start:.1f} s to {loop.stamp - start:.1f} s"
+    text = f"The largest loop closure: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
     if loop.errors is not None:
         before, after = loop.errors
         text += f" The error of the pose while driving went from {length(before)} to {length(after)}."
@@ -218,9 +218,9 @@ def _particles_in(loop: ClosingLoop, start: float) -> str:
         return " With a single particle there is no choice between histories."
     if loop.died is None:
         return ""
-    text = " No particle died"
+    text, when = " No particle died", "at" if loop.resamplings == 1 else "most at"
     if loop.most_died is not None:
-        text = f" {loop.died} of {loop.particles} particles died (most at {loop.most_died - start:.1f} s)"
+        text = f" {loop.died} of {loop.particles} particles died ({when} {loop.most_died - start:.1f} s)"
     if loop.spread is not None and loop.least_spread is not None:
         least, stamp = loop.least_spread
         text += f", and their spread went from {length(loop.spread)} to {length(least)} (at {stamp - start:.1f} s)"

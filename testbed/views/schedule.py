@@ -16,7 +16,7 @@ MAP_GROWTH = 0.05
 """… nor by more than this part of the run so far: a young map grows fast."""
 COMPARISON_PERIOD = 10.0
 """Time between two comparisons of particles [s] …"""
-COMPARISON_UPDATES, COMPARISON_SPARSE_UPDATES = 30, 100
+COMPARISON_UPDATES, COMPARISON_SPARSE_UPDATES = 30, 200
 """… in which the filter has taken in at least so many scans; the second number holds for logs with less than a scan a
 second: they are processed so fast that comparing costs a noticeable part of the run."""
 SLACK = 0.9

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -211,16 +211,17 @@ class Columns:
     ) -> None:
         """Keep one row of an entity that is in `build`, or is built by the argument of that name; at: when it belongs
         to another time than the next rows."""
-        if build is not None:
-            self.build[entity] = build
         kept = self._rows.get(entity)
         if kept is None:
             kept = self._rows[entity] = ([], [])
-        times, rows = kept
-        if at is not None:
+            if build is not None:
+                self.build[entity] = build
+        if at is None:
+            kept[0].append(self.time)
+        else:
             self._late.add(entity)
-        times.append(self.time if at is None else at)
-        rows.append(values)
+            kept[0].append(at)
+        kept[1].append(values)
 
     def add_event(self, text: str, level: str, at: tuple[float, int] | None = None) -> None:
         """Keep a line of the event log.
@@ -256,6 +257,7 @@ class Columns:
         return [times[row] for row in order], [rows[row] for row in order]
 
 
+@cache
 def line_columns(z: float) -> Build:
     """Columns of lines at a height [m]."""
     return partial(lines, z)

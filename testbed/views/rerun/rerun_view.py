@@ -50,7 +50,7 @@ from testbed.views.view import FinalLoop, Scene, Snapshot, ViewOptions
 
 MAX_POINTS = 240
 """Beams of a scan that are drawn."""
-TREE_UPDATES = 10
+TREE_UPDATES = 20
 """The tree of histories is drawn again with the next map after this many updates."""
 ARROW = 2.0
 """Length of a particle's arrow in radii of the robot."""
@@ -58,7 +58,7 @@ LIVE_PERIOD = 1.0
 """Rows are sent this often [s of wall time] while somebody watches, by the snapshot that comes next …"""
 SEND_PERIOD = 10.0
 """… and this often into a file that nobody watches: calls cost more than rows …"""
-MAX_WAITING = 1024
+MAX_WAITING = 2048
 """… or when so many squares of maps wait, of 16 kB each."""
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
@@ -147,7 +147,8 @@ class RerunView:
         last, self._last = self._last, snapshot
         if last is None:
             return 0.0, 0.0
-        distance = math.dist(last.odometry[:2], snapshot.odometry[:2])
+        (x, y, _), (x_before, y_before, _) = snapshot.odometry.tolist(), last.odometry.tolist()
+        distance = math.hypot(x - x_before, y - y_before)
         self._travelled += distance
         return abs(snapshot.stamp - last.stamp), distance
 
@@ -378,7 +379,8 @@ class RerunView:
         add(entities.PROPOSAL_GAUSSIAN, proposal.mean, proposal.covariance)
         add(entities.PROPOSAL_OPTIMUM, proposal.mean)
         if self._hits is not None:
-            add(entities.PROPOSAL_SCAN, *self._hits)
+            ranges, angles, mount = self._hits
+            add(entities.PROPOSAL_SCAN, ranges[::2], angles[::2], mount)  # drawn close up
 
     def _add_to_tree(self, snapshot: Snapshot, step: StepReport) -> int:
         """Add the update to the tree of histories; returns how many particles died."""

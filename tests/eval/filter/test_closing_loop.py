@@ -32,7 +32,7 @@ def test_a_loop_goes_from_its_first_scan_until_the_particles_have_settled() -> N
     loop = largest_closing_loop(steps({10: 25.0, 40: 30.0, 50: 60.0}, {12: 9, 41: 3, 60: 4, 64: 1, 65: 7}))
     assert loop is not None
     assert (loop.metres, loop.began, loop.stamp, loop.end) == (60.0, 1040.0, 1050.0, 1064.0)
-    assert (loop.died, loop.most_died) == (8, 1060.0)
+    assert (loop.died, loop.resamplings, loop.most_died) == (8, 3, 1060.0)
     assert loop.spread == pytest.approx(0.06)
     assert loop.least_spread == pytest.approx((0.01, 1045.0))
     assert loop.errors == (0.8, 0.1)

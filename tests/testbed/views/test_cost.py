@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import worlds
@@ -21,6 +20,8 @@ from testbed.run.snapshot import take_snapshot
 from testbed.simulation import SimulationConfig, simulate
 from testbed.views import Scene, open_view
 
+SETTLE_S = 0.5
+"""Rerun's threads have written what they were given within this time [s]."""
 INTEL = Path(__file__).parents[4] / "shared/datasets/intel/intel-910.clf.gz"
 
 
@@ -44,11 +45,16 @@ class Cost:
         )
 
 
+def time_of_other_threads() -> float:
+    """CPU time of all threads but this one so far [s]."""
+    return time.process_time() - time.thread_time()
+
+
 def cost_of(frames: Iterable[Frame], scene: Scene, recording: Path) -> Cost:
     """Map the frames, 30 particles and one thread, while a view records it."""
     estimation = Estimation(FilterConfig(particles=30), seed=0, threads=1)
     spent, updates, first, last = 0.0, 0, None, 0.0
-    process, thread = time.process_time(), time.thread_time()
+    process, others = time.process_time(), time_of_other_threads()
     with open_view(recording, scene) as view:
         for frame in frames:
             report = estimation.process(frame)
@@ -58,12 +64,14 @@ def cost_of(frames: Iterable[Frame], scene: Scene, recording: Path) -> Cost:
                 view.show(take_snapshot(frame, report, estimation.mapper))
                 spent += time.thread_time() - before
                 updates += report.updated
-        refined = estimation.refined(estimation.filtered())
-        before = time.thread_time()
+        time.sleep(SETTLE_S)
+        others = time_of_other_threads() - others  # Rerun's: the filter has one thread
+        refined = estimation.refined(estimation.filtered())  # whose linear algebra has threads of its own
+        before, since = time.thread_time(), time_of_other_threads()
         view.finish(refined.at_scans.poses, refined.map)
     spent += time.thread_time() - before
+    encoding = others + time_of_other_threads() - since
     total = time.process_time() - process
-    encoding = total - (time.thread_time() - thread)  # with one thread of the filter the others are Rerun's
     assert first is not None
     cost = spent + encoding
     return Cost(cost / total, 1e3 * cost / updates, recording.stat().st_size / 1e6, last - first)
@@ -93,5 +101,5 @@ def test_a_view_costs_little_of_a_log_that_is_far_faster_than_the_robot(tmp_path
     for name in ("warm.rrd", "recording.rrd"):  # the first time pays for the start of Python's and Rerun's parts
         cost = cost_of(open_log(INTEL).frames, scene, tmp_path / name)
     print(f"\nIntel, a log: {cost}")  # noqa: T201
-    assert np.isfinite(cost.share)
+    assert cost.share < 0.05
     assert cost.megabytes < 20.0

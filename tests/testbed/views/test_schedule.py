@@ -52,5 +52,5 @@ def test_particles_are_compared_every_ten_seconds_and_at_once_where_asked() -> N
 
 def test_particles_are_compared_less_often_in_a_log_with_few_scans() -> None:
     schedule = Schedule()
-    due = [update for update in range(400) if schedule.comparison_due(3.0 * update, at_once=False)]
-    assert due == [0, 100, 200, 300]
+    due = [update for update in range(700) if schedule.comparison_due(3.0 * update, at_once=False)]
+    assert due == [0, 200, 400, 600]

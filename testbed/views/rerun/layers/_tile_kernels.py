@@ -31,6 +31,8 @@ class Looks(NamedTuple):
     changed: NDArray[np.int64]
     """Pixels that have changed since the square was last sent, and those that have become of another kind, (rows,
     columns, 2) of squares; a pixel that changes back counts twice."""
+    seen: NDArray[np.int64]
+    """Pixels that have been seen, (rows, columns) of squares."""
 
 
 @kernel
@@ -70,7 +72,7 @@ def look(table, tiles, grey, touched, since, offset, coarse, looks):
             tile = tiles[table[r, c]]
             image = looks.images[at_row // small, at_column // small]
             bottom, left = pixels - 1 - at_row % small * side, at_column % small * side
-            differ, of_other_kind = 0, 0
+            differ, of_other_kind, seen = 0, 0, 0
             for row in range(side):
                 for column in range(side):
                     if coarse == 1:
@@ -85,11 +87,33 @@ def look(table, tiles, grey, touched, since, offset, coarse, looks):
                     level, before = now[column], line[column]
                     line[column] = level
                     differ += level != before
+                    seen += np.int64(level != UNKNOWN) - np.int64(before != UNKNOWN)
                     of_other_kind += ((level >= FREE_FROM) != (before >= FREE_FROM)) | (
                         (level <= OCCUPIED_TO) != (before <= OCCUPIED_TO)
                     )
+            looks.seen[at_row // small, at_column // small] += seen
             looks.changed[at_row // small, at_column // small, 0] += differ
             looks.changed[at_row // small, at_column // small, 1] += of_other_kind
+
+
+@kernel
+def take_due(looks, everything, stale, share):
+    """The squares to be sent again, (squares, 2) of row and column, whose changes count as sent from now on.
+
+    everything: whether any change counts; else more pixels of another kind than `stale` and than `share` of those seen
+    """
+    rows, columns = looks.seen.shape
+    due = np.empty((rows * columns, 2), np.int64)
+    count = 0
+    for row in range(rows):
+        for column in range(columns):
+            changed = looks.changed[row, column]
+            take = changed[0] > 0 if everything else changed[1] > max(float(stale), share * looks.seen[row, column])
+            if take:
+                changed[0], changed[1] = 0, 0
+                due[count, 0], due[count, 1] = row, column
+                count += 1
+    return due[:count]
 
 
 @kernel

@@ -104,8 +104,8 @@ class EventWatch:
             states[entities.LOCALIZATION_STATE] = snapshot.localization
             lines += self._localization_lines(snapshot.localization)
         states[entities.ROBOT_STATE] = COLLIDED if snapshot.collided else DRIVING
-        changes = [StateChange(*each) for each in states.items()] + changes
-        changes = [change for change in changes if self.states.get(change.lane) != change.state]
+        now_other = [StateChange(lane, state) for lane, state in states.items() if self.states.get(lane) != state]
+        changes = now_other + [change for change in changes if self.states.get(change.lane) != change.state]
         changed = {change.lane: change.state for change in changes}
         if changed.get(entities.MATCHING_STATE) == POORLY_MATCHED:
             share = f"{self._shares[-1]:.0%} of the hits meet its walls (usual: {self._usual:.0%})"

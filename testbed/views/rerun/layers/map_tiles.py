@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from slam.grid._tile_kernels import SIDE
 from testbed.views.map_cells import UNKNOWN, MapCells
-from testbed.views.rerun.layers._tile_kernels import Looks, look
+from testbed.views.rerun.layers._tile_kernels import Looks, look, take_due
 
 SQUARE = 128
 """Pixels along the side of a square."""
-MAX_STALE = 32
-"""Pixels of a square (of 16384) that may be of another kind (free, occupied, never seen) than what was sent last; how
-free or how occupied they are is sent along with others, or when `everything` is asked for."""
+MAX_STALE, MAX_STALE_SHARE = 32, 0.01
+"""Pixels of a square that may be of another kind (free, occupied, never seen) than what was sent last: so many, or this
+share of those that were seen, whichever is more. How free or how occupied they are is sent along with others, or when
+`everything` is asked for."""
 
 Index = tuple[int, int]
 """Column and row of a square, counted from the map's origin."""
@@ -75,26 +76,32 @@ class MapTiles:
         self._pool = pool
         self._small = SQUARE * coarse // SIDE  # tiles of the filter along the side of a square
         self._corner = (0, 0)  # column and row of the square in the corner, counted from the map's origin
+        self._window: tuple[object, object] | None = None  # corner and shape of the map that was seen last
+        self._offset = np.zeros(2, np.int64)  # row and column of its corner in what is remembered, in tiles
         self._scans = 0  # number of the last scan in what was seen
         self._looks = self._nothing_seen(0, 0)
 
     def changes(self, cells: MapCells, everything: bool = False) -> list[Square]:
         """The squares that look different now, row by row; with `everything` also those that differ only a little."""
+        window = cells.corner, cells.table.shape
+        if window != self._window:
+            self._window = window
+            self._find_room(cells)
+        look(cells.table, cells.tiles, cells.grey, cells.touched, self._scans, self._offset, self.coarse, self._looks)
+        self._scans = cells.scans
+        left, below, images = *self._corner, self._looks.images
+        stale = (0, 0.0) if everything else (MAX_STALE, MAX_STALE_SHARE)
+        return [
+            Square((left + column, below + row), self._pool.copy_of(images[row, column]))
+            for row, column in take_due(self._looks, everything, *stale).tolist()
+        ]
+
+    def _find_room(self, cells: MapCells) -> None:
+        """Make room for the tiles of a map, and note where they lie in what is remembered."""
         column, row = cells.corner[0] // SIDE, cells.corner[1] // SIDE
         rows, columns = cells.table.shape
         self._make_room((column, row), (column + columns, row + rows))
-        offset = np.array([row - self._corner[1] * self._small, column - self._corner[0] * self._small])
-        look(cells.table, cells.tiles, cells.grey, cells.touched, self._scans, offset, self.coarse, self._looks)
-        self._scans = cells.scans
-        changed = self._looks.changed
-        due = changed[..., 0] > 0 if everything else changed[..., 1] > MAX_STALE
-        rows_due, columns_due = due.nonzero()
-        changed[rows_due, columns_due] = 0
-        left, below, images = *self._corner, self._looks.images
-        return [
-            Square((left + column, below + row), self._pool.copy_of(images[row, column]))
-            for row, column in zip(rows_due.tolist(), columns_due.tolist(), strict=True)
-        ]
+        self._offset = np.array([row - self._corner[1] * self._small, column - self._corner[0] * self._small])
 
     def _make_room(self, first: tuple[int, int], end: tuple[int, int]) -> None:
         """Extend what is remembered to the squares of the tiles from `first` to before `end`, each (column, row)."""
@@ -121,4 +128,5 @@ class MapTiles:
             number=np.zeros((rows * self._small, columns * self._small), np.int32),
             images=np.full((rows, columns, SQUARE, SQUARE), UNKNOWN, np.uint8),
             changed=np.zeros((rows, columns, 2), np.int64),
+            seen=np.zeros((rows, columns), np.int64),
         )

@@ -52,7 +52,7 @@ class ParticleTree:
             self._start()
         epoch = self._epochs[-1]
         epoch.poses.append(proposed[:, :2].copy())
-        if len(proposed) == len(poses) and np.array_equal(proposed, poses):
+        if len(proposed) == len(poses) and (proposed == poses).all():
             return None
         parents = _parents(proposed, poses)
         if parents is None:  # the particles are elsewhere now
