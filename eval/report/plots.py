@@ -246,6 +246,19 @@ def labelled_dots(dots: Sequence[tuple[str, float, float, str]], x_label: str, y
         return svg_uri(figure)
 
 
+def named_dots(groups: Sequence[Series], label: str) -> str:
+    """Draw the positive values (n,) of each name as dots above it on a logarithmic axis, with a bar at the median."""
+    with rc_context(STYLE):
+        figure, ax = _figure(WIDE)
+        for place, (_, values, colour) in enumerate(groups):
+            y = np.asarray(values, dtype=np.float64)
+            ax.plot(np.full(len(y), place), y, "o", ms=4.0, alpha=0.6, color=colour)
+            ax.plot([place - 0.25, place + 0.25], [np.median(y)] * 2, color=colour, lw=2.4)
+        ax.set_xticks(range(len(groups)), [name for name, _, _ in groups])
+        ax.set(yscale="log", ylabel=label, xlim=(-0.6, len(groups) - 0.4))
+        return svg_uri(figure)
+
+
 def thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Keep about `MAX_POINTS` points of a curve: the lowest and the highest of each bucket, so no spike is lost."""
     if len(x) <= MAX_POINTS:

@@ -34,7 +34,7 @@ GIVEN_UP = "given up"
 """Status of jobs that would hardly help to find an answer that is open."""
 _NAMES_OF_RUNS = ("key", "place", "line", "particles", "seed", "family")
 """Columns that say which run it is."""
-_TIMINGS = ("filter_s", "cell_s")
+_TIMINGS = ("filter_s", "cell_s", "wall_s")
 
 
 class SweepTableError(ValueError):
@@ -248,7 +248,7 @@ def _sweep_table(of_runs: _Content, of_curves: _Content, of_timings: _Content) -
     if len(timings):
         rows = np.array([row_of[key] for key in timings["key"].tolist()], dtype=np.intp)
         at = tuple(index[rows] for index in where)
-        columns |= {name: _cube(timings[name], at, shape) for name in _TIMINGS}
+        columns |= {name: _cube(timings[name], at, shape) for name in _TIMINGS if name in timings}
     return SweepTable(
         title=about["title"],
         measure=Measure(about["measure"]),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -139,6 +140,8 @@ def compare_systems(
         try:
             found[entrant.name] = _run_one(entrant, recorded, document, root, output)
         except (SystemFailedError, SystemsError) as error:
+            if os.environ.get("TESTBED_DEBUG"):
+                raise
             failed[entrant.name] = " ".join(str(error).split())
             console.print(f"testbed: {failed[entrant.name]}", soft_wrap=True, markup=False)
     results.print(comparison_table(found, failed))
