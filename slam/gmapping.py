@@ -216,6 +216,12 @@ class GMapping:
         """Map of a particle (default: the best)."""
         return self.maps.occupancy(self.best if particle is None else particle)
 
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        x, y, theta = self.poses[self.best]
+        used = f"{len(self.update_scans)} updates"
+        return f"<GMapping: {len(self.weights)} particles, {used}, at ({x:.3f}, {y:.3f}, {theta:.3f})>"
+
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Everything that the filter remembers: named arrays, and plain values fit for JSON."""
         arrays, values = self._intake.state()

@@ -79,6 +79,12 @@ class StepReport:
         """Whether the robot sees an area again that it left long ago."""
         return self.loop_length > 0.0
 
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        x, y, theta = self.pose
+        used = f"updated, matched {self.matched_share:.0%}" if self.updated else "not updated"
+        return f"<StepReport: ({x:.3f}, {y:.3f}, {theta:.3f}), ess {self.ess:.1f} of {self.particles}, {used}>"
+
 
 def report_state(particles: ParticleSet, readings: BeamCounts, *, pose: se2.Pose, map_bytes: int) -> StepReport:
     """Report of a scan that the filter does not match: the state as it is, at a pose (3,) in the map's frame."""
