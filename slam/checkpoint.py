@@ -16,6 +16,7 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.checkpoint_check import check_field, check_state
 from slam.config import FilterConfig
 from slam.config.renamed import with_present_names
 from slam.gmapping import GMapping
@@ -57,7 +58,9 @@ def load_checkpoint(path: str | os.PathLike[str], *, threads: int | None = None)
             arrays: dict[str, NDArray[Any]] = {name: archive[name] for name in archive.files if name != "header"}
         config = with_present_names(header["config"], "filter.")
         mapper = GMapping(_dataclass_from(FilterConfig, config), threads=threads)
+        check_state(arrays, header["values"], mapper.state())
         mapper.restore(arrays, header["values"])
+        check_field(arrays, len(mapper.maps.grids.offset))
     except CheckpointError:
         raise
     except OSError:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Compilation of all kernels before the first run, in a process of its own that Ctrl-C can end at any time.
 
-The machine code is kept on disk (`slam._jit`), so that the work is done once per version. `python -m testbed.kernels`
-is that process.
+The machine code is kept on disk (`slam._kernel_cache`), so that the work is done once per version. `python -m
+testbed.kernels` is that process.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import slam
-from slam._jit import cache_folder, kernel_files
+from slam._kernel_cache import cache_folder, kernel_files
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,7 +35,10 @@ PACKAGES = (Path(slam.__file__).parent, Path(__file__).parent)
 
 def is_compiled() -> bool:
     """Whether all kernels of this installation are on disk, or no disk cache is in use at all."""
-    return os.environ.get("SLAM_KERNEL_CACHE", "1") != "1" or all(_mark(package).exists() for package in PACKAGES)
+    if os.environ.get("SLAM_KERNEL_CACHE", "1") != "1":
+        return True
+    marks = [_mark(package) for package in PACKAGES]
+    return all(mark is None or mark.exists() for mark in marks)
 
 
 def compile_kernels() -> float:
@@ -58,11 +61,12 @@ def exercise_kernels() -> None:
     _drive_a_fleet()
     _step_the_exploration()
     for package in PACKAGES:
-        _mark(package).touch()
+        if (mark := _mark(package)) is not None:
+            mark.touch()
 
 
-def _mark(package: Path) -> Path:
-    """File that says that all kernels of a package were compiled to the end.
+def _mark(package: Path) -> Path | None:
+    """File that says that all kernels of a package were compiled to the end; None where they cannot be kept.
 
     Some machine code on disk says less: a compilation may have been cut off, and numba compiles again for the same
     sources in another place or with another time of change, such as those of a second installation.
@@ -71,7 +75,8 @@ def _mark(package: Path) -> Path:
     for source in kernel_files(package.resolve()):
         status = source.stat()
         digest.update(f"{source} {status.st_mtime_ns} {status.st_size}\n".encode())
-    return cache_folder(package) / f"compiled-{digest.hexdigest()[:16]}"
+    folder = cache_folder(package)
+    return None if folder is None else folder / f"compiled-{digest.hexdigest()[:16]}"
 
 
 def _map_a_room() -> None:

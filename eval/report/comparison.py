@@ -14,7 +14,8 @@ import numpy as np
 
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
-from eval.report import plots
+from eval.report import comparison_plots, plots
+from eval.report.comparison_plots import colour_of, same_data
 from eval.report.map_images import draw_map, frame_around
 from eval.report.page import Plot, flat, render
 from eval.report.verdict import OUTCOME_SENTENCES
@@ -22,7 +23,8 @@ from eval.trajectory.association import AssociationError, associate
 from eval.trajectory.errors import absolute_error
 from slam.se2 import Pose
 
-COLOURS = ("#1864ab", "#e67700", "#2b8a3e", "#9c36b5", "#1b1f24", "#c92a2a", "#0b7285", "#846358")
+UNNAMED = "–"
+"""Stands for a place that a run does not name."""
 MAX_PICTURES = 12
 """Maps and curves are drawn for this many runs at most."""
 
@@ -62,6 +64,9 @@ MEASURES = (
     Measure("filter_s", "time in the filter [s]", "{:.2f}"),
     Measure("realtime_factor", "speed [x real time]", "{:.1f}", 1.0, 1),
     Measure("peak_rss_mb", "memory [MB]", "{:.0f}"),
+    Measure("system.ms_per_scan", "system: time per scan [ms]", "{:.2f}"),
+    Measure("system.finish_s", "system: time after the last scan [s]", "{:.2f}"),
+    Measure("system.memory_mb", "system: memory [MB]", "{:.0f}"),
 )
 
 
@@ -74,8 +79,9 @@ def write_comparison(run_directories: Sequence[str | os.PathLike[str]], out: str
         raise ValueError(f"a comparison takes two or more run directories, got {len(run_directories)}")
     runs = [read_run(directory) for directory in run_directories]
     named = list(zip(_names(runs), runs, strict=True))
-    places = [_place(run) for run in runs]
-    one_place = len(set(places)) == 1
+    places, one_recording = _places(runs)
+    one_place = one_recording or len(set(places)) == 1
+    drawn = named[:MAX_PICTURES]
     page = render(
         "comparison.html.j2",
         runs=[(name, run.metric("outcome"), _severity(run), run.metric("outcome_reason")) for name, run in named],
@@ -84,8 +90,10 @@ def write_comparison(run_directories: Sequence[str | os.PathLike[str]], out: str
         one_place=one_place,
         results=[row for measure in MEASURES if (row := _result_row(measure, runs, mark_best=one_place)) is not None],
         settings=_differing_settings(runs),
-        plots=_curves(named[:MAX_PICTURES]),
-        maps=_maps(named[:MAX_PICTURES]),
+        paths=[*comparison_plots.path_plots(drawn), *comparison_plots.cost_plots(drawn)] if one_recording else [],
+        plots=_curves(drawn),
+        maps=list(comparison_plots.map_plots(drawn)) if one_recording else _maps(drawn),
+        differences=list(comparison_plots.difference_plots(drawn)) if one_recording else [],
         left_out=max(0, len(runs) - MAX_PICTURES),
     )
     path = Path(out)
@@ -113,10 +121,26 @@ def _failures(runs: Sequence[RunFiles]) -> str:
     return f"{bad} of {len(judged)} judged runs failed."
 
 
+def _places(runs: Sequence[RunFiles]) -> tuple[list[str], bool]:
+    """Name what each run is of, and say whether all are of one recording.
+
+    Runs of one recording are known by its content: a scored trajectory does not say what it is of, and one recording
+    may be named as a world, as a dataset and as a log.
+    """
+    names = [_place(run) for run in runs]
+    with_data = [i for i, run in enumerate(runs) if run.truth is not None or run.odometry is not None]
+    group = {i: next(j for j in with_data if j == i or same_data(runs[j], runs[i])) for i in with_data}
+    for i, first in group.items():
+        same = [names[k] for k in with_data if group[k] == first and names[k] != UNNAMED]
+        if names[i] == UNNAMED and same:
+            names[i] = same[0]
+    return names, len(set(group.values())) == 1
+
+
 def _place(run: RunFiles) -> str:
     """Name the world or the log that was mapped; a dash where the run does not say."""
     settings = run.config.get("settings", {})
-    return _short(settings.get("world", settings.get("log", "–")))
+    return _short(settings.get("world", settings.get("log", UNNAMED)))
 
 
 def _short(value: Any) -> str:
@@ -159,7 +183,7 @@ def _curves(runs: Sequence[tuple[str, RunFiles]]) -> list[Plot]:
         except AssociationError:
             continue
         path = matched.reference.distance
-        curves.append((name, path, 100.0 * absolute_error(matched, "se2").translation_errors, COLOURS[index % 8]))
+        curves.append((name, path, 100.0 * absolute_error(matched, "se2").translation_errors, colour_of(index)))
         longest = path if path[-1] > longest[-1] else longest
     if len(curves) < 2:
         return []

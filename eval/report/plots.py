@@ -234,6 +234,18 @@ def calibration(stated: ArrayLike, observed: ArrayLike, cells: ArrayLike) -> str
         return svg_uri(figure)
 
 
+def labelled_dots(dots: Sequence[tuple[str, float, float, str]], x_label: str, y_label: str) -> str:
+    """Draw one dot for each name, x, y and colour; both axes are logarithmic, x and y are positive."""
+    with rc_context(STYLE):
+        figure, ax = _figure(WIDE)
+        for name, x, y, colour in dots:
+            ax.plot([x], [y], "o", ms=7.0, color=colour, label=name)
+        ax.set(xscale="log", yscale="log", xlabel=x_label, ylabel=y_label)
+        ax.margins(0.15)
+        _legend(ax)
+        return svg_uri(figure)
+
+
 def thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Keep about `MAX_POINTS` points of a curve: the lowest and the highest of each bucket, so no spike is lost."""
     if len(x) <= MAX_POINTS:

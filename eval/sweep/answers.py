@@ -148,7 +148,7 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         headline, panel = f"{particles(count)} {are} enough", f"{count} {are} enough"
         detail = f"{case.gives(count)}; {largest} give {case.gives(largest)}"
         difference, needs = _difference(case, case.table.counts.index(count)), _lower_counts(case)
-        risk = _failed(*case.failed_of(count), case.table.level)
+        risk = _failed(*case.failed_of(count))
     elif decision.kind == "more":
         assert count is not None
         short, headline = f"more than {count}", f"more than {particles(count)}"
@@ -341,14 +341,18 @@ def _lower_counts(case: _Case) -> str:
     decision = case.decision
     if decision.largest_open is None:
         return ""
-    words = f"{case.table.counts[decision.largest_open]} may be enough too"
+    count = case.table.counts[decision.largest_open]
+    failed, runs = case.failed_of(count)
+    if failed > case.failed_of(case.largest)[0]:
+        return f"{count} {'is' if count == 1 else 'are'} not shown to be enough, and failed in {failed} of {runs} runs"
+    words = f"{count} may be enough too"
     return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
 
 
-def _failed(failures: int, runs: int, level: float) -> str:
-    """How many runs failed, and how many could in the long run."""
+def _failed(failures: int, runs: int) -> str:
+    """How many runs failed, and how many could in the long run, as the figure of failures has it."""
     seen = f"{failures} of {runs} runs failed" if failures else f"no failure in {_count(runs, 'run')}"
-    return f"{seen} (a rate up to {100.0 * wilson_interval(failures, runs, level=level)[1]:.0f} % is possible)"
+    return f"{seen} (a rate up to {100.0 * wilson_interval(failures, runs)[1]:.0f} % is possible)"
 
 
 def _count(number: int, noun: str) -> str:

@@ -20,7 +20,7 @@ from scipy.special import chdtri, ndtr, stdtrit
 
 from eval.sweep.look_schedule import ADDING_LEVEL, SEEDS_PER_LOOK
 from eval.sweep.margin import MARGIN, Margin
-from eval.sweep.statistics import Interval, min_values
+from eval.sweep.statistics import Interval, min_values, minimum_detectable_effect
 
 MAX_UNITS = 200
 """More seeds or worlds than this are not counted out."""
@@ -69,6 +69,11 @@ class Outlook:
         gap = abs(self.gap) / scale
         width = math.sqrt(spread)
         return float(np.mean(ndtr((gap - critical) / width) + ndtr((-gap - critical) / width)))
+
+    def detectable(self, units: int, *, level: float) -> float:
+        """The smallest difference that so many units show in 80 % of cases, in the unit of the measure."""
+        error = Interval(math.nan, math.nan, math.nan, self.deviation / math.sqrt(units), units)
+        return minimum_detectable_effect(error, level=level)
 
     @cached_property
     def low(self) -> int | None:

@@ -58,7 +58,7 @@ def _parts(summary: SweepSummary) -> list[_Part]:
         return [errors]
     differences = [_rows(summary, p, lambda p, c: _differences(summary, p, c, lines)) for p in shown]
     if several:
-        return [errors, _Part([*_HEAD, *(f"{name} {against}" for name in names)], differences)]
+        return [errors, _Part([against, *_HEAD[1:], *names], differences)]
     beside = [
         [row + other[len(_HEAD) :] for row, other in zip(block, others, strict=True)]
         for block, others in zip(errors.blocks, differences, strict=True)

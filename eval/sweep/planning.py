@@ -8,11 +8,8 @@ from collections.abc import Callable
 from eval.sweep.job_times import duration_words
 from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, fewest_seeds_to_go_on
 from eval.sweep.margin import MARGIN, Margin
-from eval.sweep.outlook import chance_words, typical_outlook
+from eval.sweep.outlook import TYPICAL_ERROR, chance_words, typical_outlook
 from eval.sweep.statistics import LEVEL, min_values
-
-RULE = "by a rule of thumb, with noise as in apartment, office and loop and a count that is as good as the largest"
-"""On what a chance rests before anything is computed."""
 
 
 def foresight(
@@ -29,10 +26,13 @@ def foresight(
     """
     if units < min_values(level):
         return _too_few(units, unit, level, seconds)
-    chance = chance_words(typical_outlook(level=level, margin=margin).chance(units, level=level))
+    outlook = typical_outlook(level=level, margin=margin)
+    share = 100.0 * outlook.detectable(units, level=level) / TYPICAL_ERROR
     return (
-        f"The chance that {units} {unit}s give an answer is {chance}: {RULE}. One whose difference lies near the "
-        "margin stays open with any number."
+        f"By a rule of thumb (noise as in apartment, office and loop) {units} {unit}s show differences from about "
+        f"{share:.0f} % of the error on. The chance of an answer is {chance_words(outlook.chance(units, level=level))} "
+        "where a smaller count is as good as the largest; where the difference lies near the margin, any number may "
+        "leave it open."
     )
 
 

@@ -19,10 +19,11 @@ from matplotlib.axis import Axis
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
-from eval.report.comparison import COLOURS
+from eval.report.comparison_plots import COLOURS
 from eval.report.plots import BAD, GOOD, QUIET, STYLE
 from eval.sweep.answers import Answer
 from eval.sweep.decision import median_over_last
@@ -199,7 +200,8 @@ def cost_against_accuracy(summary: SweepSummary) -> Figure:
                     is_valley = 0 < c < len(error) - 1 and bool(y < min(error[c - 1], error[c + 1]))
                     ax.annotate(
                         str(table.counts[c]), (x, y), xytext=(0, -4 if is_valley else 4), textcoords="offset points",
-                        fontsize=6.5, ha="center", va="top" if is_valley else "bottom", color=_colour(k),
+                        fontsize=6.5, ha="center", va="top" if is_valley else "bottom", color=_colour(k), zorder=5,
+                        path_effects=[withStroke(linewidth=2.0, foreground="white")],
                     )  # fmt: skip
         best = [points[row] for row in pareto_front(np.array(points).reshape(-1, 2))]
         ax.plot(

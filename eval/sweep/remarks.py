@@ -102,27 +102,28 @@ def look_rule(table: SweepTable) -> str:
     looks = table.looks
     if not looks:
         return ""
-    planned = f"up to {len(looks)} times (after {', '.join(map(str, looks[:-1]))} and {looks[-1]} seeds)"
-    if len(looks) == 1:
-        planned = f"once (after {looks[0]} seeds)"
-    seeds = {place: table.seeds_of(p) for p, place in enumerate(table.places)}
-    of = f"of at most {looks[-1]} seeds"
-    if len(set(seeds.values())) == 1:
-        number = next(iter(seeds.values()))
-        is_look = number in looks
-        now = f"This is look {looks.index(number) + 1}, with {number} {of}." if is_look else "No look is complete yet."
-    else:
-        words = [
-            f"{place} has look {looks.index(number) + 1} ({number} seeds)"
-            if number in looks
-            else f"{place} has none yet"
-            for place, number in seeds.items()
-        ]
-        now = f"Here {', '.join(words)}, {of}."
     return (
-        f"The results are looked at {planned}, each time with {100.0 * table.level:.3g} % intervals, so that all "
-        f"answers together hold with {100.0 * LEVEL:.0f} % (Bonferroni). {now}"
+        f"The results are looked at up to {len(looks)} times (after {', '.join(map(str, looks[:-1]))} and {looks[-1]} "
+        f"seeds), each time with {100.0 * table.level:.3g} % intervals, so that all answers together hold with "
+        f"{100.0 * LEVEL:.0f} % (Bonferroni). {_present_look(table)}"
     )
+
+
+def _present_look(table: SweepTable) -> str:
+    """Which look the answers are from: `This is look 1, with 8 of at most 40 seeds.`"""
+    look_of = {seeds: f"look {number}" for number, seeds in enumerate(table.looks, start=1)}
+    seeds_of = {place: table.seeds_of(p) for p, place in enumerate(table.places)}
+    numbers = sorted(set(seeds_of.values()))
+    of = f"of at most {table.looks[-1]} seeds"
+    if len(numbers) == 1:
+        look = look_of.get(numbers[0])
+        return "No look is complete yet." if look is None else f"This is {look}, with {numbers[0]} {of}."
+    if len(seeds_of) > MAX_NAMED:
+        return f"Here worlds have {numbers[0]} to {numbers[-1]} {of}."
+    words = [
+        f"{place} has {look_of.get(seeds, 'no complete look')} ({seeds} seeds)" for place, seeds in seeds_of.items()
+    ]
+    return f"Here {', '.join(words)}, {of}."
 
 
 def margin_choice(table: SweepTable) -> str:

@@ -183,8 +183,8 @@ class Localization:
 
     @property
     def weights(self) -> NDArray[np.float64]:
-        """Weights of the particles, (particles,); they sum to 1."""
-        return self._belief.weights.values
+        """Weights of the particles, (particles,); they sum to 1. A search that begins has no particles and none."""
+        return self._belief.weights.values[: len(self._belief.poses)]
 
     @property
     def update_scans(self) -> NDArray[np.int64]:

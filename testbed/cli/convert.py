@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from testbed.cli.shared.console import console
-from testbed.formats import open_log
 from testbed.formats.write import HOLDS, LogFormat, parts_of, write_log
+from testbed.inspect import AS_STATED, Reading
 
 
 def convert(
@@ -15,8 +18,7 @@ def convert(
     out: Path,
     *,
     to: LogFormat,
-    laser_offset: float | None = None,
-    range_max: float | None = None,
+    reading: Annotated[Reading, Parameter(name="*")] = AS_STATED,
 ) -> None:
     """Turn a recorded log into another format; what both formats can hold is kept.
 
@@ -31,14 +33,10 @@ def convert(
         file; rosbag1: one .bag file for ROS 1; carmen: CARMEN log with `ROBOTLASER` lines, for any lidar;
         carmen-flaser: the older `FLASER` lines; parquet: directory with a table, which rounds nothing; tum: directory
         with the trajectories; map_server: the true map (.yaml and .pgm).
-    laser_offset
-        x of the laser in the robot's frame [m]; default: what the log says.
-    range_max
-        Readings from here on are no returns [m]; default: what the log says or shows.
     """
     if out.exists():  # complain before a large log is read
         raise ValueError(f"{out}: exists; choose another name")
-    read = open_log(log, laser_offset=laser_offset, range_max=range_max, scans_needed=False)
+    read = reading.open(log, scans_needed=False)
     write_log(out, read, to)
     for note in read.notes:
         console.print(f"{log}: {note}", soft_wrap=True)

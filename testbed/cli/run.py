@@ -10,11 +10,13 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from eval.map.grids import grid_from_true_map
+from eval.scoring import Reference
 from slam.gmapping import GMapping
 from slam.step.step_report import StepReport
-from testbed.cli.shared.console import SlowProgress, announce_world, console
+from testbed.cli.shared.console import SlowProgress, announce_world, console, progress_line
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
+from testbed.cli.shared.system_options import SYSTEMS, SystemOptions, compare_systems
 from testbed.exploration import ExploreDriver, make_explorer
 from testbed.frame import Frame
 from testbed.provenance import config_document, settings_as_markdown
@@ -26,6 +28,7 @@ from testbed.simulation import Simulation, SimulationConfig, simulate
 from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.drivers.driver import Driver
 from testbed.simulation.drivers.recorded import RecordedDriver
+from testbed.systems.execute import Recorded
 from testbed.views import Scene
 from worlds import true_map
 
@@ -36,6 +39,7 @@ def run(
     simulator: SimulatorOptions = SIMULATOR,
     estimator: EstimatorOptions = ESTIMATOR,
     output: OutputOptions = OUTPUT,
+    systems: SystemOptions = SYSTEMS,
 ) -> int:
     """Simulate a robot in a world, map it with the particle filter, score map and trajectory against the truth.
 
@@ -51,11 +55,22 @@ def run(
     config = simulator.simulation(seeds)
     output.check_directory()
     filter_config = estimator.filter_config  # raises before anything takes time
+    entrants = systems.entrants(estimator)
+    if entrants:
+        systems.check_other_options(output, explores=simulator.driver.kind == "explore")
     loaded = simulator.load_world(world, seeds, SlowProgress("planning a tour"))
     announce_world(loaded)
     exact = true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height)
     truth = grid_from_true_map(exact)
-    document = config_document({"world": world, **asdict(simulator), **estimator.settings()}, simulator.files(world))
+    settings = {"world": world, **asdict(simulator), **estimator.settings(), **systems.settings()}
+    document = config_document(settings, simulator.files(world))
+    if entrants:
+        with _driver(simulator, config) as driver, simulate(loaded, config, driver) as simulation:
+            frames = drive(simulation, simulator.duration)
+            ended = simulation.ended(simulator.duration)
+        reference = Reference(grid=truth, walls=exact.walls)
+        recorded = Recorded.of(frames, estimator.seed, reference, ended)
+        return compare_systems(entrants, recorded, document, loaded.name, output)
     scene = Scene(
         title=f"{loaded.name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
@@ -76,6 +91,19 @@ def run(
             truth_walls=exact.walls,
         )
         return run_and_report(job, output.directory(loaded.name), scene, output)
+
+
+def drive(simulation: Simulation, duration: float | None) -> list[Frame]:
+    """Return all frames of a drive, with a progress line."""
+    source = SimulatedFrames(simulation, duration)
+    frames = []
+    with progress_line() as line:
+        line.stage("driving")
+        for frame in source:
+            frames.append(frame)
+            if frame.scan is not None:
+                line.step(frame.stamp, source.share_done, None)
+    return frames
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,22 @@ from cyclopts import Group, Parameter
 from eval.files.map_server import read_map
 from eval.files.true_walls import read_true_walls
 from eval.files.tum import read_tum
+from eval.scoring import Reference
 from eval.trajectory.relations import read_relations
 from slam.config import LocalizationConfig
 from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
+from testbed.cli.shared.system_options import SYSTEMS, SystemOptions, compare_systems
 from testbed.datasets.truth import attach_truth
-from testbed.formats import open_log
+from testbed.inspect import AS_STATED, Reading, inspect_log, notes_of
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.known_map import KnownMap
 from testbed.seeds import RunSeeds
 from testbed.settings.estimator import ESTIMATOR, EstimatorOptions
+from testbed.systems.execute import Recorded
 from testbed.views import Scene
 
 LOCALIZATION_GROUP = Group("Localisation (with --map)", sort_key=11)
@@ -73,11 +76,11 @@ def slam(
     *,
     relations: Path | None = None,
     truth: Path | None = None,
-    laser_offset: float | None = None,
-    range_max: float | None = None,
+    reading: Annotated[Reading, Parameter(name="*")] = AS_STATED,
     known_map: MapOptions = KNOWN_MAP,
     estimator: EstimatorOptions = ESTIMATOR,
     output: OutputOptions = OUTPUT,
+    systems: SystemOptions = SYSTEMS,
 ) -> int:
     """Map a recorded log with the particle filter, or localise in a finished map; score it where truth is known.
 
@@ -89,14 +92,17 @@ def slam(
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw` (Kümmerle et al. 2009).
     truth
         True trajectory in the TUM format, `t x y z qx qy qz qw`, with the clock of the log.
-    laser_offset
-        x of the laser in the robot's frame [m]; default: stated by the log.
-    range_max
-        Readings of at least this range are no returns [m]; default: stated or shown by the log.
     """
     output.check_directory()
     filter_config = estimator.filter_config  # raises before the log is read
-    recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
+    entrants = systems.entrants(estimator, known_map.settings())
+    if entrants:
+        if known_map.map is not None and not any("map" in entrant.facts()["settings"] for entrant in entrants):
+            raise ValueError(
+                "--map: none of the systems has a setting `map`, expected --system localization among them"
+            )
+        systems.check_other_options(output)
+    recording = reading.open(log)
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
@@ -105,14 +111,22 @@ def slam(
         "log": log.resolve(),
         "relations": relations and relations.resolve(),
         "truth": truth and truth.resolve(),
-        "laser_offset": laser_offset,
-        "range_max": range_max,
+        **asdict(reading),
         **known_map.settings(),
         **estimator.settings(),
+        **systems.settings(),
     }
+    findings = inspect_log(recording)
     inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}
+    truth_walls = None if truth_map is None else read_true_walls(log, truth_map)
+    name = log.name.split(".")[0]
+    if entrants:
+        for note in recording.notes:
+            console.print(f"{log}: {note}", soft_wrap=True)
+        reference = Reference(relations=known_relations, grid=truth_map, walls=truth_walls)
+        return compare_systems(entrants, Recorded.of(frames, estimator.seed, reference), document, name, output)
     job = Job(
         source=RecordedFrames(frames),
         document=document,
@@ -123,9 +137,9 @@ def slam(
         relations=known_relations,
         known_map=known,
         truth_map=truth_map,
-        truth_walls=None if truth_map is None else read_true_walls(log, truth_map),
+        truth_walls=truth_walls,
+        notes=notes_of(findings),
     )
-    name = log.name.split(".")[0]
     scene = Scene(
         title=f"{name}, seed {estimator.seed}",
         settings=settings_as_markdown(document),
@@ -136,6 +150,9 @@ def slam(
     )
     for note in recording.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
+    for finding in findings:
+        if finding.verdict == "doubtful":
+            console.print(f"{log}: {finding.item}: {finding.found}; {finding.action}", soft_wrap=True)
     for note in known.notes if known is not None else ():
         console.print(note, soft_wrap=True)
     return run_and_report(job, output.directory(name), scene, output)

@@ -31,17 +31,21 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
     paths
         Directories of runs or sweeps, datasets, or recorded logs.
     time
-        Open the window at this time, in seconds since the first scan. A web page or a saved recording begins at its
-        start: the time to move its cursor to is printed.
+        Open the window at this time, in seconds since the first scan. A saved recording begins at its start and a web
+        page stands at its end: the time to move the cursor to is printed. In a picture: the scan that is drawn.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     save
-        Write the recording to this file (`.rrd`) instead of showing it, to send it: `rerun FILE` opens it.
+        Write to this file instead of showing it, to send it: a recording (`.rrd`), which `rerun FILE` opens, or, of one
+        dataset or log, a picture (`.png`) of the map, the paths and one scan.
     """
-    if save is not None and (save.suffix != ".rrd" or save.exists()):
-        raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd'}")
+    if save is not None and (save.suffix not in (".rrd", ".png") or save.exists()):
+        raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd or .png'}")
     if time is not None and not (math.isfinite(time) and time >= 0.0):
         raise ValueError(f"--time {time}: expected seconds since the first scan")
+    if save is not None and save.suffix == ".png":
+        _draw(paths, save, time)
+        return
     if time is None and len(paths) == 1:
         time = _moment_of_failure(paths[0])
     with tempfile.TemporaryDirectory() as folder:
@@ -54,8 +58,18 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
             return
         viewer = open_run(shown, serve=serve, moment=time)
         if viewer.address is not None:
-            console.print(f"view: {viewer.address}{_then_move(time)}", soft_wrap=True)
+            console.print(f"view: {viewer.address}{_then_move(time)}; served until Ctrl-C", soft_wrap=True)
         viewer.wait()
+
+
+def _draw(paths: list[Path], picture: Path, time: float | None) -> None:
+    """Draw one dataset or log."""
+    from testbed.datasets.picture import draw_drive  # here, for a window to open without matplotlib
+
+    if len(paths) != 1 or recording_of(paths[0]) is not None:
+        raise ValueError(f"{picture}: a picture is made of one dataset or log; a run has a report.html")
+    draw_drive(open_dataset(paths[0]), picture, _title_of_drive(paths[0]), time)
+    console.print(f"{picture}: written", soft_wrap=True)
 
 
 def _then_move(time: float | None) -> str:
@@ -110,6 +124,7 @@ def _title_of_drive(path: Path) -> str:
 def _recorded(path: Path, recording: Path) -> Path:
     """Write a dataset or log as a recording."""
     log, true_map = open_log(path), path / "truth_map.yaml"
+    console.print(f"{path}: drawing {log.scan_count} scans …", soft_wrap=True)
     scene = Scene(title=_title_of_drive(path), true_map=read_map(true_map) if true_map.is_file() else None)
     record_frames(recording, log.frames, scene)
     return recording

@@ -41,10 +41,9 @@ SPLIT_COLOURS = {"train": (60, 60, 60), "validation": (0, 90, 200), "test": (200
 """Colours of the titles, by split."""
 MAX_PIECES = 400
 """Pieces of one colour that a path is drawn in."""
-LEGEND = (
-    "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end); "
-    "blue title: validation; red title: test"
-)
+LEGEND = "green ring: start; red dot: end; line: the true path, from dark (begin) to bright (end)"
+TITLE_COLOURS = {"validation": "; blue title: validation", "test": "; red title: test"}
+"""What the legend adds for the splits that there are."""
 LINE_LENGTH = 120
 """Characters in a line of a card's paragraphs."""
 SOFTWARE = "The slam-testbed authors, slam-testbed: a simulation-integrated SLAM testbed"
@@ -60,8 +59,8 @@ MADE_BY = "## Made by\n```\n"
 """Begin of the part of a card that holds the commands."""
 TOPICS = {
     "/scan": "`LaserScan`, the scans with the time between beams; with several lidars `/scan_NAME` for each",
-    "/scan_cloud": "`PointCloud2`, hits of the scans, for viewers; in the format `rosbag2` only",
-    "/odom": "`Odometry`, wheel odometry: pose of `base_link` in `odom`, velocity",
+    "/scan_cloud": "`PointCloud2`, hits of the scans, for viewers",
+    "/odom": "`Odometry`, wheel odometry: pose of `base_link` in `odom`, velocity; covariances are not filled in (0)",
     "/tf": "`TFMessage`, the same pose: `odom` to `base_link`",
     "/tf_static": "`TFMessage`, mounts: `base_link` to the frame of each lidar, such as `laser`",
     "/cmd_vel": "`Twist`, commanded speed and turn rate",
@@ -72,6 +71,8 @@ TOPICS = {
     "/testbed/sha256": "`String`, sum of all other messages: a changed byte is noticed",
 }
 """Topics of a bag and what they hold."""
+ONLY_IN = {"/scan_cloud": ("rosbag2",), "/testbed/sha256": ("rosbag1", "rosbag2-sqlite")}
+"""Formats of the topics that not all bags have."""
 
 
 class Publication(NamedTuple):
@@ -130,7 +131,8 @@ def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None
     lines = [tiles[k : k + COLUMNS_OF_TILES] for k in range(0, len(tiles), COLUMNS_OF_TILES)]
     heights = [max(tile.size[1] for tile in line) + GAP for line in lines]
     width = GAP + max(map(len, lines)) * (TILE + GAP)
-    legend = [piece.strip() for piece in LEGEND.split(";")] if len(chosen) <= 2 else [LEGEND]
+    text = LEGEND + "".join(words for split, words in TITLE_COLOURS.items() if any(r["split"] == split for r in rows))
+    legend = [piece.strip() for piece in text.split(";")] if len(chosen) <= 2 else [text]
     sheet = Image.new("RGB", (max(width, 2 * (TILE + GAP)), 2 * GAP + sum(heights) + LINE * len(legend)), "white")
     for number, text in enumerate(legend):
         ImageDraw.Draw(sheet).text((GAP, GAP + sum(heights) + LINE * number), text, fill=(60, 60, 60))
@@ -359,7 +361,8 @@ def _content(rows: Sequence[dict[str, Any]]) -> str:
     formats = {row["format"] for row in rows}
     text = ""
     if any(kind.startswith("rosbag") for kind in formats):
-        topics = _lines(f"| `{topic}` | {meaning} |" for topic, meaning in TOPICS.items())
+        there = [topic for topic in TOPICS if formats & set(ONLY_IN.get(topic, formats))]
+        topics = _lines(f"| `{topic}` | {TOPICS[topic]} |" for topic in there)
         text = f"| topic of a bag | type and content |\n|---|---|\n{topics}\n\n"
         text += "Stamps begin at 0 s; there is no `/clock`.\n\n"
     table = "`frames.parquet` and of `Dataset.to_pandas()`" if "parquet" in formats else "`Dataset.to_pandas()`"

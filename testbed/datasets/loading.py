@@ -41,7 +41,7 @@ class Dataset:
     @property
     def name(self) -> str:
         """Name of the directory or file."""
-        return self.path.name
+        return self.path.resolve().name
 
     @cached_property
     def config(self) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from eval.files.tum import read_tum
 
@@ -95,6 +94,8 @@ def common_steps(first: _Path, second: _Path) -> int:
 
 def share_of_places(path: _Path, other: _Path) -> float:
     """Share of the steps of a path that are nearer than `NEAR` to another path, in any direction and order."""
+    from scipy.spatial import cKDTree  # here: its import takes a tenth of the start of `testbed simulate`
+
     between = [k / FINER for k in range(FINER)]
     fine = [other.points[:-1] + share * np.diff(other.points, axis=0) for share in between]
     distances, _ = cKDTree(np.concatenate([*fine, other.points[-1:]])).query(path.points)

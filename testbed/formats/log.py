@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from slam.occupancy import OccupancyGrid
 from testbed.frame import Frame
@@ -15,6 +16,16 @@ from testbed.frame_table import FrameTable
 
 class LogError(ValueError):
     """A log cannot be read or written; the message names the file, the place and what was expected."""
+
+
+class Topic(NamedTuple):
+    """A topic of a bag, or a kind of message of a text log."""
+
+    name: str
+    type: str
+    messages: int
+    use: str = ""
+    """What it is read for; empty = it is left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -29,6 +40,10 @@ class Log:
     """All frames as arrays, in the order of the file, which is not always that of the stamps."""
     notes: tuple[str, ...] = ()
     """Sentences for the user: what the reader found out, repaired or left out."""
+    repairs: tuple[str, ...] = ()
+    """Those of the notes that tell of a fault, and how it was mended."""
+    topics: tuple[Topic, ...] = ()
+    """What the recording holds, as far as its format has topics."""
 
     truth_map: OccupancyGrid | None = None
     """The true map, where the log holds it."""

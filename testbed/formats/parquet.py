@@ -19,6 +19,7 @@ from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
 from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError
+from testbed.formats.stamps import EXPECTED, NANOSECONDS_NOTE, column_in_seconds
 from testbed.frame_table import BeamPattern, FrameTable, Integers
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
@@ -66,7 +67,7 @@ def write_parquet(path: str | Path, blocks: Iterable[FrameTable], head: LogHead)
         _schema(),
         compression="zstd",
         write_page_checksum=True,
-        use_dictionary=["lidar", "angles.list.element", "time_offsets.list.element"],
+        use_dictionary=["lidar"],  # zstd finds the angles of the scan before sooner than a dictionary is made
     ) as writer:
         for block in blocks:
             totals.add(block)
@@ -87,7 +88,8 @@ def read_parquet(path: Path) -> Log:
     directory, file = (path, path / TABLE) if path.is_dir() else (path.parent, path)
     if path.is_dir():
         verify(directory)
-    table = _frame_table(file, _read_table(file))
+    rows = _read_table(file)
+    table = _frame_table(file, rows)
     if not len(table):
         raise LogError(f"{file}: no rows, expected one a frame")
     has_map, urdf = path.is_dir() and (directory / MAP).is_file(), directory / URDF
@@ -95,6 +97,7 @@ def read_parquet(path: Path) -> Log:
         path=path,
         format="Parquet table",
         table=table,
+        notes=(NANOSECONDS_NOTE,) if _numbers(rows, "stamp")[0] != table.stamps[0] else (),
         truth_map=read_map(directory / MAP, inside=True) if has_map else None,
         robot_urdf=_read_text(urdf) if path.is_dir() and urdf.is_file() else None,
     )
@@ -198,6 +201,8 @@ def _frame_table(file: Path, table: Any) -> FrameTable:
         bad = ~null.all(axis=1) & ~(np.isfinite(groups[group]).all(axis=1) & ~null.any(axis=1))
         refuse(bad, f"{group}: expected {len(names)} finite numbers or none")
     refuse(~np.isfinite(numbers["stamp"]) | np.isnan(groups["odometry"][:, 0]), "expected a finite stamp and odometry")
+    stamps, impossible = column_in_seconds(numbers["stamp"])
+    refuse(impossible, f"a stamp that is no time, {EXPECTED}")
     scanned = ~_nulls(table, "ranges")
     incomplete = _nulls(table, "angles") | np.isnan(groups["mount"][:, 0]) | _nulls(table, "lidar")
     refuse(scanned & incomplete, "expected angles, mount and lidar with the ranges")
@@ -211,12 +216,16 @@ def _frame_table(file: Path, table: Any) -> FrameTable:
     for name in ("angles", "time_offsets"):
         uneven = scanned & ~_nulls(table, name) & (lists[name][1] != lists["ranges"][1])
         refuse(uneven, f"expected as many {name} as ranges")
+        values, counts = lists[name]
+        broken = np.zeros(len(counts), bool)
+        broken[np.repeat(np.arange(len(counts)), counts)[~np.isfinite(values)]] = True
+        refuse(broken, f"{name}: expected finite numbers")
     lidars, lidar_of = np.unique(
         np.array(table["lidar"].to_pylist(), dtype=object)[rows].astype(str), return_inverse=True
     )
     patterns, pattern_of = _patterns(lists, rows, ~_nulls(table, "time_offsets"))
     return FrameTable(
-        stamps=numbers["stamp"],
+        stamps=stamps,
         odometry=groups["odometry"],
         twist=groups["twist"],
         command=groups["command"],

@@ -215,6 +215,7 @@ def metrics_of(
         metrics |= score_estimate("filter", path, reference, ended)
     if estimate.closing is not None:
         metrics["loops"] = loop_metrics(estimate.closing, filtered.dense)
+    metrics["notes"] = [*job.notes, *metrics["notes"]]
     if job.known_map is None:
         return metrics
     metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]

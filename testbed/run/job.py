@@ -105,3 +105,5 @@ class Job:
     """Whether the self-check draws the map of the estimate once more; otherwise it is the filter's own verdict."""
     relations: Relations | None = None
     """Hand-checked relations between poses."""
+    notes: Sequence[str] = ()
+    """What is doubtful about the recording, or was mended when it was read, for `metrics.json` and the report."""

@@ -38,6 +38,7 @@ RUN_FILES = (
     "metrics.json",
     "steps.parquet",
     "finding.json",
+    "program.log",
     "recording.rrd",
     "report.html",
 )

@@ -19,6 +19,8 @@ def take_snapshot(
     frame: Frame, report: StepReport, mapper: GMapping | Localization, *, collided: bool = False
 ) -> Snapshot:
     """Return the data of a scan that the filter has just processed."""
+    poses = mapper.poses
+    has_particles = len(poses) > 0  # a search of the whole map has none before its first scan
     return Snapshot(
         stamp=frame.stamp,
         estimate=report.pose,
@@ -26,8 +28,8 @@ def take_snapshot(
         truth=frame.truth,
         scan=frame.scan,
         step=report,
-        poses=mapper.poses,
-        weights=mapper.weights,
+        poses=poses if has_particles else None,
+        weights=mapper.weights if has_particles else None,
         proposal=_proposal(report),
         localization=mapper.status.state if isinstance(mapper, Localization) and report.updated else None,
         collided=collided,

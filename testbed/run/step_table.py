@@ -121,7 +121,10 @@ class StepTable:
 
 
 def spread_of(poses: Pose, weights: NDArray[np.float64]) -> float:
-    """Standard deviation of the position over particles with poses (n, 3) and weights (n,), whose sum is 1 [m]."""
+    """Standard deviation of the position over particles with poses (n, 3) and weights (n,), whose sum is 1 [m]; NaN
+    where there are none."""
+    if not len(poses):
+        return math.nan
     positions = poses[:, :2]
     off = positions - weights @ positions
     return math.sqrt(float(weights @ (off * off).sum(axis=1)))

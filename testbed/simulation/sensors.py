@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from slam.se2 import Pose, wrap_angle
 from testbed.frame_table import BeamPattern, FrameTable
 from testbed.seeds import Stream, children
+from testbed.simulation._tour_kernels import Drive, drive_tour
 from testbed.simulation.config import CONTROL_PERIOD, CONTROL_STEPS, SimulationConfig
+from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.history import History
 from testbed.simulation.movers.movers import Movers
 from testbed.simulation.physics.backend import STEP_RATE, Backend, Motion
+from testbed.simulation.physics.fast import FastBackend
 from testbed.simulation.robot._lidar_kernels import place_beams
 from testbed.simulation.robot.lidar import Lidar
 from testbed.simulation.robot.odometry import Odometry
@@ -98,11 +101,28 @@ class Sensors:
         self.truth.extend(motion.poses)
         self._odometry.extend(self._odometer.advance(*motion.wheels.tolist())[None])
 
-    def await_frames(self, periods: int) -> None:
-        """Make those frames due that are complete after so many control periods: scans whose last beam was fired, and
-        odometry up to then."""
-        time = periods * CONTROL_PERIOD
-        while (device := min(self._devices, key=lambda d: d.stamp)).complete <= time + 1e-9:
+    def drive_tour(self, backend: FastBackend, driver: TourDriver, first: int, periods: int) -> tuple[int, bool]:
+        """Let the robot drive on along its tour for at most so many control periods, of which `first` is the number of
+        the first; return how many it drove, and whether it touched a wall."""
+        odometer = self._odometer.odometer(periods)
+        periods = len(odometer.uniform)
+        done = Drive(np.empty((periods, 2)), np.empty((periods, CONTROL_STEPS, 3)), np.empty((periods, 3)))
+        driven, contact = drive_tour(driver.tour, driver.state, backend.body, odometer, done, first, CONTROL_PERIOD)
+        self._commands.extend(zip(*done.commands[:driven].T.tolist(), strict=True))
+        self.truth.extend(done.poses[:driven].reshape(-1, 3))
+        self._odometry.extend(done.odometry[:driven])
+        return driven, contact
+
+    def await_frames(self, first: int, last: int) -> None:
+        """Make those frames due that are complete after `first` to `last` control periods: scans whose last beam was
+        fired, and odometry up to then."""
+        periods = first
+        while True:
+            device = min(self._devices, key=lambda d: d.stamp)
+            while device.complete > periods * CONTROL_PERIOD + 1e-9:
+                if periods == last:
+                    return
+                periods += 1
             stamp = device.stamp
             self._await_odometry(stamp, periods)
             self._due.append(_Due(stamp, device, periods))

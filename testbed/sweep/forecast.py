@@ -13,7 +13,7 @@ import numpy as np
 
 from eval.sweep.job_times import REPORT_SECONDS
 from eval.sweep.results import SweepTable
-from testbed.sweep.execution.compute import compute
+from testbed.sweep.execution.compute import compute, job_of
 from testbed.sweep.execution.recordings import recording_of
 from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess
 from testbed.sweep.spec.cell import Cell
@@ -151,7 +151,8 @@ def lidar_of(cell: Cell) -> str:
 def _pace(cell: Cell, duration: float, *, refined: bool) -> Pace:
     few, many = PROBE_PARTICLES
     started = time.perf_counter()
-    recording_of(_probe(cell, duration, few, refine=False))
+    probe = _probe(cell, duration, few, refine=False)
+    job_of(probe, recording_of(probe))  # this draws the true map, too, which is kept as the drive is
     simulation = time.perf_counter() - started
     smaller, length = _timed(cell, duration, few)  # its drive is there already
     larger, _ = _timed(cell, duration, many)

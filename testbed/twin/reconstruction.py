@@ -15,7 +15,8 @@ from slam.config import FilterConfig
 from slam.motion.continuous_odometry import join_odometry
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
-from testbed.formats import Log, LogError, open_log
+from testbed.formats import Log, LogError
+from testbed.inspect import Reading
 from testbed.run.estimation import Estimation
 from testbed.run.execute import RunProgress
 from testbed.seeds import RunSeeds
@@ -67,7 +68,7 @@ def read_reconstruction(run: Path) -> Reconstruction:
         raise ValueError(f"{run}: a localisation in a finished map, expected a run that made a map")
     if files.grid is None or not (run / "estimate_dense.tum").is_file():
         raise ValueError(f"{run}: expected map.yaml and estimate_dense.tum of a finished run")
-    log = open_log(settings["log"], laser_offset=settings.get("laser_offset"), range_max=settings.get("range_max"))
+    log = Reading.from_settings(settings).open(Path(settings["log"]))
     dense = read_tum(run / "estimate_dense.tum")
     if len(dense) != len(log.table):
         raise ValueError(f"{run}: estimate_dense.tum has {len(dense)} poses, {log.path} has {len(log.table)} frames")

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,15 @@ def drive(mapper: GMapping, start: int, stop: int) -> None:
         mapper.process(odometry, scan_at(odometry, np.random.default_rng(k)))
 
 
+def assert_same_state(mapper: GMapping, other: GMapping) -> None:
+    """All that a filter remembers; which tile of a pool holds what may differ."""
+    (arrays, values), (expected_arrays, expected_values) = mapper.state(), other.state()
+    assert json.dumps(values) == json.dumps(expected_values)
+    for name, array in arrays.items():
+        if not name.startswith(("counts_", "surface_", "field_", "tree_parents", "tree_poses", "tree_leaves")):
+            assert array.tobytes() == expected_arrays[name].tobytes(), name
+
+
 FIXED = FilterConfig(particles=6)
 ADAPTIVE = FilterConfig(
     adapt=AdaptConfig(count="kld", min_particles=3, position=0.02, heading=0.02, error=1.0, resize_factor=1.1)
@@ -43,12 +54,14 @@ def test_a_resumed_filter_equals_the_uninterrupted_one_bit_for_bit(tmp_path, whe
     drive(first, 0, when)
     save_checkpoint(first, tmp_path / "half.npz")
     resumed = load_checkpoint(tmp_path / "half.npz", threads=1)
+    assert_same_state(resumed, first)
     drive(resumed, when, 40)
     for i in range(len(whole.poses)):
         assert resumed.path(i).tobytes() == whole.path(i).tobytes()
         assert resumed.map(i).probability.tobytes() == whole.map(i).probability.tobytes()
     assert resumed.weights.tobytes() == whole.weights.tobytes()
     assert resumed.update_scans.tolist() == whole.update_scans.tolist()
+    assert_same_state(resumed, whole)
 
 
 def test_saving_changes_nothing_and_leaves_no_other_file(tmp_path):
@@ -72,3 +85,84 @@ def test_damaged_files_are_named(tmp_path):
             load_checkpoint(tmp_path / name)
     with pytest.raises(FileNotFoundError):
         load_checkpoint(tmp_path / "absent")
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    """A checkpoint of a filter that has resampled: its arrays, with the header as plain values."""
+    path = tmp_path_factory.mktemp("checkpoint") / "good.npz"
+    mapper = GMapping(FIXED, seed=5)
+    drive(mapper, 0, 25)
+    save_checkpoint(mapper, path)
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    return arrays, json.loads(arrays.pop("header").tobytes())
+
+
+def load_changed(tmp_path, arrays, header) -> GMapping:
+    path = tmp_path / "changed.npz"
+    np.savez(path, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
+    return load_checkpoint(path)
+
+
+def test_what_was_not_changed_is_read(tmp_path, good):
+    arrays, header = good
+    drive(load_changed(tmp_path, arrays, header), 25, 30)
+
+
+ARRAYS = [
+    "poses", "log_weights", "spread", "log_histories", "odometry", "update_scans", "map_corner", "tree_parents",
+    "tree_poses", "tree_leaves", "tree_founders", "counts_table", "counts_references", "counts_data0", "counts_data1",
+    "surface_table", "surface_references", "surface_data0", "field_table", "field_references", "field_data0",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_an_array_of_half_its_length_is_refused(tmp_path, good, name):
+    arrays, header = good
+    with pytest.raises(CheckpointError, match=r"changed\.npz: .*damaged") as caught:
+        load_changed(tmp_path, arrays | {name: arrays[name][: len(arrays[name]) // 2]}, header)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_an_array_of_another_type_is_refused(tmp_path, good, name):
+    arrays, header = good
+    with pytest.raises(CheckpointError, match=name):
+        load_changed(tmp_path, arrays | {name: arrays[name].astype(np.complex64)}, header)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("counts_table", 10**6), ("surface_table", -1), ("field_table", 2), ("field_references", 7),
+        ("tree_parents", 10**6), ("tree_leaves", -2), ("tree_founders", 99), ("update_scans", 10**6),
+        ("poses", np.nan), ("log_weights", np.nan), ("field_data0", 255), ("counts_free", 1),
+    ],
+)  # fmt: skip
+def test_numbers_that_point_outside_are_refused(tmp_path, good, name, value):
+    arrays, header = good
+    changed = arrays[name].copy()
+    changed = np.append(changed, value).astype(changed.dtype) if changed.size == 0 else changed
+    changed.flat[-1] = value
+    with pytest.raises(CheckpointError, match="damaged"):
+        load_changed(tmp_path, arrays | {name: changed}, header)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("stamp", None),
+        ("track", {"stamp": 0.0, "jumps": 0, "poses": [None, [0.0, 1.0], None]}),
+        ("scans", -1),
+        ("scans", "25"),
+        ("track", None),
+        ("rng", {}),
+        ("revisits", []),
+        ("matched", "x"),
+    ],
+)
+def test_plain_values_of_another_kind_are_refused(tmp_path, good, key, value):
+    arrays, header = good
+    with pytest.raises(CheckpointError, match="damaged"):
+        load_changed(tmp_path, arrays, header | {"values": header["values"] | {key: value}})

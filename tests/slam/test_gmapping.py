@@ -2,6 +2,7 @@
 """The whole filter: variants, gates, reports, and what it makes of a drive through a room."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -164,6 +165,27 @@ def test_several_lidars_and_changing_beam_counts():
         front, rear = scan_at(at, beams=30 + 7 * k, mount=MOUNT), scan_at(at, beams=50, mount=(-0.2, 0.0, 3.0))
         mapper.process(pose, [front, rear])
     assert np.hypot(*(mapper.path() - truth)[:, :2].T).max() < 0.1
+
+
+def test_the_map_holds_what_each_of_several_lidars_saw():
+    """One lidar looks ahead, the other back: whole scans and their two halves give the same counts."""
+    truth, odometry, _ = noisy_drive(6)
+    whole, halves = (GMapping(config(), seed=3, threads=1) for _ in range(2))
+    for true, odom in zip(truth, odometry, strict=True):
+        scan = scan_at(true, beams=90)
+        ahead = np.abs(scan.angles) < 0.5 * np.pi
+        parts = [replace(scan, ranges=scan.ranges[side], angles=scan.angles[side]) for side in (ahead, ~ahead)]
+        whole.process(
+            odom,
+            replace(
+                scan,
+                ranges=np.concatenate([part.ranges for part in parts]),
+                angles=np.concatenate([part.angles for part in parts]),
+            ),
+        )
+        halves.process(odom, parts)
+    assert halves.path().tobytes() == whole.path().tobytes()
+    assert halves.map().probability.tobytes() == whole.map().probability.tobytes()
 
 
 def test_deskewing_is_an_option():

@@ -88,7 +88,7 @@ def test_ctrl_c_while_compiling_ends_soon_and_marks_the_run(tmp_path):
 
 UNCOMPILED = """
 import importlib, numba
-from slam._jit import kernel_files
+from slam._kernel_cache import kernel_files
 from slam._jit import top_package
 from testbed import kernels
 kernels.exercise_kernels()

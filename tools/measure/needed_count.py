@@ -22,7 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eval.files.atomic_write import atomic_write
-from eval.report.comparison import COLOURS
+from eval.report.comparison_plots import COLOURS
 from eval.sweep import needed_count
 from eval.sweep.answers import particles
 from eval.sweep.experiment import HeldOut, brier_score, predict_held_out, runs_of

@@ -24,6 +24,8 @@ MAX_PIXELS = 100_000_000
 """Largest picture: 100 megapixels are 400 MB as probabilities, 500 m x 500 m at 5 cm."""
 MAX_RESOLUTION = 100.0
 """Largest side of a cell [m]; larger numbers are not metres."""
+MAX_QUOTED = 160
+"""Messages quote at most so many characters of a file."""
 _MAX_YAML_BYTES = 1_000_000
 _MODES = ("trinary", "scale", "raw")
 _UNKNOWN_GREYS = (205, 127, 128)
@@ -104,13 +106,15 @@ def _read_document(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _MAX_YAML_BYTES:
             raise MapFileError(f"{path}: {path.stat().st_size} bytes, {expected}")
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = yaml.load(path.read_text(encoding="utf-8"), _PlainLoader)
     except OSError as error:
         raise MapFileError(f"{path}: {error.strerror}, {expected}") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         if isinstance(error, MapFileError):
             raise
-        raise MapFileError(f"{path}: not readable as YAML ({' '.join(str(error).split())}), {expected}") from None
+        raise MapFileError(
+            f"{path}: not readable as YAML ({' '.join(str(error).split())[:MAX_QUOTED]}), {expected}"
+        ) from None
     if not isinstance(document, dict):
         raise MapFileError(f"{path}: no keys and values, {expected}")
     return document
@@ -123,7 +127,7 @@ def _number(path: Path, document: dict[str, Any], key: str, default: float | Non
 def _finite(path: Path, key: str, value: Any) -> float:
     try:
         number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise MapFileError(f"{path}: {key}: expected a number, got {_shown(value)}")
@@ -197,4 +201,15 @@ def _unknown_greys(pixels: Pixels, meaning: NDArray[np.float32]) -> list[int]:
 
 
 def _shown(value: Any) -> str:
-    return reprlib.repr(value)
+    return reprlib.repr(value)[:MAX_QUOTED]
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Reads plain data without aliases: a few lines of them can stand for gigabytes, and no map needs them."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Read one value; raises ComposerError at an alias."""
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, "an alias (*), which a map does not need", mark)
+        return super().compose_node(parent, index)

@@ -16,8 +16,6 @@ import numpy as np
 import shapely
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import dijkstra
 
 from worlds.errors import WorldError
 from worlds.world import Start, Tour, World
@@ -95,6 +93,9 @@ class _Graph:
 
         Nodes of odd degree are paired along the shortest ways, the nearest pair first.
         """
+        from scipy import sparse  # here: its import takes a tenth of the start of `testbed simulate`
+        from scipy.sparse.csgraph import dijkstra
+
         degree: Counter[int] = Counter()
         for (a, b), uses in self.uses.items():
             degree[a] += uses

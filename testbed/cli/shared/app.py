@@ -28,7 +28,9 @@ app = App(
 )
 for _name, _help in HELP.items():
     app.command(
-        f"testbed.cli.{_name}:{'app' if _name in ('datasets', 'worlds', 'presets') else _name}", name=_name, help=_help
+        f"testbed.cli.{_name}:{'app' if _name in ('datasets', 'worlds', 'presets', 'systems') else _name}",
+        name=_name,
+        help=_help,
     )
 
 

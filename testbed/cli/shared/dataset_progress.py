@@ -36,6 +36,8 @@ class DatasetProgress:
     def stage(self, text: str) -> None:
         """Name what is done now, until the next dataset is finished."""
         self._stage, self._stage_began = text, time.monotonic()
+        if not console.is_terminal and self._count >= MIN_REPORTED:
+            console.print(f"{text} …", soft_wrap=True)
 
     def done(self, name: str, seconds: float, size: int) -> None:
         """A dataset is finished: its name, simulated time [s] and size [bytes]."""

@@ -108,6 +108,16 @@ testbed gather sweep
 testbed view runs/office-20250101-120000
 ```
 """,
+    "inspect": """Say what is in a recorded log, and what of it is doubtful.
+
+Topics, rates, gaps, mounts, beams, values for no return, odometry, clocks: a line each, with a verdict and what the
+reader does about it. The same checks run in `testbed slam` and become notes of the run.
+
+```
+testbed inspect robot_bag
+testbed inspect robot.log --json
+```
+""",
     "convert": """Convert a recorded log to another format.
 
 The conversion is lossless for all data that both formats support.
@@ -132,6 +142,17 @@ testbed worlds import floor.yaml --out floor.toml
 testbed presets list
 testbed presets show create3
 testbed presets umbmark
+```
+""",
+    "systems": """List SLAM systems, and check your own.
+
+A system is a Python class, in a file or a package. `run` and `slam` run it with `--system`, next to others on the same
+data.
+
+```
+testbed systems list
+testbed systems check my_slam.py:MySlam
+testbed run office --system my_slam.py:MySlam,odometry,gmapping
 ```
 """,
     "warmup": """Compile the kernels now instead of in the first run.

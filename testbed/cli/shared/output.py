@@ -46,7 +46,12 @@ class OutputOptions:
 
     def directory(self, name: str) -> RunDirectory:
         """Create the directory of this run, or empty it."""
-        return RunDirectory.create(self.out or default_directory(name, datetime.now()), overwrite=self.overwrite)
+        return RunDirectory.create(self.out or self.default_path(name), overwrite=self.overwrite)
+
+    @staticmethod
+    def default_path(name: str) -> Path:
+        """Return a new directory below runs/, which is not made yet."""
+        return default_directory(name, datetime.now())
 
     @property
     def limits(self) -> list[Limit]:

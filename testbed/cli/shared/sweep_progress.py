@@ -90,7 +90,7 @@ class SweepProgress:
     def medians(self) -> Table:
         """Median of the measure so far, by world and particle count."""
         counts = sorted({count for groups in self._errors.values() for count in groups})
-        table = Table(self._median_of, *map(str, counts), box=None, pad_edge=False)
+        table = Table("", *map(str, counts), box=None, pad_edge=False)
         for name, groups in self._named_errors():
             table.add_row(name, *(_median_text(self._measure.unit(0.0), groups.get(c, ())) for c in counts))
         return table
@@ -147,7 +147,8 @@ class SweepProgress:
             cells.add_row(Text(str(cell)), f"{time.monotonic() - since:.0f} s", style="dim")
         if not self._errors:
             return Group(self._line(), bar, cells)
-        return Group(self._line(), bar, cells, self.medians())
+        # what the medians are of stands above: in the table it would take the width of the columns
+        return Group(self._line(), bar, cells, Text(self._median_of), self.medians())
 
 
 def _median_text(unit: Unit, errors: Sequence[float]) -> str:

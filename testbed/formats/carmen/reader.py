@@ -34,6 +34,7 @@ from slam import se2
 from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
+from testbed.formats.stamps import NANOSECONDS_NOTE, StampUnit
 from testbed.frame import Frame
 
 LIDARS = {"FLASER": "laser", "RLASER": "rear_laser", "ROBOTLASER1": "laser", "ROBOTLASER2": "rear_laser"}
@@ -144,6 +145,7 @@ class _Content:
     parameters: dict[str, float] = field(default_factory=dict)
     truth: tuple[float, Pose] | None = None
     counts: Counter[str] = field(default_factory=Counter)
+    unit: StampUnit = field(default_factory=StampUnit)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -190,9 +192,10 @@ def _take(line: str, content: _Content) -> None:
         _take_parameter(rest, content)
     elif kind == "TRUEPOS":
         _expect(kind, rest, 9)
-        content.truth = (_stamp(rest[6]), _pose("true", rest[0:3]))
+        content.truth = (content.unit.seconds(_stamp(rest[6])), _pose("true", rest[0:3]))
     elif kind == "ODOM" or kind in LIDARS:
         message = _odom(rest) if kind == "ODOM" else _scan(kind, "".join(texts))
+        message.stamp = content.unit.seconds(message.stamp)
         if content.truth is not None and content.truth[0] == message.stamp:
             message.truth = content.truth[1]
         content.messages.append(message)
@@ -341,11 +344,12 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
     skipped_note = (
         f"messages left out: {', '.join(skipped[:8])}{' and others' if skipped[8:] else ''}" if skipped else ""
     )
+    unit_note = NANOSECONDS_NOTE if content.unit.is_nanoseconds else ""
     return Log.from_frames(
         [_frame(message, offsets, no_returns) for message in content.messages],
         path=path,
         format="CARMEN log",
-        notes=tuple(note for note in (*range_notes, offset_note, skipped_note) if note),
+        notes=tuple(note for note in (*range_notes, offset_note, skipped_note, unit_note) if note),
     )
 
 

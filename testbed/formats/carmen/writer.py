@@ -8,7 +8,7 @@ import math
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeVar
 
@@ -52,8 +52,8 @@ def write_carmen(
         temporary.open("wb") as file,
         _packed(file) if path.suffix == ".gz" else nullcontext(file.write) as write,
     ):
-        for text in chain((f"{SEALED}\n",), lines.parameters(), map(lines.text, blocks)):
-            raw = text.encode("ascii")
+        head_lines = "".join([f"{SEALED}\n", *lines.parameters()]).encode("ascii")
+        for raw in chain((head_lines,), map(lines.text, blocks)):
             digest.update(raw)
             write(raw)
         write(f"{SEAL}{digest.hexdigest()}\n".encode("ascii"))
@@ -81,35 +81,41 @@ class _Lines:
         """Lines before the first frame."""
         return iter(())
 
-    def text(self, block: FrameTable) -> str:
-        """All lines of a block."""
+    def text(self, block: FrameTable) -> bytes:
+        """All lines of a block; the readings, which are most of it, are copied once."""
         self._checked.clear()
         tails = [f"{stamp} {HOST} {stamp}\n" for stamp in _texts(block.stamps[:, None])]
         poses = _texts(block.odometry)
-        lines = [""] * len(block)
+        lines: list[list[bytes | memoryview]] = [[] for _ in range(len(block))]
         truth = block.known(block.truth)
         for row, true_pose in zip(np.flatnonzero(truth).tolist(), _texts(block.truth[truth]), strict=True):
-            lines[row] = f"TRUEPOS {true_pose} {poses[row]} {tails[row]}"
+            lines[row].append(f"TRUEPOS {true_pose} {poses[row]} {tails[row]}".encode("ascii"))
         twists = _texts(block.twist[:, [0, 2]])
         bare = np.ones(len(block), dtype=bool)
         bare[block.scan_rows] = False
         for row in np.flatnonzero(bare).tolist():
-            lines[row] += f"ODOM {poses[row]} {twists[row]} 0 {tails[row]}"
+            lines[row].append(f"ODOM {poses[row]} {twists[row]} 0 {tails[row]}".encode("ascii"))
         lasers = _texts(se2.compose(block.odometry[block.scan_rows], block.mounts)) if len(block.scan_rows) else []
-        readings = _readings(block)
+        readings, counts = _readings(block), block.readings.tolist()
         for number, row in enumerate(block.scan_rows.tolist()):
             kind = self._kinds[block.lidars[block.scan_lidars[number]]]
             self.check(block, number)
             places = f"{lasers[number]} {poses[row]}"
-            lines[row] += self.scan(block, number, kind, readings[number], places, twists[row]) + tails[row]
-        return "".join(lines)
+            before, behind = self.scan(block, number, kind, places, twists[row])
+            space = " " if counts[number] else ""
+            lines[row] += [
+                f"{before}{counts[number]}{space}".encode("ascii"),
+                readings[number],
+                f"{behind}{tails[row]}".encode("ascii"),
+            ]
+        return b"".join(chain.from_iterable(lines))
 
     def check(self, block: FrameTable, number: int) -> None:
         """Raise LogError where the log cannot hold a scan."""
         raise NotImplementedError
 
-    def scan(self, block: FrameTable, number: int, kind: str, readings: str, places: str, twist: str) -> str:
-        """A scan's line up to its stamp."""
+    def scan(self, block: FrameTable, number: int, kind: str, places: str, twist: str) -> tuple[str, str]:
+        """A scan's line up to the number of its readings, and what follows the readings, up to the stamp."""
         raise NotImplementedError
 
     def of_pattern(self, block: FrameTable, number: int, value: Callable[[BeamPattern], T]) -> T:
@@ -133,10 +139,10 @@ class _Robotlaser(_Lines):
         if self.of_pattern(block, number, _fan) is None:
             raise self.complain(block, number, "ROBOTLASER1 needs evenly spaced beams, these are not")
 
-    def scan(self, block: FrameTable, number: int, kind: str, readings: str, places: str, twist: str) -> str:
-        """A scan's line up to its stamp."""
+    def scan(self, block: FrameTable, number: int, kind: str, places: str, twist: str) -> tuple[str, str]:
+        """A scan's line before and behind its readings."""
         fan, range_max = self.of_pattern(block, number, _fan), float(block.range_limits[number, 1])
-        return f"{kind} 0 {fan} {range_max!r} 0 0 {readings} 0 {places} {twist} 0 0 0 "
+        return f"{kind} 0 {fan} {range_max!r} 0 0 ", f" 0 {places} {twist} 0 0 0 "
 
 
 class _Flaser(_Lines):
@@ -164,9 +170,9 @@ class _Flaser(_Lines):
             count = block.readings[number]
             raise self.complain(block, number, f"FLASER implies other angles for {count} beams: write ROBOTLASER1")
 
-    def scan(self, block: FrameTable, number: int, kind: str, readings: str, places: str, twist: str) -> str:
-        """A scan's line up to its stamp."""
-        return f"{kind} {readings} {places} "
+    def scan(self, block: FrameTable, number: int, kind: str, places: str, twist: str) -> tuple[str, str]:
+        """A scan's line before and behind its readings."""
+        return f"{kind} ", f" {places} "
 
 
 def _kinds(path: Path, lidars: list[str], kinds: tuple[str, str]) -> dict[str, str]:
@@ -194,27 +200,33 @@ def _is_flaser(pattern: BeamPattern) -> bool:
     return np.allclose(pattern.angles, np.deg2rad(first + step * np.arange(count)), rtol=0.0, atol=1e-6)
 
 
-def _readings(block: FrameTable) -> list[str]:
-    """Number of readings of each scan, and the readings: hits as they are, the others as 0 or `range_max`."""
+def _readings(block: FrameTable) -> list[memoryview]:
+    """The readings of each scan: hits as they are, the others as 0 or `range_max`."""
     ranges, limits = np.asarray(block.ranges, dtype=np.float64), np.repeat(block.range_limits, block.readings, axis=0)
     hit = (ranges >= limits[:, 0]) & (ranges > 0.0) & (ranges < limits[:, 1])
     kept = np.where(hit, ranges, np.where(ranges >= limits[:, 1], limits[:, 1], 0.0))
     texts = _joined(kept, block.scan_starts)
-    return [f"{count} {text}".rstrip() for count, text in zip(block.readings.tolist(), texts, strict=True)]
+    _, offsets, data = texts.buffers()
+    if data is None:  # no readings at all
+        return [memoryview(b"")] * len(texts)
+    ends = np.frombuffer(offsets, np.int32)[texts.offset : texts.offset + len(texts) + 1].tolist()
+    whole = memoryview(data)
+    return [whole[begin:end] for begin, end in pairwise(ends)]
 
 
 def _texts(values: NDArray[np.float64]) -> list[str]:
     """The rows (n, k) as text, without a loss of digits."""
     n, k = values.shape
-    return _joined(np.ascontiguousarray(values).reshape(-1), k * np.arange(n + 1))
+    texts: list[str] = _joined(np.ascontiguousarray(values).reshape(-1), k * np.arange(n + 1)).to_pylist()
+    return texts
 
 
-def _joined(values: Floats, starts: Integers) -> list[str]:
-    """Runs of values as texts of the shortest numbers that read back the same; starts: begin of each, and the end."""
+def _joined(values: Floats, starts: Integers) -> Any:
+    """Runs of values as an arrow array of texts, of the shortest numbers that read back the same; starts: begin of
+    each, and the end."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
     numbers = pa.array(values).cast(pa.string())  # seven times as fast as repr
     runs = pa.ListArray.from_arrays(pa.array(starts, pa.int32()), numbers)
-    texts: list[str] = pc.binary_join(runs, " ").to_pylist()
-    return texts
+    return pc.binary_join(runs, " ")

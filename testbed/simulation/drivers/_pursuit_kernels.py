@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # mypy: ignore-errors
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Pure pursuit of a polyline: the position along it and the arc that leads back to it."""
+"""Pure pursuit of a polyline: the position along it, the arc that leads back to it, and backing off when stuck."""
 
 from typing import NamedTuple
 
@@ -30,6 +30,34 @@ class PursuitLimits(NamedTuple):
     turn_on_spot_above: float
     arrived: float
     """Distance to the end at which the path is finished [m]."""
+
+
+BACKING_OFF = 6
+"""Size of the state of backing off: time of the last progress and until when it backs off [s]; pose x, y [m], theta
+[rad] at that time, NaN at the beginning; number of times that it backed off."""
+_PROGRESS, _TURN_PROGRESS = 0.05, 0.2  # motion [m] and turning [rad] that count as progress
+BACK_OFF_SPEED, BACK_OFF_TIME = -0.1, 2.0
+"""Speed [m/s] and duration [s] of backing off."""
+
+
+class Tour(NamedTuple):
+    """A path, and when the robot backs off."""
+
+    path: Path
+    limits: PursuitLimits
+    patience: float
+    """The robot is stuck if it has made no progress for this time [s]."""
+    max_recoveries: int
+    """The drive is given up after this many tries to back off."""
+
+
+class TourState(NamedTuple):
+    """State of a drive along a tour, changed in place."""
+
+    along: NDArray[np.float64]
+    """Position along the path [m], (1,)."""
+    recovery: NDArray[np.float64]
+    """See `BACKING_OFF`."""
 
 
 @kernel
@@ -80,3 +108,44 @@ def pursue(path, along, pose, limits):
     if abs(curvature) * speed > limits.turn_rate:
         speed = limits.turn_rate / abs(curvature)
     return speed, curvature * speed, along
+
+
+@kernel
+def backs_off(recovery, stamp, pose, patience):
+    """Return whether a robot at `pose` (3,) is to back off at the time `stamp` [s]; advances `recovery` in place."""
+    if stamp < recovery[1]:
+        return True
+    turned = abs(pose[2] - recovery[4])
+    turned = abs(turned - 2.0 * np.pi * np.round(turned / (2.0 * np.pi)))
+    moved = np.hypot(pose[0] - recovery[2], pose[1] - recovery[3])
+    if np.isnan(moved) or moved > _PROGRESS or turned > _TURN_PROGRESS:
+        recovery[0], recovery[2], recovery[3], recovery[4] = stamp, pose[0], pose[1], pose[2]
+    elif stamp - recovery[0] > patience:
+        recovery[5] += 1.0
+        recovery[0] = recovery[1] = stamp + BACK_OFF_TIME
+        return True
+    return False
+
+
+@kernel
+def steer(tour, state, stamp, pose):
+    """Return speed [m/s] and turn rate [rad/s] of a robot at `pose` (3,) on a tour at the time `stamp` [s]; advances
+    `state` in place."""
+    speed, turn_rate, state.along[0] = pursue(tour.path, state.along[0], pose, tour.limits)
+    if is_finished(tour, state):
+        return 0.0, 0.0
+    if backs_off(state.recovery, stamp, pose, tour.patience):
+        return BACK_OFF_SPEED, 0.0
+    return speed, turn_rate
+
+
+@kernel
+def is_finished(tour, state):
+    """Return whether the end of the path is reached."""
+    return tour.path.starts[-1] - state.along[0] < tour.limits.arrived
+
+
+@kernel
+def is_stuck(tour, state):
+    """Return whether the drive was given up, because backing off did not help."""
+    return state.recovery[5] > tour.max_recoveries

@@ -28,8 +28,9 @@ class PurePursuit:
         if len(corners) < 2:
             raise ValueError("a path needs at least two different corners")
         lengths = np.hypot(*np.diff(corners, axis=0).T)
-        self._path = Path(corners, np.append(0.0, np.cumsum(lengths)))
-        self._limits = PursuitLimits(
+        self.path = Path(corners, np.append(0.0, np.cumsum(lengths)))
+        """The polyline."""
+        self.limits = PursuitLimits(
             speed=min(config.speed, robot.max_speed),
             turn_rate=min(config.turn_rate, robot.max_turn_rate),
             acceleration=config.acceleration,
@@ -37,21 +38,23 @@ class PurePursuit:
             turn_on_spot_above=config.turn_on_spot_above,
             arrived=_ARRIVED,
         )
-        self._along = 0.0
-        self.length = float(self._path.starts[-1])
+        """Limits of the motion."""
+        self.along = np.zeros(1)
+        """Position along the path [m], (1,)."""
+        self.length = float(self.path.starts[-1])
         """Length of the whole path [m]."""
 
     @property
     def share(self) -> float:
         """Share of the path that is done, 0 to 1."""
-        return self._along / self.length
+        return float(self.along[0]) / self.length
 
     @property
     def finished(self) -> bool:
         """Whether the end of the path is reached."""
-        return self.length - self._along < _ARRIVED
+        return bool(self.length - self.along[0] < _ARRIVED)
 
     def command(self, x: float, y: float, theta: float) -> tuple[float, float]:
         """Return speed [m/s] and turn rate [rad/s] for the robot at this pose in the path's frame; 0, 0 at the end."""
-        speed, turn_rate, self._along = pursue(self._path, self._along, (x, y, theta), self._limits)
+        speed, turn_rate, self.along[0] = pursue(self.path, self.along[0], (x, y, theta), self.limits)
         return speed, turn_rate

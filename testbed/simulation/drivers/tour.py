@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
+from testbed.simulation.drivers._pursuit_kernels import Tour, TourState, steer
 from testbed.simulation.drivers.driver import DriverConfig
 from testbed.simulation.drivers.pursuit import PurePursuit
 from testbed.simulation.drivers.stuck_recovery import StuckRecovery
@@ -22,7 +23,10 @@ class TourDriver:
         """path: corners (n, 2) [m], world frame. Raises `ValueError` if it has fewer than two different corners."""
         self._pursuit = PurePursuit(path, robot, config)
         self._recovery = StuckRecovery(config.patience)
-        self._max_recoveries = config.max_recoveries
+        self.tour = Tour(self._pursuit.path, self._pursuit.limits, config.patience, config.max_recoveries)
+        """The path, and when the robot backs off."""
+        self.state = TourState(self._pursuit.along, self._recovery.state)
+        """State of the drive."""
 
     @property
     def length(self) -> float:
@@ -42,7 +46,7 @@ class TourDriver:
     @property
     def stuck(self) -> bool:
         """Whether the drive was given up, because backing off did not help."""
-        return self.recoveries > self._max_recoveries
+        return self.recoveries > self.tour.max_recoveries
 
     @property
     def recoveries(self) -> int:
@@ -51,11 +55,8 @@ class TourDriver:
 
     def command(self, stamp: float, x: float, y: float, theta: float) -> tuple[float, float]:
         """Return speed [m/s] and turn rate [rad/s] for the robot at this pose and time [s]."""
-        speed, turn_rate = self._pursuit.command(x, y, theta)
-        if self.finished:
-            return 0.0, 0.0
-        escape = self._recovery.command(stamp, x, y, theta)
-        return escape if escape is not None else (speed, turn_rate)
+        speed, turn_rate = steer(self.tour, self.state, stamp, (x, y, theta))
+        return speed, turn_rate
 
     def wait(self, stamp: float) -> tuple[float, float]:
         """Return the command 0, 0; the time up to `stamp` [s] does not count as lack of progress."""

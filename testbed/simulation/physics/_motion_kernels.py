@@ -6,8 +6,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slam._jit import kernel
+from testbed.simulation.physics._ray_kernels import SegmentGrid
 
 
 class Vehicle(NamedTuple):
@@ -18,6 +20,22 @@ class Vehicle(NamedTuple):
     footprint_radius: float
     acceleration: float
     turn_acceleration: float
+
+
+class Body(NamedTuple):
+    """A robot on the fast backend."""
+
+    state: NDArray[np.float64]
+    """State as `drive` takes it, (7,), changed in place."""
+    vehicle: Vehicle
+    solid: SegmentGrid
+    """Surfaces that stop the robot."""
+    max_speed: float
+    """Largest commanded speed [m/s]."""
+    max_turn_rate: float
+    """Largest commanded turn rate [rad/s]."""
+    step_time: float
+    """Duration of a step of motion [s]."""
 
 
 @kernel

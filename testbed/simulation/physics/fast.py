@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.presets import RobotPreset
-from testbed.simulation.physics._motion_kernels import Vehicle, drive
+from testbed.simulation.physics._motion_kernels import Body, Vehicle, drive
 from testbed.simulation.physics._ray_kernels import SegmentGrid, bin_segments, cast_rays
 from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits, Hits, Motion
 from worlds import World
@@ -28,15 +28,22 @@ class FastBackend:
         """Bin the walls that the body can touch; those that the lidars see are binned with the first ray."""
         self._world = world
         self._seen: dict[float, SegmentGrid] = {}  # by height
-        self._solid = segment_grid(world.boundary_segments())
-        self._vehicle = vehicle_of(robot, limits)
-        self._state = np.array([world.start.x, world.start.y, world.start.theta, 0.0, 0.0, 0.0, 0.0])
+        self.body = Body(
+            state=np.array([world.start.x, world.start.y, world.start.theta, 0.0, 0.0, 0.0, 0.0]),
+            vehicle=vehicle_of(robot, limits),
+            solid=segment_grid(world.boundary_segments()),
+            max_speed=robot.max_speed,
+            max_turn_rate=robot.max_turn_rate,
+            step_time=1.0 / STEP_RATE,
+        )
+        """State of the robot and the walls that stop it."""
 
     def drive(self, speed: float, turn_rate: float, steps: int) -> Motion:
         """Move the robot, see `Backend.drive`."""
         poses = np.empty((steps, 3))
-        contact = drive(self._state, (speed, turn_rate), 1.0 / STEP_RATE, self._vehicle, self._solid, poses)
-        return Motion(poses, self._state[5:].copy(), contact)
+        body = self.body
+        contact = drive(body.state, (speed, turn_rate), body.step_time, body.vehicle, body.solid, poses)
+        return Motion(poses, body.state[5:].copy(), contact)
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64], reach: float, height: float) -> Hits:
         """Cast horizontal rays, see `Backend.cast`."""

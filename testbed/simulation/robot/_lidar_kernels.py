@@ -76,7 +76,7 @@ def _with_edge(distances, i, uniform, optics):
     n = distances.shape[0]
     if optics.spot == 0.0 or (i == n - 1 and not optics.full_turn):
         return distances[i]
-    near, far = distances[i], distances[(i + 1) % n]
+    near, far = distances[i], distances[i + 1 if i + 1 < n else 0]
     reached = min(0.5 * optics.spot * n / optics.field_of_view, 0.5)
     if uniform >= reached or np.isinf(near) or np.isinf(far) or abs(far - near) <= _EDGE:
         return near
@@ -99,9 +99,11 @@ def read_beams(distances, cos_incidence, uniform, normal, optics, device):
         if cos_incidence[i] < optics.grazing:
             reading = np.inf
         path, fate = min(reading, distances[i], optics.range_max), uniform[1, i]  # dust lies before what was met
-        short = -np.expm1(-optics.short_return_rate * path)
-        if fate < short:
-            reading = fate / short * path
+        rate = optics.short_return_rate * path
+        if fate < 1.001 * rate:  # 1 - exp(-rate) is not larger; the exponential would take a third of this loop
+            short = -np.expm1(-rate)
+            if fate < short:
+                reading = fate / short * path
         if np.isfinite(reading):
             reading = reading * device[1] + device[0]
             reading += max(optics.noise_floor, optics.noise_share * reading) * normal[i]

@@ -6,6 +6,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slam._jit import kernel
 
@@ -33,6 +34,20 @@ class Encoders(NamedTuple):
     """Mean distance that a slipping wheel spins ahead [m]."""
     lost_ticks: float
     """Share of the motion that the encoders miss."""
+
+
+class Odometer(NamedTuple):
+    """The odometry of a robot, with the random numbers of its next readings."""
+
+    state: NDArray[np.float64]
+    """State as `read_wheels` takes it, (9,), changed in place."""
+    believed: NDArray[np.float64]
+    """Radii and track that it assumes [m], (3,)."""
+    encoders: Encoders
+    uniform: NDArray[np.float64]
+    """Uniform numbers, (readings, 3)."""
+    normal: NDArray[np.float64]
+    """Normal numbers, (readings, 2)."""
 
 
 @kernel

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.presets import RobotPreset
-from testbed.simulation.robot._odometry_kernels import ODOMETER, Encoders, read_wheels
+from testbed.simulation.robot._odometry_kernels import ODOMETER, Encoders, Odometer, read_wheels
 from testbed.simulation.robot.random_rows import RandomRows
 
 
@@ -136,6 +136,14 @@ class Odometry:
 
     def advance(self, left: float, right: float) -> Pose:
         """Return the pose (3,) after the wheels have turned to these angles since the beginning [rad]."""
-        uniform, normal = self._numbers.next_of(0)
-        read_wheels(self._odometer, (left, right), uniform[0], normal[0], self._believed, self._encoders)
+        odometer = self.odometer(1)
+        read_wheels(
+            odometer.state, (left, right), odometer.uniform[0], odometer.normal[0], odometer.believed, odometer.encoders
+        )
         return self.pose
+
+    def odometer(self, readings: int) -> Odometer:
+        """Return the state with the random numbers of the next readings, at least one and at most so many: all of them
+        must be made."""
+        uniform, normal = self._numbers.next_of(0, readings)
+        return Odometer(self._odometer, self._believed, self._encoders, uniform, normal)

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +21,8 @@ from eval.trajectory.relations import Relations, read_relations
 from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from testbed.datasets.truth import attach_truth
-from testbed.formats import open_log
 from testbed.frame import Frame
+from testbed.inspect import Reading
 from testbed.run.execute import lidar_views
 from testbed.run.job import RecordedFrames
 from testbed.seeds import RunSeeds
@@ -110,7 +111,7 @@ def _true_map(
 @lru_cache(maxsize=2)
 def _logged(source: str) -> Recording:
     log: Mapping[str, Any] = json.loads(source)
-    frames = open_log(log["log"], laser_offset=log.get("laser_offset"), range_max=log.get("range_max")).frames
+    frames = Reading.from_settings(log).open(Path(log["log"])).frames
     if "truth" in log:
         frames = attach_truth(frames, read_tum(log["truth"]))
     return Recording(

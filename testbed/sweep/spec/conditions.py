@@ -26,7 +26,8 @@ def conditions(spec: SweepSpec) -> str:
 
     distance = shared(lambda s: s.filter.gate.distance)
     angle = shared(lambda s: s.filter.gate.angle)
-    words = [f"filter update every {distance} m or {angle} rad"]
+    is_shared = "various" not in (distance, angle)
+    words = [f"filter update every {distance} m or {angle} rad" if is_shared else "various update gates"]
     if spec.worlds:
         words = [
             f"robot {shared(lambda s: s.simulator.robot)}",

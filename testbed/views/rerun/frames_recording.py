@@ -14,7 +14,7 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.frame import Frame
 from testbed.views.rerun import drawing, entities
-from testbed.views.rerun.archetypes import pose_transform
+from testbed.views.rerun.archetypes import grid_map, pose_transform
 from testbed.views.rerun.blueprints import legend_view, map_view
 from testbed.views.rerun.columns import Columns, line_columns, poses, scans
 from testbed.views.rerun.layers.path_blocks import GrowingPath
@@ -86,6 +86,7 @@ def _log_static(rec: rr.RecordingStream, scene: Scene, truth: bool) -> None:
     rec.log(entities.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     if scene.true_map is not None:
         styles.log_true_walls(rec, scene)
+        rec.log(entities.TRUE_MAP, grid_map(scene.true_map), static=True)  # floor is white, what is solid grey
     log_robot(rec, ODOMETRY_ROBOT, scene.robot_radius, styles.ODOMETRY)
     if truth:
         log_robot(rec, entities.TRUE_ROBOT, scene.robot_radius, styles.TRUTH)

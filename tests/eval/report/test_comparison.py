@@ -3,10 +3,13 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from eval.files.run_reader import RunFilesError
+from eval.files.tum import read_tum, write_tum
 from eval.report.comparison import write_comparison
+from eval.trajectory.trajectory import Trajectory
 from tests.eval.synthetic_run import write_run
 
 
@@ -48,6 +51,8 @@ def test_across_places_no_figure_is_the_best_and_a_run_without_settings_differs_
     other = write_run(tmp_path / "other", broken=True)
     config = (other / "config.toml").read_text()
     (other / "config.toml").write_text(config.replace('world = "ring"', 'world = "/far/away/maze.toml"'))
+    truth = read_tum(other / "truth.tum")
+    write_tum(other / "truth.tum", Trajectory(truth.stamps, truth.poses + np.array([1.0, 0.0, 0.0])))
     failed = tmp_path / "failed"
     failed.mkdir()
     (failed / "metrics.json").write_text('{"outcome": "failed", "reason": "no space left on the disk"}')

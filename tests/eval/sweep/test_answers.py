@@ -103,6 +103,17 @@ def test_more_failures_that_keep_an_answer_open_are_named(tmp_path):
     assert answer.needs == "how many would tell cannot be said"
 
 
+def test_a_lower_count_that_failed_more_often_is_not_said_to_be_enough_perhaps(tmp_path):
+    write_sweep(
+        tmp_path,
+        error=lambda p, k, c, s: 0.02 + (0.02 * ((5 * s) % 8 - 3.5) if c == 0 else 0.0),
+        outcome=lambda p, k, c, s: "lost" if c == 0 and s == 4 else "ok",
+    )
+    (answer, _) = answers(summarise(read_sweep(tmp_path)), "improved")
+    assert answer.headline == "5 particles are enough"
+    assert answer.needs == "1 is not shown to be enough, and failed in 1 of 10 runs"
+
+
 def test_a_world_in_which_all_counts_fail_says_so(tmp_path):
     lost = sentences(tmp_path, outcome=lambda p, k, c, s: "lost" if p == 0 else "ok")
     assert lost[0] == "hall_a, 1 route: no tested count works, up to 20 particles (20 fail in 10 of 10 runs)."

@@ -24,9 +24,17 @@ def test_too_few_seeds_get_one_number_and_no_forecast(level):
 def test_enough_seeds_get_their_chance_and_what_it_rests_on():
     chance = typical_outlook(level=0.95).chance(min_values(), level=0.95)
     assert 0.05 < chance < 0.95
-    said = foresight(6)
-    assert said.startswith(f"The chance that 6 seeds give an answer is about {5 * round(20 * chance)} %: by a rule of")
-    assert said.endswith("One whose difference lies near the margin stays open with any number.")
+    words = (
+        f"The chance of an answer is about {5 * round(20 * chance)} % where a smaller count is as good as the largest"
+    )
+    assert words in foresight(6)
+
+
+def test_the_smallest_difference_that_seeds_show_is_said():
+    """Of a median of 10 values with a standard deviation of a quarter of the error, by Bloom's formula."""
+    error = 0.25 * 1.2533 / 10.0**0.5
+    smallest = (2.2622 + 0.8834) * error  # quantiles of t with 9 degrees of freedom
+    assert f"10 seeds show differences from about {100.0 * smallest:.0f} % of the error on." in foresight(10)
 
 
 def test_each_number_of_seeds_stands_with_its_cost():

@@ -1,7 +1,18 @@
 # SPDX-License-Identifier: MIT
 """Sentences about real time, overconfidence and seeds."""
 
-from eval.sweep.remarks import margin_words, overconfidence, real_time, seeds_change
+import numpy as np
+
+from eval.sweep.needed_count import predictors_of, shipped_model
+from eval.sweep.remarks import (
+    after_final_pass,
+    look_rule,
+    margin_words,
+    overconfidence,
+    real_time,
+    seeds_change,
+    suggested_counts,
+)
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import write_sweep
@@ -43,3 +54,41 @@ def test_the_margin_that_counts_is_named_where_the_worlds_differ(tmp_path):
     assert margin_words(summarise(read_sweep(larger))) == "5 mm (10 % where that is more: cave)"
     largest = write_sweep(tmp_path / "c", error=lambda p, k, c, s: 0.4)
     assert margin_words(summarise(read_sweep(largest))) == "10 %"
+
+
+def test_the_final_pass_is_said_with_what_it_leaves(tmp_path):
+    """In the tables it divides every error by five."""
+    equal = write_sweep(tmp_path / "a", error=lambda p, k, c, s: 0.05 if c == 0 else 0.03 + 0.02 * p)
+    assert after_final_pass(summarise(read_sweep(equal))) == (
+        "the count hardly matters any more: hall_a 1.0 cm with 1 particle, 0.60 with 20; cave 1.0 cm with 1 particle, "
+        "1.0 with 20."
+    )
+    worse = write_sweep(tmp_path / "b", error=lambda p, k, c, s: 0.3 if (p, c) == (0, 0) else 0.03)
+    assert after_final_pass(summarise(read_sweep(worse))).startswith("the count still matters in hall_a: hall_a 6.0 cm")
+    own = write_sweep(tmp_path / "c", measure="trajectory_online.ate_rmse_m")
+    assert after_final_pass(summarise(read_sweep(own))) == ""
+
+
+def test_the_rule_of_looks_says_where_each_world_stands(tmp_path):
+    assert look_rule(read_sweep(write_sweep(tmp_path / "a"))) == ""
+    later = frozenset((1, k, c, s) for k in range(2) for c in range(3) for s in range(8, 40))
+    done = frozenset((0, k, c, s) for k in range(2) for c in range(3) for s in range(16, 40))
+    table = read_sweep(write_sweep(tmp_path / "b", seeds=40, missing=later | done, about={"level": 0.99})).judged()
+    assert look_rule(table) == (
+        "The results are looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), each time with 99 % intervals, so "
+        "that all answers together hold with 95 % (Bonferroni). Here hall_a has look 2 (16 seeds), cave has look 1 (8 "
+        "seeds), of at most 40 seeds."
+    )
+
+
+def test_the_forecast_of_a_count_needs_features_and_the_default_filter(tmp_path, monkeypatch):
+    assert suggested_counts(read_sweep(write_sweep(tmp_path / "a"))) == ""
+    monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", ("default",))
+    table = read_sweep(write_sweep(tmp_path / "b", about={"baseline": "default"}))
+    assert suggested_counts(table) == ""  # no features
+    values = {"longest_unknown_m": 48.0, "odometry_deg_per_m": 0.8, "scan_observability": 0.3}
+    table.columns.update({f"features.{name}": np.full(table.shape, value) for name, value in values.items()})
+    model = shipped_model()
+    low, high = model.interval(predictors_of(values))
+    words = f"{model.needed(predictors_of(values))} (95 % interval {low} to {high})"
+    assert suggested_counts(table) == f"hall_a {words}, cave {words}"

@@ -117,6 +117,11 @@ def test_an_unknown_start_is_found_with_many_particles_which_become_few(seed):
     assert deviation[-1] < 0.05
 
 
+def test_a_search_that_begins_has_no_particles_and_no_weights():
+    localization = Localization(map_of(walls_of(RECTANGLE)), seed=0, threads=1)
+    assert len(localization.poses) == len(localization.weights) == 0
+
+
 def test_a_room_that_looks_the_same_turned_round_is_ambiguous(monkeypatch):
     monkeypatch.setattr(rooms, "WALLS", walls_of(RECTANGLE))
     truth, odometry = drive()

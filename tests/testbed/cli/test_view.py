@@ -56,7 +56,7 @@ def test_a_web_page_and_a_file_say_where_to_move_the_cursor(
     command.view([run], time=12.5, serve=True)
     command.view([run], time=12.5, save=tmp_path / "sent.rrd")
     page, file = capsys.readouterr().err.splitlines()
-    assert page == "view: http://127.0.0.1:9090; there, move the time cursor to 12.5 s"
+    assert page == "view: http://127.0.0.1:9090; there, move the time cursor to 12.5 s; served until Ctrl-C"
     assert file.endswith("opens it; there, move the time cursor to 12.5 s")
     assert f"rerun-sdk=={version('rerun-sdk')}" in file
 

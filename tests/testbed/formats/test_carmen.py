@@ -136,6 +136,8 @@ GOOD = f"FLASER 180 {RANGES} 0.1 0.2 0.3 0.1 0.2 0.3 5.5 host 5.5"
         (GOOD.replace("0.1 0.2 0.3 5.5", "0.1 nan 0.3 5.5"), r":2: odometry pose must be finite"),
         (GOOD.replace("0.1 0.2 0.3 5.5", "0.1 inf 0.3 5.5"), r":2: odometry pose must be finite"),
         (GOOD.replace("5.5 host", "nan host"), r":2: ipc time must be finite"),
+        (GOOD.replace("5.5 host", "1e12 host"), r":2: a stamp of 1e\+12, expected seconds, or nanoseconds in all"),
+        (GOOD.replace("5.5 host", "5500000000123456789 host"), r":2: a stamp of 5.5\d*e\+18, expected seconds"),
         (GOOD.replace("1.50", "1.x0"), r":2: beam: expected a number, got '1.x0'"),
         (GOOD.replace("1.50", "1_50"), r":2: beam: expected a number, got '1_50'"),
         ("FLASER 3 1 1 1 0 0 0 0 0 0 5.5 host 5.5", r":2: FLASER with 3 beams: it holds no angles"),
@@ -174,6 +176,16 @@ def test_bad_file_is_named(tmp_path, content, complaint):
         open_log(path)
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_stamps_in_nanoseconds_are_read_as_seconds(tmp_path):
+    path = tmp_path / "nano.log"
+    start = 1_600_000_000_000_000_000
+    path.write_text("".join(f"{GOOD.replace('5.5 host', f'{start + k * 10**8} host')}\n" for k in range(3)))
+    log = open_log(path)
+    assert np.diff([frame.stamp for frame in log.frames]) == pytest.approx([0.1, 0.1], abs=1e-6)
+    assert log.frames[0].stamp == pytest.approx(1.6e9)
+    assert "stamps are in nanoseconds; they are read as seconds" in log.notes
 
 
 def test_missing_file_is_named(tmp_path):

@@ -23,6 +23,7 @@ from slam.scan import Scan
 from testbed.formats import LogError, open_log
 from testbed.formats.head import LogHead, lidars_of
 from testbed.formats.ros.reading.frames import interpolate
+from testbed.formats.ros.writing.types import DEFINITIONS, written_types
 from testbed.formats.ros.writing.writer import write_bag as write_blocks_as_bag
 from testbed.frame import Frame
 from testbed.frame_table import FrameTable
@@ -116,6 +117,14 @@ def test_messages_are_what_rosbags_would_write(tmp_path, storage, compressed):
                 assert message.scan_time == np.float32(0.15)  # every third frame of 20 a second
     assert (counts["/odom"], counts["/cmd_vel"], counts["/scan"]) == (600, 120, 200)
     assert [time for _, time, _ in messages] == sorted(time for _, time, _ in messages)
+
+
+def test_types_are_those_of_ros():
+    written, known = written_types(), get_typestore(Stores.ROS2_JAZZY)
+    for name in DEFINITIONS:
+        assert written.fielddefs[name] == known.fielddefs[name]
+        assert written.generate_msgdef(name, ros_version=2) == known.generate_msgdef(name, ros_version=2)
+        assert written.hash_rihs01(name) == known.hash_rihs01(name)
 
 
 def test_the_mcap_library_reads_what_rosbags_reads(tmp_path):

@@ -17,6 +17,7 @@ def test_the_spread_is_the_deviation_of_the_weighted_positions() -> None:
     poses = np.array([[0.0, 0.0, 5.0], [3.0, 4.0, -5.0], [9.0, 9.0, 0.0]])
     assert spread_of(poses, np.array([0.5, 0.5, 0.0])) == pytest.approx(2.5)
     assert spread_of(poses[:1], np.ones(1)) == 0.0
+    assert np.isnan(spread_of(poses[:0], np.ones(0)))
     rng = np.random.default_rng(0)
     cloud = rng.normal([1e3, -1e3, 0.0], [0.3, 0.4, 1.0], (100_000, 3))
     assert spread_of(cloud, np.full(100_000, 1e-5)) == pytest.approx(0.5, rel=0.01)

@@ -207,6 +207,21 @@ def test_a_driver_has_seen_all_complete_frames_when_it_commands():
     assert max(driver.delays) < 0.11  # the period of the scans
 
 
+@pytest.mark.parametrize("box", [None, Box(x=2.0, y=0.0, width=0.2, depth=2.0)])
+def test_many_periods_at_once_equal_single_ones(box):
+    """The drive goes to its end; with a box on the way the robot pushes it, backs off and is given up."""
+    world, config = room(tour=[(4, 0)]), SimulationConfig(backend="fast", duration=100.0)
+    drives = []
+    for driver in (None, Listener(world, config)):
+        simulation = simulate(world, config, driver)
+        if box is not None:
+            simulation.world = world.model_copy(update={"boxes": [box]})
+        made = list(simulation)
+        drives.append(made)
+        assert (simulation.stuck, simulation.collided, simulation.finished) == (box is not None,) * 2 + (box is None,)
+    assert_equal_frames(*drives)
+
+
 def test_changing_the_lidar_leaves_the_odometry_alone():
     config = SimulationConfig(backend="fast", duration=8.0)
     silent = dataclasses.replace(config, lidar_layers=LidarLayers.none())

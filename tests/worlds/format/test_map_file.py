@@ -128,6 +128,7 @@ def test_an_origin_in_utm_is_kept_as_an_offset(tmp_path):
         ({"resolution": None}, "resolution: expected a number, got None"),
         ({"resolution": 0.0}, "resolution: expected metres per pixel above 0"),
         ({"resolution": True}, "resolution: expected a number, got True"),
+        ({"resolution": int("1" * 400)}, "resolution: expected a number, got 1111"),
         ({"resolution": 500.0}, "resolution: expected metres per pixel above 0 and up to 100"),
         ({"resolution": "wide"}, "resolution: expected a number"),
         ({"image": None}, "image: expected the name of a picture, got None"),
@@ -155,6 +156,28 @@ def test_what_is_no_map_file_is_refused_in_one_line(tmp_path, text):
     with pytest.raises(MapFileError, match=r"map\.yaml: .*expected") as caught:
         read_map_file(tmp_path / "map.yaml")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["image: *a", "a: &a [x]\nimage: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nb: *a", "a: &a {b: *a}"]
+)
+def test_aliases_are_refused_whatever_they_stand_for(tmp_path, text):
+    (tmp_path / "map.yaml").write_text(text)
+    with pytest.raises(MapFileError, match=r"an alias"):
+        read_map_file(tmp_path / "map.yaml")
+
+
+def test_messages_quote_little_of_a_long_file(tmp_path):
+    lists = "[" * 30 + "x" * 10**5 + "]" * 30
+    for text in (
+        f"image: {lists}\nresolution: 0.05\norigin: [0, 0, 0]",
+        f"resolution: {'q' * 10**5}",
+        "a" * 10**5 + ": [",
+    ):
+        (tmp_path / "map.yaml").write_text(text)
+        with pytest.raises(MapFileError) as caught:
+            read_map_file(tmp_path / "map.yaml")
+        assert len(str(caught.value)) < len(str(tmp_path)) + 350
 
 
 def test_a_missing_and_a_huge_file_are_refused(tmp_path):

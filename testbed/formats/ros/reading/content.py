@@ -10,8 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.occupancy import OccupancyGrid
+from testbed.formats.log import Topic
 from testbed.formats.ros.reading.decode import NO_TRACK, RawScan, Track
 from testbed.formats.ros.reading.transforms import Moving, Transforms
+
+Heights = tuple[float, float]
+"""Lowest and highest point of a slice, above the robot's frame [m]."""
 
 
 @dataclass
@@ -20,10 +24,18 @@ class BagContent:
 
     laser_offset: float | None = None
     """The lidar's place ahead of the robot's centre as the user gave it [m]."""
+    heights: Heights | None = None
+    """The slice of point clouds that becomes scans; None = there are scans."""
+    cloud_frames: dict[str, str] = field(default_factory=dict)
+    """Frame of the point clouds of each topic."""
+    level_mounts: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    """`T_robot_lidar` of the scans that are slices, by the frame of the clouds [m, m, rad]."""
     notes: list[str] = field(default_factory=list)
     """What was found and mended, for the user."""
     topics: dict[str, str] = field(default_factory=dict)
     """Topics of odometry, truth, commands and map, as far as there are any."""
+    all_topics: list[Topic] = field(default_factory=list)
+    """Every topic, with what it is read for."""
     others: list[str] = field(default_factory=list)
     """Topics that are left out, as the user reads them."""
     scans: dict[str, list[RawScan]] = field(default_factory=dict)

@@ -50,6 +50,8 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
         format="ROS bag",
         table=table,
         notes=(*notes, *content.notes),
+        repairs=tuple(content.notes),
+        topics=tuple(content.all_topics),
         truth_map=content.truth_map,
         robot_urdf=content.robot_urdf,
     )

@@ -20,7 +20,7 @@ def complete_transforms(
     path: Path, content: BagContent, raws: dict[str, tuple[Any, list[RawMessage]]], reader: Any
 ) -> None:
     """Look for odometry in /tf, and for mounts in /tf and the robot's description, where they are nowhere else."""
-    lidars = {scan.frame_id for scans in content.scans.values() for scan in scans}
+    lidars = {scan.frame_id for scans in content.scans.values() for scan in scans} | set(content.cloud_frames.values())
     robot = content.odometry.child_frame
     from_tf = content.topics["odometry"] == "/tf"
     if from_tf or not all(content.transforms.leads(robot, lidar) for lidar in lidars):

@@ -20,7 +20,8 @@ from slam.occupancy import OccupancyGrid
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.ros.layouts import Encoding
-from testbed.formats.ros.reading.content import BagContent, RawMessage
+from testbed.formats.ros.reading.clouds import peek_clouds, read_clouds
+from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage
 from testbed.formats.ros.reading.decode import (
     BadMessageError,
     decode_commands,
@@ -31,7 +32,7 @@ from testbed.formats.ros.reading.decode import (
 from testbed.formats.ros.reading.frames import assemble
 from testbed.formats.ros.reading.missing_transforms import complete_transforms
 from testbed.formats.ros.reading.repairs import first_pass, in_one_pass, one_clock
-from testbed.formats.ros.reading.topics import DESCRIPTION, TRANSFORM_TYPE, choose_topics
+from testbed.formats.ros.reading.topics import CLOUD_TYPE, DESCRIPTION, TRANSFORM_TYPE, choose_topics
 from testbed.formats.ros.reading.transforms import planar_pose
 from testbed.formats.ros.salvage import readable
 
@@ -41,13 +42,20 @@ MAX_METADATA = 1_000_000
 """Bytes of a metadata.yaml."""
 
 
-def read_bag(path: Path, *, laser_offset: float | None = None, range_max: float | None = None) -> Log:
+def read_bag(
+    path: Path,
+    *,
+    laser_offset: float | None = None,
+    range_max: float | None = None,
+    heights: Heights | None = None,
+) -> Log:
     """Read a ROS bag; frames are sorted by the stamps in the messages' headers.
 
     laser_offset [m]: the lidar sits this far ahead of the robot's centre, whatever the transforms say; range_max [m]
-    overrides what the scans say. Topics are chosen by type: of several, `/odom` and `/cmd_vel`, and of
-    several with scans of one lidar (one frame) `/scan`. Odometry and truth are interpolated at the scans' stamps, a
-    frame's command is the latest one; scans outside of the odometry's time are left out and counted, as are topics.
+    overrides what the scans say; heights [m]: scans are made of the points of clouds between them. Topics are chosen by
+    type: of several, `/odom` and `/cmd_vel`, and of several with scans of one lidar (one frame) `/scan`. Odometry and
+    truth are interpolated at the scans' stamps, a frame's command is the latest one; scans outside of the odometry's
+    time are left out and counted, as are topics.
     Raises LogError, naming the file and the place, for damaged bags, missing topics, clocks that do not meet, and
     values that make no sense.
     """
@@ -56,7 +64,7 @@ def read_bag(path: Path, *, laser_offset: float | None = None, range_max: float 
     metadata = path / "metadata.yaml"
     if metadata.is_file() and metadata.stat().st_size > MAX_METADATA:
         raise LogError(f"{metadata}: larger than {MAX_METADATA} bytes")
-    content = BagContent(laser_offset=laser_offset)
+    content = BagContent(laser_offset=laser_offset, heights=heights)
     with _complaints(path, content), readable(path) as (paths, notes):
         content.notes += notes
         _read_messages(path, paths, content)
@@ -83,7 +91,8 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
 
     with AnyReader(paths, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         wanted = choose_topics(path, reader, content)
-        topics = {connection.topic for connection in wanted}
+        clouds = [connection for connection in wanted if connection.msgtype == CLOUD_TYPE]
+        wanted = [connection for connection in wanted if connection not in clouds]
         sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
         raws: dict[str, tuple[Any, list[RawMessage]]] = {}
         for connection, time, raw in reader.messages(connections=reader.connections if sealed else wanted):
@@ -92,7 +101,7 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
                 continue
             if sealed:
                 total.add(connection.topic, time, raw)
-            if connection.topic not in topics:
+            if connection not in wanted:
                 continue
             content.messages += 1
             raws.setdefault(connection.topic, (connection, []))[1].append(RawMessage(content.messages, time, raw))
@@ -105,8 +114,11 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
                 _decode(content, connection, messages, reader)
             except BadMessageError as error:
                 raise LogError(f"{path}: message {messages[error.number].number} ({topic}): {error}") from None
+        peek_clouds(content, reader, clouds)
         try:
             complete_transforms(path, content, raws, reader)
+            if clouds:
+                read_clouds(path, content, reader, clouds)
         except ValueError as error:
             raise error if isinstance(error, LogError) else LogError(f"{path}: /tf: {error}") from None
 

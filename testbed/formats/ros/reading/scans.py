@@ -70,6 +70,8 @@ class ScanColumns:
         if content.laser_offset is not None:
             content.notes.append(f"{scan.frame_id} {content.laser_offset:+g} m along x (as given)")
             return (content.laser_offset, 0.0, 0.0), False
+        if scan.frame_id in content.level_mounts:
+            return content.level_mounts[scan.frame_id], False
         try:
             mount = content.transforms.mount(robot, scan.frame_id)
         except ValueError as error:

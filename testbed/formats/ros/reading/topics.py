@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from testbed.formats.checksums import SEAL_TOPIC
-from testbed.formats.log import LogError
+from testbed.formats.log import LogError, Topic
 from testbed.formats.ros.reading.content import BagContent
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
+CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
 COMMAND_TYPES = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
@@ -31,8 +32,13 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     truths = [topic for topic in poses if _is_ground_truth(topic)]
     others = [topic for topic in poses if topic not in truths]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
-    content.scans = {topic: [] for topic in sorted(by_type[SCAN_TYPE])}
-    if not others and by_type[SCAN_TYPE] and "/tf" in by_type[TRANSFORM_TYPE]:
+    seen = SCAN_TYPE if content.heights is None else CLOUD_TYPE
+    if not by_type[seen] and (content.heights is not None or by_type[CLOUD_TYPE]):
+        there = ", ".join(sorted(by_type[SCAN_TYPE if seen == CLOUD_TYPE else CLOUD_TYPE])) or "nothing of either kind"
+        advice = "leave --slice out" if seen == CLOUD_TYPE else "--slice LOW,HIGH makes scans of them, heights in m"
+        raise LogError(f"{path}: no topic of type {seen}, but {there}; {advice}")
+    content.scans = {topic: [] for topic in sorted(by_type[seen])}
+    if not others and by_type[seen] and "/tf" in by_type[TRANSFORM_TYPE]:
         content.topics = {"odometry": "/tf"}
     else:
         content.topics = {"odometry": _choose(path, ODOMETRY_TYPE, others, "/odom", reader)}
@@ -44,6 +50,7 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
         content.topics["map"] = true_maps[0]
     taken = {*content.topics.values(), *content.scans, *(by_type["std_msgs/msg/String"] & {DESCRIPTION})}
     wanted = [c for c in reader.connections if c.topic in taken or c.msgtype == TRANSFORM_TYPE]
+    content.all_topics = _all_topics(reader, content, {c.topic for c in wanted})
     derived = {SEAL_TOPIC, *(f"{topic}_cloud" for topic in content.scans)}
     content.others = sorted(
         {
@@ -53,6 +60,19 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
         }
     )
     return wanted
+
+
+def _all_topics(reader: Any, content: BagContent, wanted: set[str]) -> list[Topic]:
+    """Every topic of the bag, with what it is read for."""
+    uses = {topic: use for use, topic in content.topics.items()} | dict.fromkeys(content.scans, "scans")
+    uses |= {DESCRIPTION: "robot", SEAL_TOPIC: "check sum"}
+    counts: defaultdict[tuple[str, str], int] = defaultdict(int)
+    for connection in reader.connections:
+        counts[connection.topic, connection.msgtype] += connection.msgcount
+    return [
+        Topic(name, kind, count, uses.get(name, "transforms" if name in wanted else ""))
+        for (name, kind), count in sorted(counts.items())
+    ]
 
 
 def _is_ground_truth(topic: str) -> bool:

@@ -69,7 +69,7 @@ class Transforms:
     def leads(self, robot: str, lidar: str) -> bool:
         """Tell whether a chain of transforms leads from one frame to the other."""
         try:
-            self.mount(robot, lidar)
+            self.place(robot, lidar)
         except ValueError as error:
             return "no transforms lead" not in str(error)
         return _name(robot) == _name(lidar) or bool(self.parents)
@@ -83,11 +83,22 @@ class Transforms:
         robot, lidar = _name(robot), _name(lidar)
         if robot == lidar or not self.parents:
             return (0.0, 0.0, 0.0), False
-        T = np.linalg.inv(self._from_root(robot, lidar)) @ self._from_root(lidar, robot)
+        T = self.place(robot, lidar)
         up = float(T[2, 2])
         if abs(up) < math.cos(MAX_TILT):
             raise ValueError(f"the lidar ({lidar}) leans by {math.degrees(math.acos(abs(up))):.0f} degrees")
         return (float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0])), up < 0.0
+
+    def place(self, robot: str, lidar: str) -> NDArray[np.float64]:
+        """`T_robot_lidar` in space, (4, 4), however the lidar leans; the identity where no transforms are known.
+
+        Raises ValueError where no chain of transforms leads from one frame to the other.
+        """
+        robot, lidar = _name(robot), _name(lidar)
+        if robot == lidar or not self.parents:
+            return np.eye(4)
+        T: NDArray[np.float64] = np.linalg.inv(self._from_root(robot, lidar)) @ self._from_root(lidar, robot)
+        return T
 
     def _from_root(self, frame: str, other: str) -> NDArray[np.float64]:
         """Transform from the common ancestor of two frames, or the root, to `frame`, (4, 4)."""

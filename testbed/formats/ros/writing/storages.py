@@ -15,6 +15,7 @@ from testbed.formats.checksums import SEAL_TOPIC, MessageSum
 from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.mcap import MESSAGE_HEAD, McapStorage, message_heads
 from testbed.formats.ros.writing.records import Bytes, Framing, Records
+from testbed.formats.ros.writing.types import written_types
 from testbed.frame_table import Integers
 
 Storage = Literal["mcap", "sqlite", "rosbag1"]
@@ -61,14 +62,13 @@ class _Rosbag2:
 
     def __init__(self, path: Path, storage: Any, plugin: Any, compressed: bool) -> None:
         from rosbags.rosbag2 import CompressionFormat, CompressionMode, Writer
-        from rosbags.typesys import Stores, get_typestore
 
         class BlockWriter(Writer):
             """Writes metadata.yaml, and what else of a bag is no message."""
 
             STORAGE_PLUGINS = {plugin: storage}  # noqa: RUF012  as in its parent
 
-        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._store = written_types()
         self.types = self._store.types
         self.writer = BlockWriter(path, version=ROSBAG2_VERSION, storage_plugin=plugin)
         if compressed:

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: MIT
+"""Mount, beams, readings and limits of the lidars of a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from testbed.formats.beams import even_spacing
+from testbed.frame_table import FrameTable, Integers
+from testbed.inspect.finding import Finding
+from testbed.inspect.times import scans_of
+
+MIN_VIEW, MIN_BEAMS, MIN_REACH = math.radians(90.0), 30, 2.0
+"""A lidar that sees less of the circle [rad], has fewer beams or a shorter reach [m] can hardly carry a map."""
+MIN_HITS = 0.05
+"""Share of the readings that are hits, below which there is next to nothing to map."""
+CLUSTER_SHARE, CLUSTER_TOP = 0.03, 0.95
+"""One value with at least this share of all hits, and beyond this share of the largest one, is none."""
+
+
+def inspect_lidars(table: FrameTable) -> Iterator[Finding]:
+    """What each lidar is and sees."""
+    for lidar, name in enumerate(table.lidars):
+        scans = scans_of(table, lidar)
+        if len(scans):
+            yield _mount(table, name, scans)
+            yield _beams(table, name, scans)
+            yield from _readings(table, name, scans)
+
+
+def _mount(table: FrameTable, name: str, scans: Integers) -> Finding:
+    x, y, theta = table.mounts[scans[0]].tolist()
+    varies = bool(np.ptp(table.mounts[scans], axis=0).max() > 1e-3)
+    found = f"({x:+.3f}, {y:+.3f}) m, {math.degrees(theta):+.1f} deg from the robot's centre"
+    if varies:
+        return Finding(f"mount of {name}", f"{found}; it changes", "doubtful", "used as each scan states it")
+    return Finding(f"mount of {name}", found, action="used; --laser-offset X says otherwise")
+
+
+def _beams(table: FrameTable, name: str, scans: Integers) -> Finding:
+    """Number and directions of the beams, and whether they can carry a map."""
+    pattern = table.patterns[table.scan_patterns[scans[0]]]
+    counts = table.readings[scans]
+    low, high = table.range_limits[scans[0]].tolist()
+    count = f"{counts.min()} beams" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()} beams"
+    spacing = even_spacing(pattern.angles)
+    view = float(np.ptp(pattern.angles)) + (abs(spacing[1]) if spacing else 0.0) if pattern.angles.size else 0.0
+    way = "unevenly spaced" if spacing is None else f"every {math.degrees(abs(spacing[1])):.2f} deg"
+    way += ", clockwise" if spacing is not None and spacing[1] < 0.0 else ""
+    times = "" if pattern.time_offsets is None else f", taken within {np.ptp(pattern.time_offsets):.3f} s"
+    limits = f"{low:g} m to {'any range' if math.isinf(high) else f'{high:g} m'}"
+    found = f"{count} over {math.degrees(min(view, 2.0 * math.pi)):.0f} deg, {way}{times}; hits from {limits}"
+    short = [
+        words
+        for few, words in (
+            (view < MIN_VIEW, f"a view of less than {math.degrees(MIN_VIEW):.0f} deg"),
+            (int(np.median(counts)) < MIN_BEAMS, f"fewer than {MIN_BEAMS} beams"),
+            (high < MIN_REACH, f"a reach of less than {MIN_REACH:g} m"),
+        )
+        if few
+    ]
+    if short:
+        found += f": {' and '.join(short)}"
+        return Finding(f"beams of {name}", found, "doubtful", "such a sensor can hardly carry a map: compare odometry")
+    return Finding(f"beams of {name}", found)
+
+
+def _readings(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding]:
+    """Shares of hits, no returns, invalid readings; values that are no range."""
+    chosen = np.concatenate([np.arange(table.scan_starts[k], table.scan_starts[k + 1]) for k in _some(scans)])
+    owner = np.repeat(_some(scans), table.readings[_some(scans)])
+    ranges, limits = np.asarray(table.ranges[chosen], dtype=np.float64), table.range_limits[owner]
+    if not ranges.size:
+        yield Finding(f"readings of {name}", "none: all scans are empty", "doubtful")
+        return
+    hit = (ranges >= limits[:, 0]) & (ranges > 0.0) & (ranges < limits[:, 1])
+    shares = {
+        "hits": hit,
+        "no return": ranges >= limits[:, 1],
+        "lost (NaN)": np.isnan(ranges),
+        "too near or zero": ~hit & (ranges < limits[:, 1]),
+    }
+    found = ", ".join(f"{words} {np.mean(of):.1%}" for words, of in shares.items() if of.any())
+    few = np.mean(hit) < MIN_HITS
+    action = "too few hits for a map" if few else "used as it is"
+    yield Finding(f"readings of {name}", found, "doubtful" if few else "ok", action)
+    if not hit.any():
+        return
+    values, counts = np.unique(ranges[hit], return_counts=True)
+    most = int(np.argmax(counts))
+    if counts[most] > CLUSTER_SHARE * hit.sum() and values[most] > CLUSTER_TOP * values[-1] and len(values) > 1:
+        found = f"{counts[most] / ranges.size:.1%} of all readings are {values[most]:g} m, near the largest"
+        action = f"they count as hits; --range-max {values[most]:g} makes them no returns"
+        yield Finding(f"no return of {name}", found, "doubtful", action)
+
+
+MAX_SCANS = 500
+"""Scans whose readings are looked at; of more, evenly chosen ones."""
+
+
+def _some(scans: Integers) -> Integers:
+    chosen: Integers = scans[np.unique(np.linspace(0, len(scans) - 1, min(len(scans), MAX_SCANS)).astype(int))]
+    return chosen

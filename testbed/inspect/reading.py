@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: MIT
+"""How a recording is to be read, where it does not say so itself, or says it wrongly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from testbed.formats import Log, open_log
+from testbed.inspect.time_offset import parse_time_offset, without_time_offset
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What overrides a recording, as the command line and `config.toml` name it."""
+
+    laser_offset: float | None = None
+    """x of the laser in the robot's frame [m]; default: stated by the log."""
+    range_max: float | None = None
+    """Readings of at least this range are no returns [m]; default: stated or shown by the log."""
+    time_offset: str | None = None
+    """The stamps of scans are this much later than those of odometry [s]; auto: estimated, and taken back where it is
+    significant. Default: 0; a note says where an offset is seen."""
+    slice: str | None = None
+    """LOW,HIGH: scans are made of the points of clouds (PointCloud2) between these heights above the robot's frame
+    [m]."""
+
+    def __post_init__(self) -> None:
+        if self.time_offset is not None:
+            parse_time_offset(self.time_offset)
+        self._heights()
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Reading:
+        """Return the part of the settings of a run that says how its log was read."""
+        return cls(**{field.name: settings.get(field.name) for field in fields(cls)})
+
+    def open(self, path: Path, *, scans_needed: bool = True) -> Log:
+        """Read a log, see `open_log`."""
+        log = open_log(
+            path,
+            laser_offset=self.laser_offset,
+            range_max=self.range_max,
+            heights=self._heights(),
+            scans_needed=scans_needed,
+        )
+        if self.time_offset is None or not log.scan_count:
+            return log
+        return without_time_offset(log, parse_time_offset(self.time_offset))
+
+    def _heights(self) -> tuple[float, float] | None:
+        if self.slice is None:
+            return None
+        try:
+            low, high = map(float, self.slice.split(","))
+        except ValueError:
+            low = high = 0.0
+        if not low < high:
+            raise ValueError(f"--slice {self.slice}: expected two heights, LOW,HIGH, such as 0.1,0.5")
+        return low, high
+
+
+AS_STATED = Reading()

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""One system of a comparison: its name, what to write about it, and how to run it on a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from testbed.frame import Frame
+from testbed.systems.feeding import Cost, Estimated, Step, feed
+from testbed.systems.finding import make_system, settings_of, short_name
+
+
+class Entrant(Protocol):
+    """A system as comparisons and sweeps see it, whether a Python class or another program."""
+
+    @property
+    def name(self) -> str:
+        """Name of its directory and in tables."""
+        ...
+
+    def facts(self) -> dict[str, Any]:
+        """Name, version and settings, for `config.toml`; raises SystemsError where it cannot be made."""
+        ...
+
+    def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
+        """Run it on a recording; raises SystemFailedError, or SystemsError where it cannot be made."""
+        ...
+
+
+@dataclass(frozen=True)
+class PythonSystem:
+    """A class that follows `testbed.systems.protocol.System`."""
+
+    text: str
+    """A name, or FILE.py:CLASS."""
+    settings: Mapping[str, object] = field(default_factory=dict)
+    """Values by dotted name that differ from the defaults."""
+
+    @property
+    def name(self) -> str:
+        """Name of its directory and in tables."""
+        return short_name(self.text)
+
+    def facts(self) -> dict[str, Any]:
+        """Name, version and settings, for `config.toml`; raises SystemsError where it cannot be made."""
+        system = make_system(self.text, self.settings)
+        return {"name": system.name, "version": system.version, "settings": settings_of(system)}
+
+    def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
+        """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
+        return feed(make_system(self.text, self.settings), self.name, frames, seed, step)

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: MIT
+"""What is found in a recording: nothing in a sound one, and each fault in one that has it."""
+
+import json
+import math
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam import se2
+from testbed.formats import Log
+from testbed.formats.write import write_log
+from testbed.frame_table import BeamPattern
+from testbed.inspect import Reading, inspect_log, notes_of
+from testbed.inspect.time_offset import shifted
+from testbed.inspect.turns import compare_turns
+from testbed.presets import load_lidar
+from testbed.seeds import RunSeeds
+from testbed.simulation import SimulationConfig, simulate
+from tests.shell import assert_refused, call
+from worlds import load
+
+
+@lru_cache(maxsize=4)
+def drive(world="office", seconds=40.0, seed=4, lidar="rplidar_a2"):
+    seeds = RunSeeds.from_seed(seed)
+    config = SimulationConfig(backend="fast", duration=seconds, seeds=seeds, lidar=load_lidar(lidar))
+    return Log.from_frames(list(simulate(load(world), config)), path=Path("drive"), format="simulation")
+
+
+@pytest.fixture(scope="module")
+def log():
+    return drive()
+
+
+def with_table(log, **changes):
+    return replace(log, table=replace(log.table, **changes))
+
+
+def doubts(log):
+    return {finding.item: finding for finding in inspect_log(log) if finding.verdict == "doubtful"}
+
+
+@pytest.mark.parametrize(("world", "lidar"), [("office", "lds01"), ("loop", "rplidar_a2"), ("apartment", "tim571")])
+def test_a_sound_recording_is_not_doubted(world, lidar):
+    log = drive(world, lidar=lidar)
+    assert doubts(log) == {}
+    assert notes_of(inspect_log(log)) == []
+
+
+def test_numbers_are_those_of_the_recording(log):
+    found = {finding.item: finding.found for finding in inspect_log(log)}
+    assert found["frames"] == "800, 400 of them with a scan, over 40.0 s"
+    assert found["rate of laser"] == "400 scans, 10.00 Hz"
+    assert found["mount of laser"].startswith("(-0.040, +0.000) m, +0.0 deg")
+    assert "800 beams over 360 deg, every 0.45 deg, taken within 0.100 s; hits from 0.2 m to 12 m" in found.values()
+    length = np.hypot(*np.diff(log.table.odometry[:, :2], axis=0).T).sum()
+    assert found["odometry"].startswith(f"{length:.1f} m")
+
+
+def test_a_gap_in_which_the_robot_moves(log):
+    table = log.table
+    kept = (table.stamps < 10.0) | (table.stamps > 14.0)
+    gap = replace(log, table=without_rows(table, kept))
+    assert "1 gap without scans, the longest 4.2 s" in doubts(gap)["gaps of laser"].found
+    still = se2.compose(table.odometry, np.zeros(3))
+    still[:] = still[0]
+    assert "gaps of laser" not in doubts(with_table(gap, odometry=still[kept]))
+
+
+def without_rows(table, kept):
+    scans = np.flatnonzero(kept[table.scan_rows])
+    readings = [np.arange(table.scan_starts[k], table.scan_starts[k + 1]) for k in scans]
+    return replace(
+        table,
+        **{name: getattr(table, name)[kept] for name in ("stamps", "odometry", "twist", "command", "truth")},
+        **{name: getattr(table, name)[scans] for name in ("scan_lidars", "scan_patterns", "range_limits", "mounts")},
+        scan_rows=(np.cumsum(kept) - 1)[table.scan_rows[scans]],
+        scan_starts=np.concatenate([[0], np.cumsum(table.readings[scans])]),
+        ranges=table.ranges[np.concatenate(readings)],
+    )
+
+
+def test_scans_that_repeat_while_the_robot_moves(log):
+    ranges = log.table.ranges.copy().reshape(400, 800)
+    ranges[200:300] = ranges[200]
+    assert "repeat the one before" in doubts(with_table(log, ranges=ranges.reshape(-1)))["scans of laser"].found
+
+
+def test_a_value_for_no_return_that_counts_as_a_hit(log):
+    ranges = log.table.ranges.copy()
+    ranges[::10] = 11.9
+    found = doubts(with_table(log, ranges=ranges))["no return of laser"]
+    assert "11.9 m" in found.found
+    assert found.action.endswith("--range-max 11.9 makes them no returns")
+
+
+@pytest.mark.parametrize(
+    ("chosen", "words"), [(slice(350, 450), "a view of less than"), (slice(0, 800, 40), "fewer than")]
+)
+def test_a_sensor_that_sees_too_little(log, chosen, words):
+    pattern = log.table.patterns[0]
+    few = BeamPattern(angles=pattern.angles[chosen], time_offsets=None)
+    ranges = log.table.ranges.reshape(400, 800)[:, chosen]
+    starts = ranges.shape[1] * np.arange(401)
+    small = with_table(log, patterns=(few,), ranges=ranges.reshape(-1), scan_starts=starts)
+    assert words in doubts(small)["beams of laser"].found
+
+
+def test_odometry_that_stands_still_or_jumps(log):
+    still = np.zeros_like(log.table.odometry)
+    assert doubts(with_table(log, odometry=still))["odometry"].found == "the pose never changes"
+    jumping = log.table.odometry.copy()
+    jumping[400:, 0] += 3.0
+    (note,) = (note for note in notes_of(inspect_log(with_table(log, odometry=jumping))) if "jumps" in note)
+    assert "1 jumps that no robot can make, the first at 20.0 s" in note
+
+
+def test_a_lidar_that_is_mirrored(log):
+    pattern = log.table.patterns[0]
+    mirrored = replace(pattern, angles=-pattern.angles)
+    found = doubts(with_table(log, patterns=(mirrored,)))["turns"]
+    assert found.found.startswith("scans turn -")
+    assert "upside down" in found.action
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("late", [-0.3, 0.1, 0.15, 0.6])
+def test_an_offset_of_the_clocks_is_estimated(late, seed):
+    table = drive(seed=seed).table
+    moved, _ = shifted(table, -late)
+    clock = compare_turns(moved)
+    assert abs(clock.offset - late) < 3.0 * clock.uncertainty
+    assert clock.is_off
+    assert not compare_turns(table).is_off
+
+
+def test_a_shift_and_back_is_the_same_recording(log):
+    there, lost = shifted(log.table, -0.15)
+    again, _ = shifted(there, 0.15)
+    assert lost == 1
+    before = log.table.scan_rows[: len(again.scan_rows)]
+    np.testing.assert_allclose(again.stamps[again.scan_rows], log.table.stamps[before], atol=1e-9)
+    np.testing.assert_array_equal(again.ranges, log.table.ranges[: len(again.ranges)])
+    for column in (again.odometry, again.truth):
+        original = log.table.odometry if column is again.odometry else log.table.truth
+        np.testing.assert_allclose(column[again.scan_rows], original[before], atol=1e-9)
+
+
+def test_a_wrong_wheel_track_is_seen(log):
+    odometry = log.table.odometry.copy()
+    odometry[:, 2] = 1.4 * np.unwrap(odometry[:, 2])
+    assert "times as far as odometry" in doubts(with_table(log, odometry=odometry))["turns"].found
+    assert math.isclose(compare_turns(with_table(log, odometry=odometry).table).scale, 0.95 / 1.4, abs_tol=0.05)
+
+
+def test_the_command_prints_a_table_and_json(log, tmp_path, capsys):
+    write_log(tmp_path / "bag", log, "rosbag2-sqlite")
+    assert call("inspect", tmp_path / "bag") == 0
+    table = capsys.readouterr().out
+    assert "topic /scan" in table
+    assert "rate of laser" in table
+    assert call("inspect", tmp_path / "bag", "--json") == 0
+    findings = json.loads(capsys.readouterr().out)
+    assert {"item": "format", "found": "ROS bag", "verdict": "ok", "action": "used as it is"} in findings
+    assert_refused(capsys, "no such file", "inspect", tmp_path / "nothing")
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"time_offset": "soon"}, "expected auto, or seconds"),
+        ({"slice": "1"}, "LOW,HIGH"),
+        ({"slice": "2,1"}, "LOW,HIGH"),
+    ],
+)
+def test_bad_ways_of_reading_are_refused(options, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Reading(**options)
