@@ -13,7 +13,7 @@ import numpy as np
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
 from eval.filter.step_table import column
-from eval.loss_watch import spells
+from eval.loss_watch import Spell, spells
 from eval.report import plots
 from eval.report.check_story import times_in_words
 from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
@@ -85,13 +85,17 @@ def _drift_before(context: ReportContext) -> str:
     steps, failure = context.run.steps, context.failure
     if steps is None or failure is None or not failure.bad or "error_m" not in steps:
         return ""
-    before = [spell for spell in spells(steps, "drifted") if spell.start < failure.stamp]
+    before = [
+        Spell(spell.start, min(spell.end or failure.stamp, failure.stamp))
+        for spell in spells(steps, "drifted")
+        if spell.start < failure.stamp
+    ]
     stamps, errors = column(steps, "stamp"), column(steps, "error_m")
     if not before:
         return ""
     within = np.zeros(len(stamps), np.bool_)
     for spell in before:
-        within |= (stamps >= spell.start) & (stamps <= min(spell.end or failure.stamp, failure.stamp))
+        within |= (stamps >= spell.start) & (stamps <= (spell.end or failure.stamp))
     times = times_in_words(before, context.start)
     return (
         f"The map was bent before: the pose while driving had drifted {times}, by up to "
