@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 from pathlib import Path
@@ -52,6 +53,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "shown_time": failure.time_to_watch(context.run.estimate.stamps) if failure and context.run.estimate else None,
         "drift_before": _drift_before(context),
         "lost_while_driving": _lost_while_driving(context),
+        "earlier_loss_time": _earlier_loss(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "failure_plot": failure_plot(context),
         "moment_plots": list(moment_plots(context)),
@@ -78,6 +80,15 @@ def _lost_while_driving(context: ReportContext) -> str:
     if not found:
         return "The recording judges the pose while driving, and does not call it lost at any time."
     return f"The recording judges the pose while driving, and calls it lost {times_in_words(found, context.start)}."
+
+
+def _earlier_loss(context: ReportContext) -> float | None:
+    """When to watch the first loss before the moment of the failure, from which the estimate came back, since the start
+    [s]; None where there was none."""
+    if context.run.steps is None or context.failure is None or not context.failure.bad:
+        return None
+    found = [spell for spell in spells(context.run.steps, "lost") if (spell.end or np.inf) < context.failure.stamp]
+    return math.ceil(10.0 * (found[0].start - context.start) - 1e-6) / 10.0 if found else None
 
 
 def _drift_before(context: ReportContext) -> str:
