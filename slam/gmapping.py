@@ -60,11 +60,6 @@ class GMapping:
         self._monitor = ContradictionMonitor()
         self._matched = 0.0  # share of the hits near a wall at the last update, of the best particle
 
-    def __repr__(self) -> str:
-        """One line, for notebooks."""
-        scans = f"{len(self._intake.update_scans)} of {self._intake.scans} scans used"
-        return f"<GMapping: {len(self._particles)} particles, {scans}, self-check {self.self_check.verdict}>"
-
     def process(
         self, odometry: ArrayLike, scan: Scan | Sequence[Scan], *, twist: ArrayLike | None = None
     ) -> StepReport:

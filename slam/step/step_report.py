@@ -66,14 +66,6 @@ class StepReport:
     """Samples, Gaussians and new poses of all particles before resampling; None for the first scan and for those
     that the filter does not use."""
 
-    def __repr__(self) -> str:
-        """One line, for notebooks."""
-        x, y, theta = self.pose
-        what = f"updated, {self.matched_share:.0%} matched" if self.updated else "not used"
-        resampled = ", resampled" if self.resampled else ""
-        ess = f"ess {self.ess:.1f} of {self.particles}"
-        return f"<StepReport at ({x:.2f} m, {y:.2f} m, {theta:.3f} rad): {what}, {ess}{resampled}>"
-
     @property
     def loop_closed(self) -> bool:
         """Whether the robot sees an area again that it left long ago."""
