@@ -9,8 +9,8 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 run: $(VENV)/.run  ## install, then simulate, map and score a run; the last line is the path of the report
 	$(BIN)/testbed run office
 
-test: $(VENV)/.test  ## install with the test dependencies, then run the fast tests
-	$(BIN)/python -m pytest
+test: $(VENV)/.test  ## install with the test dependencies, then run the fast tests on all cores
+	$(BIN)/python -m pytest -n auto
 
 lint: $(VENV)/.lint  ## check style, types and import rules
 	$(BIN)/ruff check

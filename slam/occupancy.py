@@ -14,7 +14,7 @@ LOG_ODDS_LIMITS = (-2.0, 3.5)
 """Limits of a cell's log-odds, probabilities 0.12 and 0.97 as in OctoMap."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class OccupancyGrid:
     """Probabilities of occupation on square cells; row 0 has the lowest y, column 0 the lowest x (ROS order)."""
 
@@ -35,6 +35,13 @@ class OccupancyGrid:
             raise ValueError(f"probability must be (rows, cols), got shape {self.probability.shape}")
         if not self.resolution > 0:
             raise ValueError(f"resolution must be positive, got {self.resolution} m")
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        rows, cols = self.probability.shape
+        x, y, theta = self.origin
+        size = f"{cols} x {rows} cells of {self.resolution:g} m"
+        return f"<OccupancyGrid: {size}, {self.known.mean():.0%} known, origin ({x:.2f}, {y:.2f}, {theta:.3f})>"
 
     @property
     def known(self) -> NDArray[np.bool_]:

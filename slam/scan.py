@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scan:
     """Ranges of one sweep of a 2D lidar: any number of beams, any angles, in any order.
 
@@ -43,6 +43,11 @@ class Scan:
             )
         if not np.all(np.isfinite(self.mount)):
             raise ValueError(f"mount must be finite, got {self.mount}")
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        hits, none = int(self.hit.sum()), int(self.no_return.sum())
+        return f"<Scan {self.stamp:.3f} s: {len(self.ranges)} beams, {hits} hits, {none} without return>"
 
     @property
     def hit(self) -> NDArray[np.bool_]:

@@ -195,6 +195,7 @@ def scan_over_map(
             )
             size = 12.0 if ring else 7.0
             ax.plot(scan.pose[0], scan.pose[1], "o", ms=size, mfc="white", mec=scan.colour, mew=1.6, zorder=8)
+        ax.set_adjustable("box")  # the window is what to show, with a map and without
         ax.set_xlim(window[0], window[1])
         ax.set_ylim(window[2], window[3])
         _legend(ax, columns=2)
@@ -243,6 +244,19 @@ def labelled_dots(dots: Sequence[tuple[str, float, float, str]], x_label: str, y
         ax.set(xscale="log", yscale="log", xlabel=x_label, ylabel=y_label)
         ax.margins(0.15)
         _legend(ax)
+        return svg_uri(figure)
+
+
+def named_dots(groups: Sequence[Series], label: str) -> str:
+    """Draw the positive values (n,) of each name as dots above it on a logarithmic axis, with a bar at the median."""
+    with rc_context(STYLE):
+        figure, ax = _figure(WIDE)
+        for place, (_, values, colour) in enumerate(groups):
+            y = np.asarray(values, dtype=np.float64)
+            ax.plot(np.full(len(y), place), y, "o", ms=4.0, alpha=0.6, color=colour)
+            ax.plot([place - 0.25, place + 0.25], [np.median(y)] * 2, color=colour, lw=2.4)
+        ax.set_xticks(range(len(groups)), [name for name, _, _ in groups])
+        ax.set(yscale="log", ylabel=label, xlim=(-0.6, len(groups) - 0.4))
         return svg_uri(figure)
 
 

@@ -34,7 +34,7 @@ GIVEN_UP = "given up"
 """Status of jobs that would hardly help to find an answer that is open."""
 _NAMES_OF_RUNS = ("key", "place", "line", "particles", "seed", "family")
 """Columns that say which run it is."""
-_TIMINGS = ("filter_s", "cell_s")
+_TIMINGS = ("filter_s", "cell_s", "wall_s")
 
 
 class SweepTableError(ValueError):
@@ -161,7 +161,20 @@ class SweepTable:
         keeps = np.zeros(self.shape, dtype=np.bool_)
         for p, k in np.ndindex(*self.shape[:2]):
             keeps[p, k] = judged_seeds(np.all(self.ran[p, k], axis=0), is_sequential=self.is_sequential)
-        left_out = self.ran & ~keeps
+        return self._without(self.ran & ~keeps)
+
+    def with_final_pass(self) -> SweepTable:
+        """The table with the runs that ended with the final pass; the others are as if they were not computed.
+
+        In a sweep that asked for another measure most counts have none: compared by a measure of the final estimate,
+        they would be judged by the filter's path. A line without any final pass was meant so and is kept.
+        """
+        is_refined = self.cube("refined") == 1.0
+        has_any = is_refined.any(axis=(0, 2, 3), keepdims=True)
+        return self._without(self.ran & has_any & ~is_refined)
+
+    def _without(self, left_out: NDArray[np.bool_]) -> SweepTable:
+        """The table as if these runs, (places, lines, counts, seeds), were not computed."""
         if not left_out.any():
             return self
         columns = {name: cube.copy() for name, cube in self.columns.items()}
@@ -235,7 +248,7 @@ def _sweep_table(of_runs: _Content, of_curves: _Content, of_timings: _Content) -
     if len(timings):
         rows = np.array([row_of[key] for key in timings["key"].tolist()], dtype=np.intp)
         at = tuple(index[rows] for index in where)
-        columns |= {name: _cube(timings[name], at, shape) for name in _TIMINGS}
+        columns |= {name: _cube(timings[name], at, shape) for name in _TIMINGS if name in timings}
     return SweepTable(
         title=about["title"],
         measure=Measure(about["measure"]),

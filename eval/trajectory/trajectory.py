@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from slam.se2 import Pose
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Stamped poses in the order in which they were recorded; the arrays are read-only copies.
 
@@ -43,6 +43,10 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.stamps)
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        return f"<Trajectory: {len(self)} poses, {self.duration:.1f} s, {self.distance[-1]:.2f} m>"
 
     def __getitem__(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp] | Sequence[int]) -> Trajectory:
         """Return the trajectory of some rows, in the given order."""

@@ -64,7 +64,11 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
         lidars.add_row(lidar, *(str(counts[split]) for split in SPLITS))
     results.print(lidars)
     if totals["largest_overlap"] is not None:
-        results.print(f"two drives of one world share at most {100.0 * totals['largest_overlap']:.0f} % of their way")
+        places = max((row["same_places"] or 0.0 for row in collection.rows), default=0.0)
+        results.print(
+            f"of their way, two drives of one world share at most {100.0 * totals['largest_overlap']:.0f} % in order "
+            f"and direction, {100.0 * places:.0f} % in any"
+        )
     for trouble in ("collided", "stuck"):
         if count := sum(bool(row[trouble]) for row in collection.rows):
             results.print(f"{trouble}: {count}")

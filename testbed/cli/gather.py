@@ -9,9 +9,10 @@ from pathlib import Path
 from eval.sweep.report import write_sweep_report
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import worst_runs
+from eval.sweep.systems_page import write_systems_page
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
 from testbed.cli.shared.status import GATE_FAILED
-from testbed.cli.shared.sweep_answers import say_answers
+from testbed.cli.shared.sweep_answers import say_answers, say_systems
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.compute import check_inputs
 from testbed.sweep.gather import gather as gather_tables
@@ -52,8 +53,13 @@ def gather_and_report(directory: SweepDirectory, *, worst: bool, lists_missing: 
         _rerun_worst(directory)
     if gathered.done:
         console.print("writing the report …")
-        page = write_sweep_report(directory.path).resolve()
-        say_answers(directory.path, partial(results.print, soft_wrap=True, markup=False), is_end=True)
+        say = partial(results.print, soft_wrap=True, markup=False)
+        if directory.manifest.spec.names_systems:
+            page = write_systems_page(directory.path).resolve()
+            say_systems(directory.path, say)
+        else:
+            page = write_sweep_report(directory.path).resolve()
+            say_answers(directory.path, say, is_end=True)
         results.print(f"report: {page}")
     return 0 if gathered.complete else GATE_FAILED
 

@@ -23,7 +23,7 @@ from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
 from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, console, results
-from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines
+from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines, split_line
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
 from testbed.cli.shared.variants import variants
@@ -157,11 +157,18 @@ def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions) 
             drive = _make(job)
             return Measured(time.monotonic() - begun, drive["seconds"], drive["metres"], drive["bytes"])
 
-        kinds = [job.simulator.lidar for job in missing]
+        kinds = [f"{_kind_of_world(job.world)}, {job.simulator.lidar}" for job in missing]
         with console.status("measuring some of the drives"):
             measured = measure_some(kinds, make)
     for line in plan_lines(measured, kinds, options.workers, options.out):
         results.print(line)
+    if not datasets_in(options.out):
+        results.print(split_line([label(job.world) for job in jobs]))
+
+
+def _kind_of_world(world: str) -> str:
+    """Return what drives of like length have in common: the world, or the kind of a generated one."""
+    return world.rpartition(":")[0] if world.startswith("generated:") else world
 
 
 def _written(new: int, old: int) -> str:

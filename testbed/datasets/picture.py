@@ -45,6 +45,9 @@ def draw_drive(dataset: Dataset, file: Path, title: str, time: float | None = No
         _draw_map(ax, grid)
     ax.plot(*by_odometry[:, :2].T, color=ODOMETRY, lw=1.0, label="odometry, from the true start")
     if has_truth:
+        error = float(np.hypot(*(by_odometry[-1, :2] - truth[-1, :2])))
+        ax.plot(*by_odometry[-1, :2], "s", color=ODOMETRY, ms=5, label=f"its end, {error:.2f} m off")
+    if has_truth:
         ax.plot(*truth[:, :2].T, color=TRUTH, lw=1.4, label="true path")
     path = truth if has_truth else by_odometry
     ax.plot(*path[0, :2], "o", color="black", fillstyle="none", label="start")

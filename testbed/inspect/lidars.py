@@ -15,6 +15,8 @@ from testbed.inspect.times import scans_of
 
 MIN_VIEW, MIN_BEAMS, MIN_REACH = math.radians(90.0), 30, 2.0
 """A lidar that sees less of the circle [rad], has fewer beams or a shorter reach [m] can hardly carry a map."""
+MAX_TYPICAL = 60.0
+"""Median of the hits [m] from which on they are hardly metres."""
 MIN_HITS = 0.05
 """Share of the readings that are hits, below which there is next to nothing to map."""
 CLUSTER_SHARE, CLUSTER_TOP = 0.03, 0.95
@@ -42,15 +44,19 @@ def _mount(table: FrameTable, name: str, scans: Integers) -> Finding:
 
 def _beams(table: FrameTable, name: str, scans: Integers) -> Finding:
     """Number and directions of the beams, and whether they can carry a map."""
-    pattern = table.patterns[table.scan_patterns[scans[0]]]
     counts = table.readings[scans]
+    pattern = table.patterns[table.scan_patterns[scans[np.argmax(counts)]]]
     low, high = table.range_limits[scans[0]].tolist()
     count = f"{counts.min()} beams" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()} beams"
     spacing = even_spacing(pattern.angles)
     view = float(np.ptp(pattern.angles)) + (abs(spacing[1]) if spacing else 0.0) if pattern.angles.size else 0.0
     way = "unevenly spaced" if spacing is None else f"every {math.degrees(abs(spacing[1])):.2f} deg"
     way += ", clockwise" if spacing is not None and spacing[1] < 0.0 else ""
-    times = "" if pattern.time_offsets is None else f", taken within {np.ptp(pattern.time_offsets):.3f} s"
+    times = (
+        ""
+        if pattern.time_offsets is None or not pattern.angles.size
+        else f", taken within {np.ptp(pattern.time_offsets):.3f} s"
+    )
     limits = f"{low:g} m to {'any range' if math.isinf(high) else f'{high:g} m'}"
     found = f"{count} over {math.degrees(min(view, 2.0 * math.pi)):.0f} deg, {way}{times}; hits from {limits}"
     short = [
@@ -89,6 +95,10 @@ def _readings(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding
     yield Finding(f"readings of {name}", found, "doubtful" if few else "ok", action)
     if not hit.any():
         return
+    typical = float(np.median(ranges[hit]))
+    if typical > MAX_TYPICAL:
+        found = f"the median hit is at {typical:g} m"
+        yield Finding(f"unit of {name}", found, "doubtful", "used as it is: are these centimetres or millimetres?")
     values, counts = np.unique(ranges[hit], return_counts=True)
     most = int(np.argmax(counts))
     if counts[most] > CLUSTER_SHARE * hit.sum() and values[most] > CLUSTER_TOP * values[-1] and len(values) > 1:

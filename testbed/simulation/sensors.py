@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,8 +111,17 @@ class Sensors:
         driven, contact = drive_tour(driver.tour, driver.state, backend.body, odometer, done, first, CONTROL_PERIOD)
         self._commands.extend(zip(*done.commands[:driven].T.tolist(), strict=True))
         self.truth.extend(done.poses[:driven].reshape(-1, 3))
-        self._odometry.extend(done.odometry[:driven])
+        self._extend_odometry(done.odometry[:driven])
         return driven, contact
+
+    def _extend_odometry(self, poses: NDArray[np.float64]) -> None:
+        """Append odometry (n, 3) as if it had come pose by pose: the history takes the shorter way between two poses,
+        also where a wheel that slips has turned it by more than half a turn in one period."""
+        if np.abs(np.diff(poses[:, 2])).max(initial=0.0) < math.pi:
+            self._odometry.extend(poses)
+            return
+        for pose in poses:
+            self._odometry.extend(pose[None])
 
     def await_frames(self, first: int, last: int) -> None:
         """Make those frames due that are complete after `first` to `last` control periods: scans whose last beam was

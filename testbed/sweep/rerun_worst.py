@@ -18,9 +18,12 @@ from testbed.run.run_directory import RunDirectory
 from testbed.settings.estimator import EstimatorOptions
 from testbed.sweep.execution.compute import job_of
 from testbed.sweep.execution.recordings import recording_of
+from testbed.sweep.execution.system_cells import recorded_of, system_of
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings
 from testbed.sweep.store import SweepDirectory
+from testbed.systems.entrant import Entrant
+from testbed.systems.execute import execute_system
 from testbed.views import Scene, ViewOptions, open_view
 
 
@@ -36,6 +39,9 @@ def rerun(directory: SweepDirectory, cell: Cell, watcher: RunProgress) -> bool:
     """
     folder = _folder(directory, cell)
     shutil.rmtree(folder, ignore_errors=True)
+    system = system_of(cell)
+    if system is not None:
+        return _rerun_system(directory, cell, system, folder)
     job = replace(job_of(cell, recording_of(cell)), document=_document(cell), threads=None)
     run = RunDirectory.create(folder)
     scene = Scene(
@@ -50,6 +56,15 @@ def rerun(directory: SweepDirectory, cell: Cell, watcher: RunProgress) -> bool:
     return swept is not None and metrics["result_hash"] == swept.metrics["result_hash"]
 
 
+def _rerun_system(directory: SweepDirectory, cell: Cell, system: Entrant, folder: Path) -> bool:
+    """Repeat the run of a cell with another SLAM system, which leaves no recording."""
+    recorded = recorded_of(cell, recording_of(cell))
+    metrics = execute_system(system, recorded, RunDirectory.create(folder), _document(cell))
+    write_report(folder)
+    swept = directory.result(cell.key)
+    return swept is not None and metrics["trajectory"] == swept.metrics["trajectory"]
+
+
 def _document(cell: Cell) -> dict[str, Any]:
     """Content of `config.toml`: `testbed run --config` or `testbed slam --config` repeats the run with it."""
     settings = RunSettings.of(cell.settings)
@@ -57,7 +72,8 @@ def _document(cell: Cell) -> dict[str, Any]:
         particles=cell.particles, seed=cell.seed, refine=settings.refine, filter=settings.filter
     )
     simulator = asdict(settings.simulator) if "world" in cell.source else {}
-    return config_document({**cell.source, **simulator, **estimator.settings()}, map(Path, cell.inputs))
+    system = {"system": settings.system} if settings.system else {}
+    return config_document({**cell.source, **simulator, **estimator.settings(), **system}, map(Path, cell.inputs))
 
 
 def _folder(directory: SweepDirectory, cell: Cell) -> Path:

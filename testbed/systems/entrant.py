@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from testbed.frame import Frame
 from testbed.systems.feeding import Cost, Estimated, Step, feed
 from testbed.systems.finding import make_system, settings_of, short_name
+from testbed.systems.program import DatasetFormat, Program, program_name
 
 
 class Entrant(Protocol):
@@ -51,3 +52,13 @@ class PythonSystem:
     def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
         """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
         return feed(make_system(self.text, self.settings), self.name, frames, seed, step)
+
+
+def entrant_of(text: str, log_format: DatasetFormat = "rosbag2") -> PythonSystem | Program:
+    """Return the system of a text: a command where `{dataset}` is in it, else a name or FILE.py:CLASS."""
+    return Program(command=text, log_format=log_format) if "{dataset}" in text else PythonSystem(text)
+
+
+def name_of(text: str) -> str:
+    """Return the name of the system of a text, which need not be there."""
+    return program_name(text) if "{dataset}" in text else short_name(text)

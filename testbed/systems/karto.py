@@ -27,7 +27,8 @@ from testbed.systems.protocol import Lidar
 MIN_BEAMS = 10
 """Scans with fewer beams, or hits, are left out."""
 BEYOND = 1.0
-"""What is no hit lies by so much beyond the largest range [m]: the package takes readings at that range for walls."""
+"""Readings that state no distance, such as inf, are put so far beyond the largest range [m]. No returns that have a
+number keep it, as the package would get them from the recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,13 +150,14 @@ def _pose(taken: Any, mount: tuple[float, float, float]) -> Pose:
 
 
 def _even(scan: Scan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ranges and evenly spaced, increasing angles; what is no hit gets a range beyond the limit.
+    """Ranges and evenly spaced, increasing angles; what states no distance gets a range beyond the limit.
 
     Each evenly spaced beam takes the reading of the nearest beam of the scan.
     """
     order = np.argsort(scan.angles, kind="stable")
     angles = scan.angles[order]
-    ranges = np.where(scan.hit, scan.ranges, scan.range_max + BEYOND)[order]
+    stated = scan.hit | (scan.no_return & np.isfinite(scan.ranges))
+    ranges = np.where(stated, scan.ranges, scan.range_max + BEYOND)[order]
     even = np.linspace(angles[0], angles[-1], len(angles))
     after = np.clip(np.searchsorted(angles, even), 1, len(angles) - 1)
     nearest = np.where(even - angles[after - 1] <= angles[after] - even, after - 1, after)

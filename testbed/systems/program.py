@@ -74,17 +74,12 @@ class Program:
     @property
     def words(self) -> list[str]:
         """The words of the command. Raises SystemsError where a quote is left open."""
-        try:
-            return shlex.split(self.command)
-        except ValueError as error:
-            raise SystemsError(f"{self.command!r}: {error}") from None
+        return _words(self.command)
 
     @property
     def name(self) -> str:
-        """Name of its directory and in tables: that of the program, or of the script that an interpreter runs."""
-        words = [Path(word) for word in self.words]
-        scripts = [word for word in words[1:] if word.suffix in SCRIPTS]
-        return scripts[0].stem if scripts and words[0].name.startswith(INTERPRETERS) else words[0].name
+        """Name of its directory and in tables."""
+        return program_name(self.command)
 
     def facts(self) -> dict[str, Any]:
         """Name, version and settings, for `config.toml`."""
@@ -161,6 +156,20 @@ class Program:
             words = str(error).replace(f"{out}/", "")
             raise SystemFailedError(f"{self.name}: {words}{_last_lines(log)}") from None
         return estimated_from(self.name, frames, trajectory, grid)
+
+
+def program_name(command: str) -> str:
+    """Return the name of a command: that of the program, or of the script that an interpreter runs."""
+    words = [Path(word) for word in _words(command)]
+    scripts = [word for word in words[1:] if word.suffix in SCRIPTS]
+    return scripts[0].stem if scripts and words[0].name.startswith(INTERPRETERS) else words[0].name
+
+
+def _words(command: str) -> list[str]:
+    try:
+        return shlex.split(command)
+    except ValueError as error:
+        raise SystemsError(f"{command!r}: {error}") from None
 
 
 def group_megabytes(group: int) -> float:

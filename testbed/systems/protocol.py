@@ -23,7 +23,7 @@ from slam.occupancy import OccupancyGrid
 from testbed.frame import Frame
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Lidar:
     """What is known of a lidar before the drive: its first scan with beams."""
 
@@ -38,6 +38,10 @@ class Lidar:
     """Readings of at least this range are no returns [m]."""
     mount: tuple[float, float, float]
     """`T_robot_lidar`: pose of the lidar on the robot [m, m, rad]."""
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        return f"<Lidar {self.name!r}: {len(self.angles)} beams, up to {self.range_max:g} m, mount {self.mount}>"
 
 
 class System(Protocol):

@@ -13,8 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from testbed.datasets.index import SPLITS, splits
+
 MAX_MEASURED, MEASURING_TIME = 12, 6.0
 """Drives are measured until there are this many, or until they have taken this long [s]."""
+MAX_NAMED = 6
+"""Worlds of a split that are named."""
 WORKER_START = 3.0
 """What the start of the workers takes [s]."""
 
@@ -37,7 +41,7 @@ def measure_some(
 ) -> list[tuple[str, Measured]]:
     """Make some of the drives until `MEASURING_TIME` is over, at least one of each of the first kinds.
 
-    kinds: of each drive, such as its lidar: drives of one kind are alike
+    kinds: of each drive, such as its world and lidar: drives of one kind are alike
     Returns the kind of each drive that was made, and what it took.
     """
     started = clock()
@@ -74,7 +78,21 @@ def plan_lines(measured: Sequence[tuple[str, Measured]], kinds: Sequence[str], w
         f"about {size / 1e6:.0f} MB, {seconds / 3600:.2f} h of driving, {metres / 1000:.2f} km; it takes about {left} "
         f"with {busy} worker{'' if busy == 1 else 's'} (measured by {len(measured)} of the drives)"
     ]
+    if left_out := sorted(set(kinds) - {kind for kind, _ in measured}):
+        lines[0] += f"; not measured, taken as the mean of the others: {len(left_out)} of {len(set(kinds))} kinds"
     existing = next(path for path in (out, *out.resolve().parents) if path.exists())
     free = shutil.disk_usage(existing).free
     lines.append(f"free on this disk: {free / 1e9:.1f} GB" + (": not enough" if free < size else ""))
     return lines
+
+
+def split_line(worlds: Sequence[str]) -> str:
+    """The worlds of each split, as a hash of their names decides."""
+    of_world = splits(worlds)
+    parts = []
+    for split in SPLITS:
+        names = sorted(world for world, chosen in of_world.items() if chosen == split)
+        named = ", ".join(names[:MAX_NAMED]) + (f" and {len(names) - MAX_NAMED} more" if names[MAX_NAMED:] else "")
+        parts.append(f"{split}: {named or 'none'}")
+    few = "" if len(of_world) > 2 else "; three or more worlds give all splits"
+    return "; ".join(parts) + few

@@ -146,8 +146,8 @@ testbed presets umbmark
 """,
     "systems": """List SLAM systems, and check your own.
 
-A system is a Python class, in a file or a package. `run` and `slam` run it with `--system`, next to others on the same
-data.
+A system is a Python class, in a file or a package. `run`, `slam` and `sweep` run it with `--system`, next to others on
+the same data.
 
 ```
 testbed systems list

@@ -29,6 +29,10 @@ MAX_WORKERS_PER_CORE = 4
 """More worker processes would only take memory from each other."""
 
 
+SYSTEMS_PARTICLES = 30
+"""Particle count of a sweep over SLAM systems that names none."""
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SweepOptions:
@@ -59,12 +63,25 @@ class SweepOptions:
     """decided: look at the results after 8 seeds (9 for --seeds above 51), then after every 8 more, and add seeds only
     where the answer is open and can still be found, up to --seeds (default: 40). Each look uses higher confidence, so
     that all looks together keep 95 %."""
+    give_up: str | None = None
+    """Worlds or logs that get no more seeds with --until decided, separated by commas; none: all get them again. What
+    is computed stays, and no answer becomes wrong by it."""
     filter: str | None = None
     """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
+    system: str | None = None
+    """SLAM systems (`testbed systems list`) or FILE.py:CLASS, separated by commas: each is a line, and all see the same
+    data. --particles is then one count, which only the filter of this package takes. Default: 30."""
+    system_command: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
+    """A program as a system, such as 'my_slam {dataset} {out}', see docs/systems.md. May be repeated."""
     axis: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
     set: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME=VALUE: a setting of all runs. May be repeated."""
+
+    @property
+    def systems(self) -> list[str]:
+        """The SLAM systems of --system and --system-command."""
+        return [*(_words(self.system) if self.system is not None else ()), *self.system_command]
 
     def document(self) -> dict[str, Any]:
         """The given flags as the document of a specification."""
@@ -81,10 +98,15 @@ class SweepOptions:
             flags["margin"] = self.margin
         if self.until is not None:
             flags |= {"until": self.until, "seeds": self.seeds or MAX_SEEDS_UNTIL_DECIDED}
+        if self.give_up is not None:
+            flags["give_up"] = [] if self.give_up == "none" else _words(self.give_up)
         if self.filter is not None:
             flags["variants"] = {"default": {}} | {name: _filter_preset(name) for name in _words(self.filter)}
         if self.axis:
             flags["axes"] = parsed_axes(self.axis)
+        if self.systems:
+            flags["axes"] = {"system": self.systems} | flags.get("axes", {})
+            flags.setdefault("particles", [SYSTEMS_PARTICLES])
         return flags
 
     def specification(self, file: Path | None, out: Path | None) -> SweepSpec:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -139,6 +140,8 @@ def compare_systems(
         try:
             found[entrant.name] = _run_one(entrant, recorded, document, root, output)
         except (SystemFailedError, SystemsError) as error:
+            if os.environ.get("TESTBED_DEBUG"):
+                raise
             failed[entrant.name] = " ".join(str(error).split())
             console.print(f"testbed: {failed[entrant.name]}", soft_wrap=True, markup=False)
     results.print(comparison_table(found, failed))
@@ -148,8 +151,9 @@ def compare_systems(
     for system, metrics in found.items():
         for note in metrics["notes"]:
             console.print(f"note: {system}: {note}", soft_wrap=True, markup=False)
-    if len(found) > 1:
-        results.print(f"comparison: {write_comparison([root / s for s in found], root / 'comparison.html').resolve()}")
+    if found and len(entrants) > 1:
+        shown = [root / entrant.name for entrant in entrants]
+        results.print(f"comparison: {write_comparison(shown, root / 'comparison.html').resolve()}")
     for system in found:
         results.print(f"report: {(root / system / 'report.html').resolve()}")
     return USAGE_ERROR if failed else GATE_FAILED if broken else 0

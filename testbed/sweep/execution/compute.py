@@ -16,6 +16,7 @@ from testbed.run.execute import metrics_of
 from testbed.run.job import Job
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.recordings import Recording, recording_of
+from testbed.sweep.execution.system_cells import compute_system, system_of
 from testbed.sweep.result import MEASURED, CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.code_version import code_version
@@ -31,6 +32,9 @@ def compute(cell: Cell) -> CellResult:
     started = time.perf_counter()
     check_inputs(cell)
     recording = recording_of(cell)
+    system = system_of(cell)
+    if system is not None:
+        return compute_system(cell, system, recording, started)
     # both would take more time than all other scoring, and the truth is known
     job = replace(job_of(cell, recording), aligns_map=False, checks_by_replay=False)
     began = time.perf_counter()

@@ -51,7 +51,12 @@ class Cell:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:20]
 
     def _by_content(self, table: Mapping[str, Any]) -> dict[str, Any]:
-        return {k: self.inputs.get(v, v) if isinstance(v, str) else v for k, v in table.items() if v is not None}
+        return {k: self._content_of(v) if isinstance(v, str) else v for k, v in table.items() if v is not None}
+
+    def _content_of(self, text: str) -> str:
+        """The digest of the file that a text names, alone or as `FILE.py:CLASS`; other texts as they are."""
+        file, colon, name = text.rpartition(":")
+        return f"{self.inputs[file]}:{name}" if colon and file in self.inputs else self.inputs.get(text, text)
 
     def document(self) -> dict[str, Any]:
         """The cell as plain data for JSON; `Cell(**document)` restores it."""

@@ -9,7 +9,17 @@ from pathlib import Path
 from testbed.sweep.spec.settings import RunSettings
 from testbed.sweep.spec.spec import SweepSpec
 
-_NAMED = ("robot", "lidar", "odometry.grade", "backend", "filter.gate.distance", "filter.gate.angle", "route", "refine")
+_NAMED = (
+    "robot",
+    "lidar",
+    "odometry.grade",
+    "backend",
+    "filter.gate.distance",
+    "filter.gate.angle",
+    "route",
+    "refine",
+    "system",
+)
 """Settings that stand in the sentence by themselves, or elsewhere on the page."""
 
 

@@ -18,6 +18,8 @@ from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.cell import Cell, recording_key
 from testbed.sweep.spec.settings import RunSettings, Value
 from testbed.sweep.spec.spec import LogSource, SweepSpec
+from testbed.systems.entrant import entrant_of
+from testbed.systems.finding import file_of
 from worlds import label
 
 _YAML = (".yaml", ".yml")
@@ -53,6 +55,7 @@ def input_digests(spec: SweepSpec) -> dict[str, str]:
     for world in spec.worlds:
         for line in spec.lines():
             paths |= {str(path) for path in RunSettings.of(line.settings).simulator.files(world)}
+    paths |= {str(file) for line in spec.lines() if (file := file_of(str(line.settings.get("system", "")))) is not None}
     return {path: file_digest(path) for path in sorted(paths)}
 
 
@@ -64,6 +67,7 @@ def _read_by(source: Mapping[str, Any], settings: Mapping[str, Value], inputs: M
     words = {
         word.strip() for v in (*source.values(), *settings.values()) if isinstance(v, str) for word in v.split(",")
     }
+    words |= {str(file) for word in words if (file := file_of(word)) is not None}
     maps = {Path(word).parent for word in words if word.endswith(_YAML)}
     return {path: d for path, d in inputs.items() if path in words or (_is_image(path) and Path(path).parent in maps)}
 
@@ -114,8 +118,12 @@ class Costs:
     def of(cls, spec: SweepSpec) -> Costs:
         """Load each world and log once; raises WorldError, PresetError or LogError if that fails.
 
-        Every combination of robot, lidar and backend is loaded too, so that a misspelt name is reported at once.
+        Every combination of robot, lidar and backend is loaded too, and every SLAM system made, so that a misspelt name
+        is reported at once.
         """
+        for system in dict.fromkeys(str(line.settings.get("system", "")) for line in spec.lines()):
+            if system:
+                entrant_of(system).facts()
         lengths = {log.name: _log_length(log) for log in spec.logs}
         for world in spec.worlds:
             for line in spec.lines():

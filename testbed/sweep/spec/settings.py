@@ -15,6 +15,7 @@ from slam.config import FilterConfig
 from slam.config.renamed import present_name
 from testbed.settings.simulator import SimulatorOptions
 from testbed.sweep.errors import SweepError
+from testbed.systems.program import DatasetFormat
 
 Value = bool | int | float | str
 """Value of a setting."""
@@ -27,8 +28,8 @@ NOT_SETTINGS = {
     "commands": _TOUR_ONLY,
 }
 """Options of `testbed run` that cannot be set in a sweep, and why."""
-FILES = ("robot", "lidar")
-"""Settings whose value may be a file of the user."""
+FILES = ("robot", "lidar", "system")
+"""Settings whose value may be a file of the user; of a system `FILE.py:CLASS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +39,10 @@ class RunSettings:
     simulator: SimulatorOptions = field(default_factory=lambda: SimulatorOptions(backend="fast"))
     filter: FilterConfig = field(default_factory=FilterConfig)
     refine: bool = True
+    system: str = ""
+    """The SLAM system: a name, FILE.py:CLASS or a command (`testbed.systems`); empty = the filter of this package."""
+    system_format: DatasetFormat = "rosbag2"
+    """Format of the recording for a command."""
 
     @classmethod
     def of(cls, values: Mapping[str, Value]) -> RunSettings:
@@ -65,8 +70,8 @@ def checked(name: str, value: object, *, recorded: bool) -> Value:
     if name not in known():
         near = difflib.get_close_matches(name, known(), n=3, cutoff=0.4) or ["robot", "odometry.grade", "filter.…"]
         raise SweepError(f"{name}: unknown setting, expected such as {', '.join(near)}")
-    if recorded and not (name.startswith("filter.") or name == "refine"):
-        raise SweepError(f"{name}: recorded logs are not simulated, expected a filter setting or 'refine'")
+    if recorded and not (name.startswith("filter.") or name in ("refine", "system", "system_format")):
+        raise SweepError(f"{name}: recorded logs are not simulated, expected a filter setting, 'refine' or 'system'")
     try:
         validated = known()[name].validate_python(value, strict=True)
     except ValidationError as error:

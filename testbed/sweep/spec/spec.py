@@ -18,7 +18,9 @@ from eval.sweep.margin import parse_margin
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
-from worlds import expand_names
+from testbed.systems.entrant import name_of
+from testbed.systems.finding import file_of
+from worlds import expand_names, label
 
 MAX_FILE_BYTES = 1_000_000
 """Largest file of a specification [bytes]."""
@@ -97,12 +99,16 @@ class SweepSpec(BaseModel):
     measure: str = ""
     """Key of `metrics.json` by which accuracy is measured, smaller is better; or one of the words `online`, `filter`,
     `refined`, which stand for the main measure of that estimate. Default: `filter`, which shows what the particles
-    do (`trajectory_filter.ate_rmse_m` for worlds, `relations_filter.trans_mean_m` for logs)."""
+    do (`trajectory_filter.ate_rmse_m` for worlds, `relations_filter.trans_mean_m` for logs); `refined` where SLAM
+    systems are compared."""
     margin: str = ""
     """How much larger an error may be than that of the largest count before it matters: a share such as "10%", a length
     such as "2mm", or both, of which the larger counts. Default: "10%,5mm"."""
     until: Literal["", "decided"] = ""
     """decided: the seeds are an upper bound, and worlds whose answer is known get no more (`testbed.sweep.looks`)."""
+
+    give_up: tuple[str, ...] = ()
+    """Worlds or logs that get no more seeds with `until`, by their names in the tables."""
 
     @field_validator("seeds", mode="before")
     @classmethod
@@ -173,9 +179,24 @@ class SweepSpec(BaseModel):
         names = [line.name for line in self.lines()]
         if self.baseline and self.baseline not in names:
             raise ValueError(f"baseline {self.baseline!r}: no such line, expected one of {', '.join(names)}")
+        self._check_give_up()
+        if self.names_systems and self.until:
+            raise ValueError("until: asks how many particles are enough, expected it without SLAM systems")
+        if self.names_systems and len(self.particles) > 1:
+            raise ValueError(
+                f"particles {', '.join(map(str, self.particles))}: expected one count, since systems are compared"
+            )
         if self.size > MAX_CELLS:
             raise ValueError(f"{self.size} jobs, expected at most {MAX_CELLS}")
         return self
+
+    def _check_give_up(self) -> None:
+        """Raise ValueError if worlds that get no more seeds are named wrongly, or without `until`."""
+        places = [*map(label, self.worlds), *(log.name for log in self.logs)]
+        if self.give_up and not self.until:
+            raise ValueError("give_up: expected with until only, which adds seeds")
+        if unknown := [name for name in self.give_up if name not in places]:
+            raise ValueError(f"give_up: {unknown[0]!r}: no such world or log here, expected one of {', '.join(places)}")
 
     @property
     def size(self) -> int:
@@ -185,7 +206,7 @@ class SweepSpec(BaseModel):
     @property
     def key_measure(self) -> str:
         """Key of the measure of accuracy in `metrics.json`."""
-        word = self.measure or "filter"
+        word = self.measure or ("refined" if self.names_systems else "filter")
         if word not in ESTIMATES:
             return word
         has_relations = any(log.relations for log in self.logs) or not any(log.truth for log in self.logs)
@@ -213,6 +234,11 @@ class SweepSpec(BaseModel):
             return bool(line.settings["refine"])
         head = self.key_measure.partition(".")[0]
         return head in FINAL or particles in (self.particles[0], self.particles[-1])
+
+    @property
+    def names_systems(self) -> bool:
+        """Whether the specification names SLAM systems; they are compared by their final estimates."""
+        return any("system" in table for table in (self.settings, self.axes, *self.variants.values()))
 
     @property
     def names_route(self) -> bool:
@@ -251,6 +277,8 @@ class SweepSpec(BaseModel):
         """The specification with absolute paths of all files; relative paths start at `folder`."""
 
         def place(name: Any) -> Any:
+            if isinstance(name, str) and (file := file_of(name)) is not None and (folder / file).exists():
+                return f"{(folder / file).resolve()}:{name.rpartition(':')[2]}"
             is_file = isinstance(name, str) and Path(name).suffix and (folder / name).exists()
             return str((folder / name).resolve()) if is_file else name
 
@@ -323,6 +351,8 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _label(name: str, value: Value) -> str:
     """Label of an axis value: a word stands alone, a number follows the last part of the setting's name."""
+    if name == "system":
+        return name_of(str(value)) or "filter"
     if isinstance(value, str):
         return Path(value).stem if name in FILES else value
     return f"{name.rpartition('.')[2]} {str(value).lower() if isinstance(value, bool) else format(value, 'g')}"

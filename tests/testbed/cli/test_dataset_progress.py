@@ -6,7 +6,7 @@ from itertools import count
 import pytest
 
 from testbed.cli.shared import dataset_plan, dataset_progress
-from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines
+from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines, split_line
 from testbed.cli.shared.dataset_progress import DatasetProgress
 
 
@@ -51,3 +51,16 @@ def test_a_plan_weights_kinds_by_how_many_there_are(tmp_path):
 @pytest.mark.parametrize(("workers", "time"), [(1, "0:00:01 with 1 worker "), (5, "0:00:01 with 1 worker ")])
 def test_one_dataset_needs_one_worker(tmp_path, workers, time):
     assert f"it takes about {time}" in plan_lines([("a", Measured(1.0, 1.0, 1.0, 1))], ["a"], workers, tmp_path)[0]
+
+
+def test_a_plan_names_the_worlds_of_each_split():
+    assert split_line(["office", "apartment"] * 3) == (
+        "train: apartment; validation: none; test: office; three or more worlds give all splits"
+    )
+    assert split_line([f"rooms-{k}" for k in range(50)]).startswith("train: rooms-0, ")
+    assert " more; validation: " in split_line([f"rooms-{k}" for k in range(50)])
+
+
+def test_a_plan_says_what_was_not_measured(tmp_path):
+    (line, _) = plan_lines([("a", Measured(1.0, 1.0, 1.0, 1))], ["a", "b"], 1, tmp_path)
+    assert line.endswith("not measured, taken as the mean of the others: 1 of 2 kinds")

@@ -236,3 +236,52 @@ def test_a_ros1_bag_without_an_index_is_read(tmp_path, source, compressed):
     ranges = whole.table.ranges[: whole.table.scan_starts[count]]
     np.testing.assert_array_equal(log.table.ranges, ranges.astype(np.float32))
     assert any("not stopped properly" in note for note in log.notes)
+
+
+def test_a_time_between_beams_that_cannot_be_is_ignored(tmp_path, messages, sound):
+    for number, beat in enumerate((float("nan"), 0.1, -1.0)):
+        path = bag(
+            tmp_path / f"bag{number}", changed(messages, "/scan", lambda m, _, b=beat: replace(m, time_increment=b))
+        )
+        log = open_log(path)
+        assert_like(log.table, sound)
+        assert all(pattern.time_offsets is None for pattern in log.table.patterns)
+        assert any(note.startswith("time_increment") for note in log.repairs)
+
+
+def test_an_increment_against_the_limits_is_refused(tmp_path, messages):
+    path = bag(
+        tmp_path / "bag", changed(messages, "/scan", lambda m, _: replace(m, angle_increment=-m.angle_increment))
+    )
+    with pytest.raises(LogError, match=r"contradict each other.*angle_increment is -0\.0078"):
+        open_log(path)
+
+
+@pytest.mark.parametrize("topic", ["/scan", "/odom"])
+def test_a_stray_stamp_costs_one_message(tmp_path, messages, sound, topic):
+    path = bag(tmp_path / "bag", changed(messages, topic, lambda m, k: at_zero(m) if k == 40 else m))
+    log = open_log(path)
+    assert any(note.startswith("1 stamps of") for note in log.repairs)
+    lost = 1 if topic == "/scan" else 0
+    assert log.scan_count == len(sound.scan_rows) - lost
+
+
+def test_scans_from_where_time_steps_back_are_counted(tmp_path, messages, sound):
+    count = len(sound.scan_rows) // 2
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", lambda m, k: at_zero(m) if k >= count else m)))
+    assert log.scan_count == count
+    assert any("scans from where their time steps back on are left out" in note for note in log.repairs)
+
+
+def test_scans_in_a_gap_of_the_odometry_are_counted(tmp_path, messages, sound):
+    gone = [m for m in messages if not (m[0] == "/odom" and 3 <= m[2].header.stamp.sec < 5)]
+    log = open_log(bag(tmp_path / "bag", gone))
+    assert any("scans lie in gaps of the odometry of up to 2.0" in note for note in log.repairs)
+    assert not any("gaps of the odometry" in note for note in open_log(bag(tmp_path / "whole", messages)).notes)
+
+
+def test_a_limit_that_is_no_number_is_noted(tmp_path, messages, sound):
+    path = bag(tmp_path / "bag", changed(messages, "/scan", lambda m, _: replace(m, angle_max=float("inf"))))
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert any(note.startswith("angle_max is inf") for note in log.repairs)

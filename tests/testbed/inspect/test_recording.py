@@ -119,6 +119,14 @@ def test_odometry_that_stands_still_or_jumps(log):
     assert "1 jumps that no robot can make, the first at 20.0 s" in note
 
 
+def test_a_recording_over_decades_takes_no_more_memory(log):
+    stamps = log.table.stamps.copy()
+    stamps[log.table.scan_rows[-1] :] = 2.0**31
+    found = {finding.item: finding for finding in inspect_log(with_table(log, stamps=stamps))}
+    assert float(found["odometry"].found.split()[-4]) < 0.6
+    assert found["gaps of laser"].verdict == "ok"
+
+
 def test_a_lidar_that_is_mirrored(log):
     pattern = log.table.patterns[0]
     mirrored = replace(pattern, angles=-pattern.angles)

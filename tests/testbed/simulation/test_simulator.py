@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slam.se2 import between, compose, transform_points
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
-from testbed.simulation import LidarLayers, SimulationConfig, simulate
+from testbed.simulation import LidarLayers, SimulationConfig, simulate, simulator
 from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.fast import FastBackend
@@ -182,6 +182,20 @@ def test_blocks_of_any_size_equal_stepping(size, seed):
     assert [table.first for table in tables] == [size * k for k in range(len(tables))]
     assert_equal_frames([frame for table in tables for frame in table.frames()], stepped)
     assert {frame.lidar for frame in stepped if frame.scan} == {"laser", "rear_laser"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_periods_driven_by_one_call_equal_periods_driven_one_by_one(monkeypatch, seed):
+    """Wheels slip so far that they turn the odometry by more than half a turn within one period."""
+    config = SimulationConfig(backend="fast", lidar=load_lidar("lds01"), robot=load_robot("pioneer3dx"), duration=40.0)
+    slipping = dataclasses.replace(config.odometry, slip_rate=1.0, slip_distance=2.0)
+    config = dataclasses.replace(config, odometry=slipping, seeds=RunSeeds.from_seed(seed))
+    together = frames(load("maze"), config)
+    monkeypatch.setattr(simulator, "PERIODS_AHEAD", 1)
+    one_by_one = frames(load("maze"), config)
+    assert_equal_frames(together, one_by_one)
+    turns = np.abs(np.diff([frame.odometry[2] for frame in one_by_one]))
+    assert (turns > 1.0).any()
 
 
 class Listener:

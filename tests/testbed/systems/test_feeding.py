@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from eval.trajectory.trajectory import Trajectory
-from slam import se2
+from slam import GMapping, se2
+from slam.config import FilterConfig
 from slam.occupancy import OccupancyGrid
 from testbed.systems.errors import SystemFailedError
 from testbed.systems.feeding import estimated_from, feed, rows_of
@@ -214,3 +215,26 @@ def test_a_recording_without_scans_is_refused():
     drive = [frame for frame in frames() if frame.scan is None]
     with pytest.raises(SystemFailedError, match="no scan with beams"):
         feed(Wheels(), "x", drive, seed=0)
+
+
+def test_objects_show_themselves_in_one_line():
+    drive = frames(scans=10)
+    system = Wheels()
+    estimated, _ = feed(system, "x", drive, seed=0)
+    shown = [repr(thing) for thing in (estimated, estimated.dense, GRID, drive[0], drive[0].scan, system.lidars[0])]
+    assert shown[0] == "<Estimated: poses at 10 scans over 1.8 m, no map>"
+    assert shown[1] == "<Trajectory: 30 poses, 2.9 s, 1.77 m>"
+    assert shown[2] == "<OccupancyGrid: 200 x 200 cells of 0.05 m, 100% known, origin (-5.00, -5.00, 0.000)>"
+    assert shown[4] == "<Scan 0.000 s: 180 beams, 180 hits, 0 without return>"
+    assert shown[5] == "<Lidar 'laser': 180 beams, up to 20 m, mount (0.0, 0.0, 0.0)>"
+    assert all(len(text) < 120 and "array" not in text for text in shown)
+
+
+def test_the_filter_and_its_steps_show_themselves_in_one_line():
+    mapper = GMapping(FilterConfig(particles=3))
+    assert repr(mapper) == "<GMapping: 3 particles, 0 updates, at (0.000, 0.000, 0.000)>"
+    first = frames(scans=1)[0]
+    assert repr(mapper.process(first.odometry, first.scan)).startswith(
+        "<StepReport: (0.000, 0.000, 0.000), ess 3.0 of 3,"
+    )
+    assert "1 updates" in repr(mapper)

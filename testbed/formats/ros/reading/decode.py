@@ -43,6 +43,10 @@ class Track(NamedTuple):
         """The first messages."""
         return self._replace(stamps=self.stamps[:count], poses=self.poses[:count], twists=self.twists[:count])
 
+    def chosen(self, rows: NDArray[np.bool_]) -> Track:
+        """Some of the messages."""
+        return self._replace(stamps=self.stamps[rows], poses=self.poses[rows], twists=self.twists[rows])
+
     def in_time(self) -> Track:
         """The same sorted by time; of equal stamps the first counts."""
         stamps, rows = np.unique(self.stamps, return_index=True)

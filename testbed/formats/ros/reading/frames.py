@@ -17,6 +17,8 @@ from testbed.formats.ros.reading.repairs import bridged
 from testbed.formats.ros.reading.scans import ScanColumns, one_topic_per_lidar
 from testbed.frame_table import FrameTable
 
+MAX_GAP, GAP_PERIODS = 1.0, 3.0
+"""Scans between two odometry messages that are further apart than this [s], and than some usual periods, are noted."""
 ODOMETRY_REACH = 0.2
 """A scan may lie outside of the odometry's time by this much [s], one period of slow odometry."""
 
@@ -42,6 +44,7 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     if len(reachable) < len(scans):
         outside = len(scans) - len(reachable)
         notes.append(f"{outside} of {len(scans)} scans lie outside of the odometry's time and are left out")
+    content.notes += _gap_notes(track, reachable)
     if left_out := [*(f"{topic} (the same lidar)" for topic in repeated), *content.others]:
         notes.append(f"topics left out: {', '.join(left_out[:8])}{' and others' if left_out[8:] else ''}")
     table = _table(path, content, track, reachable, range_max)
@@ -55,6 +58,22 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
         truth_map=content.truth_map,
         robot_urdf=content.robot_urdf,
     )
+
+
+def _gap_notes(track: Track, scans: list[RawScan]) -> list[str]:
+    """A note on scans for whose time there is no odometry near by."""
+    if len(track.stamps) < 2 or not scans:
+        return []
+    spans = np.diff(track.stamps)
+    after = np.clip(np.searchsorted(track.stamps, [scan.stamp for scan in scans]), 1, len(spans))
+    around = spans[after - 1]
+    far = around > max(MAX_GAP, GAP_PERIODS * float(np.median(spans)))
+    if not far.any():
+        return []
+    return [
+        f"{far.sum()} of {len(scans)} scans lie in gaps of the odometry of up to {around.max():.1f} s: their poses are "
+        "interpolated"
+    ]
 
 
 def _table(path: Path, content: BagContent, track: Track, scans: list[RawScan], range_max: float | None) -> FrameTable:

@@ -138,9 +138,11 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
     elif topic == DESCRIPTION:
         content.robot_urdf = deserialise(data[-1]).data
     elif topic in content.scans:
-        content.scans[topic] = in_one_pass(content, raws, [decode_scan(raw, encoding, deserialise) for raw in data])
-        places = (f"message {raw.number} ({topic})" for raw in raws[: len(content.scans[topic])])
-        content.places |= dict(zip(map(id, content.scans[topic]), places, strict=True))
+        scans, kept = in_one_pass(content, raws, [decode_scan(raw, encoding, deserialise) for raw in data])
+        content.scans[topic] = scans
+        content.places |= {
+            id(scan): f"message {raws[row].number} ({topic})" for scan, row in zip(scans, kept.tolist(), strict=True)
+        }
     elif topic == topics.get("commands"):
         content.commands = decode_commands(data, [raw.time for raw in raws], encoding, deserialise)
     elif topic == topics.get("map"):

@@ -20,6 +20,11 @@ Stamped = TypeVar("Stamped", Track, Sequence[RawScan])
 
 MIN_LOOP = 1.0
 """Stamps that step back by more than this [s] mean that a recording begins again."""
+NEIGHBOURS, FAR = 2, 5.0
+"""A stamp that is further from the median of so many on each side than so many usual periods, and than `MIN_LOOP`, is
+a stray."""
+MAX_SWEEP = 2.0
+"""Longest time that the beams of one scan can take [s]."""
 MAX_JUMP_SHARE = 0.01
 """Odometry that jumps more often, as a share of its messages, does not start again: it is left as it is."""
 NOTED_BEAMS, ACCEPTED_BEAMS, ACCEPTED_SHARE = 0.5, 1.5, 0.05
@@ -43,14 +48,18 @@ class Fan(NamedTuple):
 
     def check(self) -> str | None:
         """A note where the numbers differ by about a beam; ValueError, with the numbers, where they contradict."""
-        if self.readings < 2 or not math.isfinite(self.angle_max):
+        if self.readings < 2:
             return None
+        if not math.isfinite(self.angle_max):
+            return f"angle_max is {self.angle_max:g}: angle_min and the increment are used"
         span = abs(self.angle_max - self.angle_min)
+        backward = (self.angle_max - self.angle_min) * self.increment < 0.0 and span > 2.0 * abs(self.increment)
         accepted = max(ACCEPTED_BEAMS, ACCEPTED_SHARE * (self.readings - 1))
-        if self.difference > accepted or abs(self.increment) * (self.readings - 2) > 2.0 * math.pi + 1e-3:
+        if backward or self.difference > accepted or abs(self.increment) * (self.readings - 2) > 2.0 * math.pi + 1e-3:
             raise ValueError(
                 f"the angles contradict each other: angle_min {self.angle_min:.6g}, angle_max {self.angle_max:.6g} and "
-                f"{self.readings} readings make an increment of {span / (self.readings - 1):.6g}, angle_increment is "
+                f"{self.readings} readings make an increment of "
+                f"{(self.angle_max - self.angle_min) / (self.readings - 1):.6g}, angle_increment is "
                 f"{self.increment:.6g} rad"
             )
         if self.difference > NOTED_BEAMS:
@@ -59,6 +68,21 @@ class Fan(NamedTuple):
                 "increment is used"
             )
         return None
+
+
+def sound_beat(beat: float, readings: int) -> bool:
+    """Tell whether the time between two beams [s] can be true: all of a scan within `MAX_SWEEP`."""
+    return math.isfinite(beat) and abs(beat) * max(readings - 1, 1) <= MAX_SWEEP
+
+
+def strays(stamps: Floats) -> NDArray[np.bool_]:
+    """Tell which stamps (n,) [s], in the order of the bag, are far from those of their neighbours on both sides."""
+    if len(stamps) < 2 * NEIGHBOURS + 1:
+        return np.zeros(len(stamps), dtype=bool)
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(stamps, NEIGHBOURS, mode="reflect"), 2 * NEIGHBOURS + 1)
+    usual = float(np.median(np.abs(np.diff(stamps))))
+    found: NDArray[np.bool_] = np.abs(stamps - np.median(windows, axis=1)) > max(MIN_LOOP, FAR * usual)
+    return found
 
 
 def first_pass(stamps: Floats) -> int:
@@ -119,6 +143,9 @@ def one_clock(content: BagContent, times: NDArray[np.float64], track: Track) -> 
         track = track._replace(stamps=mended)
     else:
         content.clock_offset = float(np.median(times - track.stamps))
+    if (stray := strays(track.stamps)).any():
+        content.notes.append(f"{stray.sum()} stamps of the odometry are far from those of their neighbours: left out")
+        track = track.chosen(~stray)
     count = first_pass(track.stamps)
     if count < len(track.stamps):
         content.notes.append(
@@ -128,8 +155,11 @@ def one_clock(content: BagContent, times: NDArray[np.float64], track: Track) -> 
     return track.first(count)
 
 
-def in_one_pass(content: BagContent, raws: list[RawMessage], scans: list[RawScan]) -> list[RawScan]:
-    """Scans of a topic without repeated passes, by the times of the bag where all of their stamps are equal."""
+def in_one_pass(
+    content: BagContent, raws: list[RawMessage], scans: list[RawScan]
+) -> tuple[list[RawScan], NDArray[np.int64]]:
+    """Scans of a topic without repeated passes, by the times of the bag where all of their stamps are equal; and which
+    of the messages they are."""
     stamps = np.array([scan.stamp for scan in scans])
     times = np.array([seconds(raw.time) for raw in raws])
     mended = bag_time(stamps, times, content.clock_offset)
@@ -137,4 +167,11 @@ def in_one_pass(content: BagContent, raws: list[RawMessage], scans: list[RawScan
         content.notes.append(f"all stamps of the scans are {stamps[0]:g} s: the bag's own times are used")
         stamps = mended
         scans = [scan._replace(stamp=stamp) for scan, stamp in zip(scans, stamps.tolist(), strict=True)]
-    return scans[: first_pass(stamps)]
+    if (stray := strays(stamps)).any():
+        content.notes.append(f"{stray.sum()} stamps of scans are far from those of their neighbours: left out")
+    kept = np.flatnonzero(~stray)
+    count = first_pass(stamps[kept])
+    if count < len(kept):
+        content.notes.append(f"{len(kept) - count} scans from where their time steps back on are left out")
+    kept = kept[:count]
+    return [scans[row] for row in kept.tolist()], kept

@@ -13,7 +13,7 @@ import numpy as np
 from testbed.formats.log import LogError
 from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan
-from testbed.formats.ros.reading.repairs import Fan
+from testbed.formats.ros.reading.repairs import Fan, sound_beat
 from testbed.frame_table import BeamPattern
 
 
@@ -40,7 +40,8 @@ class ScanColumns:
             if fan not in checked:
                 self._check_fan(scan, fan)
                 checked.add(fan)
-            key = scan.angle_min, scan.angle_increment, scan.time_increment, scan.ranges.size, upside_down
+            beat = self._sound_beat(scan)
+            key = scan.angle_min, scan.angle_increment, beat, scan.ranges.size, upside_down
             number = known.setdefault(key, len(self.patterns))
             if number == len(self.patterns):
                 self.patterns.append(_pattern(*key))
@@ -56,6 +57,18 @@ class ScanColumns:
         if not scan.range_max > scan.range_min >= 0.0:
             limits = f"{scan.range_min} and {scan.range_max}"
             raise LogError(f"{self._place(scan)}: expected 0 <= range_min < range_max, got {limits}")
+
+    def _sound_beat(self, scan: RawScan) -> float:
+        """Time between two beams [s]; 0, with a note, where the stated one cannot be true."""
+        beat, count = scan.time_increment, scan.ranges.size
+        if sound_beat(beat, count):
+            return beat
+        if not any("time_increment" in other for other in self._content.notes):
+            self._content.notes.append(
+                f"time_increment {beat:g} s makes a scan of {beat * count:g} s: it is ignored, the beams of a scan "
+                "count as taken at once"
+            )
+        return 0.0
 
     def _check_fan(self, scan: RawScan, fan: Fan) -> None:
         try:

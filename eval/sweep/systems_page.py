@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: MIT
+"""The page of a sweep over SLAM systems: error, failures and cost of each, paired by seed with the first one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eval.files.atomic_write import atomic_write
+from eval.report import plots
+from eval.report.comparison_plots import colour_of
+from eval.report.page import Plot, render
+from eval.sweep.measure import Unit
+from eval.sweep.results import SweepTable, read_sweep
+from eval.sweep.statistics import Interval, min_values, wilson_interval
+from eval.sweep.summary import Group, SweepSummary, summarise
+
+HEADINGS = ("system", "failed runs", "error, median", "compared with the first", "time per scan [ms]")
+
+
+@dataclass(frozen=True)
+class PlaceTable:
+    """The systems in one world or log, or their failures in all of them."""
+
+    title: str
+    rows: tuple[tuple[str, ...], ...]
+    """Texts under `HEADINGS`."""
+
+
+def write_systems_page(directory: str | os.PathLike[str]) -> Path:
+    """Write `sweep.html` and `table.md` into a sweep's directory and return the path of the page.
+
+    Raises SweepTableError for damaged tables.
+    """
+    folder = Path(directory)
+    summary = summarise(read_sweep(folder).judged())
+    tables = place_tables(summary)
+    page = render(
+        "systems.html.j2",
+        title=summary.table.title or "Sweep over SLAM systems",
+        about=_about(summary),
+        conditions=summary.table.conditions,
+        command=summary.table.command,
+        headings=HEADINGS,
+        tables=tables,
+        pictures=list(_pictures(summary)),
+    )
+    for name, text in {"sweep.html": page, "table.md": _markdown(tables)}.items():
+        with atomic_write(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return folder / "sweep.html"
+
+
+def place_tables(summary: SweepSummary) -> list[PlaceTable]:
+    """Return a table for each world or log, and at the end one of the failures in all of them if there are several."""
+    table, unit = summary.table, summary.unit
+    found = []
+    for p, place in enumerate(table.places):
+        rows = []
+        for k, line in enumerate(table.lines):
+            group = summary.group(place, line, table.counts[0])
+            cost = _milliseconds(table, p, k)
+            rows.append(
+                (
+                    line,
+                    failures_text(group.failures, group.runs),
+                    _interval_text(group.median, unit),
+                    _difference_text(group, unit, table.level),
+                    "–" if np.isnan(cost) else f"{cost:.2f}",
+                )
+            )
+        found.append(PlaceTable(place, tuple(rows)))
+    if len(table.places) > 1:
+        found.append(PlaceTable("all places", tuple(_pooled(table, k, line) for k, line in enumerate(table.lines))))
+    return found
+
+
+def failures_text(failures: int, runs: int) -> str:
+    """Failed runs of all runs, with the rates that are compatible with them (95 % Wilson interval)."""
+    low, high = wilson_interval(failures, runs)
+    return f"{failures} of {runs}" + ("" if runs == 0 else f" ({low:.0%} to {high:.0%})")
+
+
+def _pooled(table: SweepTable, k: int, line: str) -> tuple[str, ...]:
+    """Failures in all places; errors of different places are not pooled."""
+    failures, runs = int(table.failed[:, k].sum()), int(table.ran[:, k].sum())
+    return (line, failures_text(failures, runs), "", "", "")
+
+
+def _milliseconds(table: SweepTable, p: int, k: int) -> float:
+    """Median time of a system per scan [ms]; NaN if unknown."""
+    costs = 1e3 * table.cube("wall_s")[p, k, 0] / table.cube("scans")[p, k, 0]
+    known = costs[np.isfinite(costs)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def _interval_text(interval: Interval, unit: Unit) -> str:
+    if not np.isfinite(interval.value):
+        return "–"
+    text = f"{unit.text(interval.value)} {unit.name}".strip()
+    return text if np.isnan(interval.low) else f"{text} ({unit.text(interval.low)} to {unit.text(interval.high)})"
+
+
+def _difference_text(group: Group, unit: Unit, level: float) -> str:
+    """Paired difference to the first system, and whether the seeds show it."""
+    difference = group.to_baseline
+    if difference is None:
+        return "(the first)"
+    if not np.isfinite(difference.value):
+        return "–"
+    sign = "+" if difference.value > 0.0 else "-"
+    text = f"{sign}{unit.text(abs(difference.value))} {unit.name}".strip()
+    if difference.count < min_values(level):
+        return f"{text}, {difference.count} pairs: too few to tell"
+    if difference.contains(0.0):
+        return f"{text}: no difference shown"
+    return f"{text}: {'worse' if difference.value > 0.0 else 'better'}"
+
+
+def _about(summary: SweepSummary) -> str:
+    table = summary.table
+    places = f"{len(table.places)} worlds or logs" if len(table.places) > 1 else table.places[0]
+    return (
+        f"{len(table.lines)} systems, {places}, {len(table.seeds)} seeds. Of one seed all systems see the same frames. "
+        f"Measured is {table.measure.key}. Errors are medians over the seeds with 95 % intervals; differences are "
+        "paired by seed. A failed run ended lost, with broken loops, or without a result."
+    )
+
+
+def _pictures(summary: SweepSummary) -> Iterator[Plot]:
+    """The errors of all runs, and the median error against time, for each place."""
+    table, unit = summary.table, summary.unit
+    label = "error" + (f" [{unit.name}]" if unit.name else "")
+    for p, place in enumerate(table.places):
+        groups, dots = [], []
+        for k, line in enumerate(table.lines):
+            errors = unit.factor * table.error[p, k, 0]
+            known = errors[np.isfinite(errors) & (errors > 0.0)]
+            if len(known):
+                groups.append((line, known, colour_of(k)))
+                cost = _milliseconds(table, p, k)
+                if cost > 0.0:
+                    dots.append((line, cost, float(np.median(known)), colour_of(k)))
+        if groups:
+            yield Plot(f"Errors: {place}", plots.named_dots(groups, label), "A dot for each run; a bar at the median.")
+        if len(dots) > 1:
+            source = plots.labelled_dots(dots, "time per scan [ms]", label)
+            yield Plot(f"Cost: {place}", source, "Median over the seeds. Left is cheaper, down is more accurate.")
+
+
+def _markdown(tables: Sequence[PlaceTable]) -> str:
+    lines = []
+    for table in tables:
+        lines += [f"**{table.title}**", "", f"| {' | '.join(HEADINGS)} |", f"|{'---|' * len(HEADINGS)}"]
+        lines += [f"| {' | '.join(row)} |" for row in table.rows] + [""]
+    return "\n".join(lines)
