@@ -88,8 +88,8 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
             groups.append((f"{name} ({len(visits)})", path[rows], colour))
     source = plots.links(path, groups, background=_background(context))
     caption = (
-        "A link joins the middles of two stretches that show the same walls. The final pass found them after the drive, "
-        "between pieces of the map; they are not the moments at which loops closed while driving."
+        "A link joins the middles of two stretches that show the same walls. The final pass found them after the "
+        "drive, between pieces of the map; they are not the moments at which loops closed while driving."
     )
     yield Plot("Loops", source, caption)
 
