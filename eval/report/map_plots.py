@@ -87,7 +87,11 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
             rows = np.clip(np.searchsorted(stamps, visits), 0, len(stamps) - 1)
             groups.append((f"{name} ({len(visits)})", path[rows], colour))
     source = plots.links(path, groups, background=_background(context))
-    yield Plot("Loops", source, "A link joins the middles of two stretches that show the same walls.")
+    caption = (
+        "A link joins the middles of two stretches that show the same walls. The final pass found them after the "
+        "drive, between pieces of the map; they are not the moments at which loops closed while driving."
+    )
+    yield Plot("Loops", source, caption)
 
 
 def _background(context: ReportContext) -> Picture | None:
