@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -136,14 +136,22 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
     back = -1
     groups = _excursions(first, last, severity > 1.0)
     begins: list[int | None] = [int(first[pieces].min()) for pieces in groups]
-    for pieces, next_begin in zip(groups, [*begins[1:], None][: len(groups)], strict=True):
+    passing = [_passes(matched, int(first[pieces[0]]), int(last[pieces].max())) for pieces in groups]
+    for number, (group, next_begin) in enumerate(zip(groups, [*begins[1:], None][: len(groups)], strict=True)):
+        on_the_way_back = first[group] < back
+        if on_the_way_back.any():
+            blips[-1] = _with_worst(blips[-1], translation, rotation, group[on_the_way_back])
+        pieces = group[~on_the_way_back]
+        if len(pieces) == 0:
+            continue
         begin, end = int(first[pieces[0]]), int(last[pieces].max())
-        if begin < back:
-            continue  # on the way back from the excursion before
-        returned = _back_at(matched, begin, end, next_begin)
         worst = (float(translation[pieces].max()), float(rotation[pieces].max()))
+        returned = _back_at(matched, begin, end, next_begin)
         moment = _moment(matched, begin, int(last[pieces[0]]))
+        if returned is None and passing[number] and not all(passing[number + 1 :]):
+            returned = end  # the map drifts on after it; the estimate is lost later
         if returned is None:
+            begin, moment = _last_departure(matched, first[pieces], last[pieces], (begin, moment))
             reason = (
                 f"the estimate leaves the truth and does not come back; {_soon_after(matched, begin, moment)}, and "
                 f"over a metre of path its motion is wrong by up to {_amount(*worst)}"
@@ -171,6 +179,40 @@ def _excursions(first: Rows, last: Rows, bad: NDArray[np.bool_]) -> list[Rows]:
     reached = np.maximum.accumulate(last[pieces])
     new = np.flatnonzero(first[pieces][1:] > reached[:-1]) + 1
     return np.split(pieces, new)
+
+
+def _last_departure(matched: Association, first: Rows, last: Rows, found: tuple[int, int]) -> tuple[int, int]:
+    """Rows at which an excursion that does not heal begins, and is bad: after the last row at which the estimate fits
+    the truth as at the start of the run, where it does so in between; else those that were found.
+
+    first, last (k,): rows of its bad pieces of path
+    """
+    path, true, estimated = matched.reference.distance, matched.reference.poses, matched.estimate.poses
+    aligned = np.flatnonzero(path <= HEAL_PATH)
+    rows = np.arange(found[0], int(last.max()) + 1)
+    miss = between(true[rows], compose(_mean_alignment(true[aligned], estimated[aligned]), estimated[rows]))
+    metres, degrees = np.hypot(miss[:, 0], miss[:, 1]), np.degrees(np.abs(miss[:, 2]))
+    fits = rows[np.asarray(has_come_back(metres, degrees, path[rows]))]
+    after = np.flatnonzero(first >= fits[-1]) if len(fits) else np.zeros(0, np.intp)
+    if len(after) == 0:
+        return found
+    begin = int(first[after].min())
+    return begin, _moment(matched, begin, int(last[after[0]]))
+
+
+def _with_worst(blip: Blip, translation: NDArray[np.float64], rotation: NDArray[np.float64], pieces: Rows) -> Blip:
+    """A blip to which further bad pieces of path belong."""
+    metres, degrees = float(translation[pieces].max()), float(rotation[pieces].max())
+    return replace(blip, metres=max(blip.metres, metres), degrees=max(blip.degrees, degrees))
+
+
+def _passes(matched: Association, begin: int, end: int) -> bool:
+    """Whether the motion from the row at which an excursion begins to that of its end is right, as after a jump there
+    and back; the estimate may drift away from there all the same."""
+    rows = np.array([begin]), np.array([end])
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
+    path = matched.reference.distance
+    return bool(has_come_back(float(translation[0]), float(rotation[0]), float(path[end] - path[begin])))
 
 
 def _back_at(matched: Association, begin: int, end: int, next_begin: int | None) -> int | None:

@@ -135,7 +135,9 @@ def score_files(
     folder = Path(dataset)
     truth_file, truth_map_file = folder / "truth.tum", folder / "truth_map.yaml"
     if not truth_file.exists() and relations is None:
-        raise ValueError(f"{folder}: expected truth.tum in it, or a relations file to score against")
+        inside = sorted(path.parent for path in folder.glob("*/truth.tum"))
+        hint = f"; did you mean {inside[0]}?" if inside else ""
+        raise ValueError(f"{folder}: expected truth.tum in it, or a relations file to score against{hint}")
     file = read_map_file(Path(grid)) if grid is not None else None
     truth_map = read_map(truth_map_file) if truth_map_file.exists() else None
     truth = read_tum(truth_file) if truth_file.exists() else None

@@ -62,6 +62,17 @@ def cache_folder(package: Path) -> Path | None:
     return temporary
 
 
+@cache
+def announce_compilation(package: Path) -> None:
+    """Say in one line, once in a process, that the first scans will take long, where nothing was compiled yet.
+
+    The command line compiles in a process of its own and says so itself (`testbed.kernels`).
+    """
+    folder = cache_folder(package)
+    if folder is not None and next(folder.rglob("*.nbc"), None) is None:
+        _log.warning("compiling the kernels: one to three minutes at the first scans, once per version")
+
+
 def _usual_root() -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(os.environ.get("TESTBED_CACHE") or os.path.join(home, "slam-testbed"))

@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
+from slam._kernel_cache import announce_compilation
 from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.diagnosis.contradiction import ContradictionMonitor, ScanEvidence, SelfCheck
@@ -48,6 +50,7 @@ class GMapping:
         threads: int | None = None,
     ) -> None:
         """Create a filter without a map; `threads` defaults to the cores of this machine."""
+        announce_compilation(Path(__file__).parent)
         self.config = config or FilterConfig()
         self.maps = ParticleMaps(self.config.first_particles, self.config.map, Threads(threads))
         self._rng = np.random.default_rng(seed)
@@ -207,6 +210,12 @@ class GMapping:
     def map(self, particle: int | None = None) -> OccupancyGrid:
         """Map of a particle (default: the best)."""
         return self.maps.occupancy(self.best if particle is None else particle)
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        x, y, theta = self.poses[self.best]
+        used = f"{len(self.update_scans)} updates"
+        return f"<GMapping: {len(self.weights)} particles, {used}, at ({x:.3f}, {y:.3f}, {theta:.3f})>"
 
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Everything that the filter remembers: named arrays, and plain values fit for JSON."""

@@ -42,12 +42,13 @@ class ClosingLoop:
     """Error of the pose while driving before the loop, and when it had its full length [m]; None without truth."""
 
 
-def largest_closing_loop(steps: Columns) -> ClosingLoop | None:
-    """Return the longest loop that closed; None where none did, or in tables of older releases."""
+def largest_closing_loop(steps: Columns, until: float = np.inf) -> ClosingLoop | None:
+    """Return the longest loop that closed before a stamp [s]; None where none did, or in tables of older releases."""
     if "loop_length" not in steps:
         return None
     on = updates(steps)
     stamps, lengths = column(steps, "stamp")[on], np.nan_to_num(column(steps, "loop_length")[on])
+    lengths = np.where(stamps < until, lengths, 0.0)
     closing = np.flatnonzero(lengths > 0.0)
     if len(closing) == 0:
         return None

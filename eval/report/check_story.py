@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from eval.filter.step_table import Columns, column, updates
-from eval.loss_watch import Spell
+from eval.loss_watch import Spell, spells
 from eval.report.report_context import ReportContext
 from slam.se2 import transform_points
 
@@ -39,8 +39,9 @@ def self_check_story(context: ReportContext) -> str:
     if check.get("place") is not None:
         where = f"{_place(_shown_place(context, check))} in the plots below"
     story = f"The run's own check, without any truth: {check['verdict']}{_first_sign(check, where)}"
-    if check.get("time_s") is not None and context.failure_time is not None:
-        story += f", {_lead(context.failure_time - check['time_s'])}"
+    if check.get("time_s") is not None and (moments := _moments(context)):
+        moment = min(moments, key=lambda time: abs(time - check["time_s"]))
+        story += f", {_lead(moment - check['time_s'], moment)}"
     found = [] if run.steps is None else called_lost(run.steps)
     first = None if check.get("time_s") is None else context.start + check["time_s"]
     sure = [spell for spell in found if first is not None and spell.start >= first - 1e-6]
@@ -98,6 +99,13 @@ def _place(place: Sequence[float]) -> str:
     return f"({place[0]:.1f}, {place[1]:.1f}) m"
 
 
-def _lead(seconds: float) -> str:
-    """How a first sign lies to the moment of the failure."""
-    return f"{abs(seconds):.1f} s {'before' if seconds >= 0.0 else 'after'} the moment at which the truth shows it"
+def _moments(context: ReportContext) -> list[float]:
+    """Times since the start [s] at which the run went wrong, or was lost while driving, by the truth."""
+    lost = [] if context.run.steps is None else spells(context.run.steps, "lost")
+    own = [] if context.failure_time is None else [context.failure_time]
+    return own + [spell.start - context.start for spell in lost]
+
+
+def _lead(seconds: float, moment: float) -> str:
+    """How a first sign lies to a moment of failure [s]."""
+    return f"{abs(seconds):.1f} s {'before' if seconds >= 0.0 else 'after'} the truth shows a loss ({moment:.1f} s)"

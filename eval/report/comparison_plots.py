@@ -120,7 +120,7 @@ def path_plots(runs: NamedRuns) -> Iterator[Plot]:
     yield Plot(
         "Position error over time",
         plots.over_time(at - start, series, "error [cm]"),
-        "Distance from the truth, each run after SE(2) alignment of all its poses.",
+        "Distance of the final estimates from the truth, each after SE(2) alignment of all its poses.",
     )
 
 
@@ -178,7 +178,7 @@ def cost_plots(runs: NamedRuns) -> Iterator[Plot]:
     )
     key, label = accuracy
     for title, axis, cost in (
-        ("Accuracy against time", "time per scan [ms]", time_per_scan),
+        ("Accuracy against time", "whole time by the number of scans [ms]", time_per_scan),
         ("Accuracy against memory", "memory [MB], less than 1 drawn as 1", memory),
     ):
         dots = []

@@ -195,6 +195,7 @@ def scan_over_map(
             )
             size = 12.0 if ring else 7.0
             ax.plot(scan.pose[0], scan.pose[1], "o", ms=size, mfc="white", mec=scan.colour, mew=1.6, zorder=8)
+        ax.set_adjustable("box")  # the window is what to show, with a map and without
         ax.set_xlim(window[0], window[1])
         ax.set_ylim(window[2], window[3])
         _legend(ax, columns=2)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
 from eval.filter.step_table import column
-from eval.loss_watch import spells
+from eval.loss_watch import Spell, spells
 from eval.report import plots
 from eval.report.check_story import times_in_words
 from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
@@ -52,6 +53,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "shown_time": failure.time_to_watch(context.run.estimate.stamps) if failure and context.run.estimate else None,
         "drift_before": _drift_before(context),
         "lost_while_driving": _lost_while_driving(context),
+        "earlier_loss_time": _earlier_loss(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "failure_plot": failure_plot(context),
         "moment_plots": list(moment_plots(context)),
@@ -80,18 +82,31 @@ def _lost_while_driving(context: ReportContext) -> str:
     return f"The recording judges the pose while driving, and calls it lost {times_in_words(found, context.start)}."
 
 
+def _earlier_loss(context: ReportContext) -> float | None:
+    """When to watch the first loss before the moment of the failure, from which the estimate came back, since the start
+    [s]; None where there was none."""
+    if context.run.steps is None or context.failure is None or not context.failure.bad:
+        return None
+    found = [spell for spell in spells(context.run.steps, "lost") if (spell.end or np.inf) < context.failure.stamp]
+    return math.ceil(10.0 * (found[0].start - context.start) - 1e-6) / 10.0 if found else None
+
+
 def _drift_before(context: ReportContext) -> str:
     """How the map was bent before the moment of a failure; empty where it was not, or where that is unknown."""
     steps, failure = context.run.steps, context.failure
     if steps is None or failure is None or not failure.bad or "error_m" not in steps:
         return ""
-    before = [spell for spell in spells(steps, "drifted") if spell.start < failure.stamp]
+    before = [
+        Spell(spell.start, min(spell.end or failure.stamp, failure.stamp))
+        for spell in spells(steps, "drifted")
+        if spell.start < failure.stamp
+    ]
     stamps, errors = column(steps, "stamp"), column(steps, "error_m")
     if not before:
         return ""
     within = np.zeros(len(stamps), np.bool_)
     for spell in before:
-        within |= (stamps >= spell.start) & (stamps <= min(spell.end or failure.stamp, failure.stamp))
+        within |= (stamps >= spell.start) & (stamps <= (spell.end or failure.stamp))
     times = times_in_words(before, context.start)
     return (
         f"The map was bent before: the pose while driving had drifted {times}, by up to "

@@ -35,6 +35,10 @@ UNJUDGED_LEADS: dict[str, tuple[str, Severity]] = {
 """First sentence and severity of an unjudged run for each verdict of its own check."""
 
 
+SOON_S = 20.0
+"""A loss within this time after a loop closure is said with it [s]."""
+
+
 @dataclass(frozen=True)
 class Headline:
     """One figure that a reader looks for first."""
@@ -193,20 +197,24 @@ def _loop(context: ReportContext) -> Loop:
     run = context.run
     if run.metric("filter.loop_closures") == 0:
         return Loop("No loop closure was seen while driving: no scan met enough walls that had long been out of sight.")
-    loop = None if run.steps is None else largest_closing_loop(run.steps)
+    lost = [] if run.steps is None else spells(run.steps, "lost")
+    first_loss = lost[0].start if lost else math.inf  # a loop that closes while lost closes nothing
+    loop = None if run.steps is None else largest_closing_loop(run.steps, first_loss)
     if loop is None:
         return Loop("")
     start = context.start
     times = f"closed at {loop.stamp - start:.1f} s"
     if loop.began < loop.stamp:
         times = f"closed from {loop.began - start:.1f} s to {loop.stamp - start:.1f} s"
-    text = f"The largest loop closure: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
+    before = " before the estimate was lost" if lost else ""
+    text = f"The largest loop closure{before}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
     if loop.errors is not None:
-        before, after = loop.errors
-        text += f" The error of the pose while driving went from {length(before)} to {length(after)}."
-    lost = [] if run.steps is None else spells(run.steps, "lost")
-    if any(spell.start <= loop.end and (spell.end is None or spell.end > loop.began) for spell in lost):
-        text += " The estimate was lost during it or soon after."
+        text += (
+            f" With both paths aligned at the first scan, the error of the pose while driving was "
+            f"{length(loop.errors[0])} before it and {length(loop.errors[1])} at {loop.stamp - start:.1f} s."
+        )
+    if lost and first_loss - loop.stamp <= SOON_S:
+        text += f" The estimate was lost {first_loss - loop.stamp:.1f} s later."
     watch = loop.stamp if loop.most_died is None else loop.most_died
     # Rounded up to a tenth, as it is printed: rounded down it may show the scan before.
     return Loop(text, math.ceil(10.0 * (watch - start) - 1e-6) / 10.0)

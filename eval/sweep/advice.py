@@ -20,6 +20,8 @@ from eval.sweep.results import SweepTable
 from eval.sweep.statistics import min_values
 from eval.sweep.summary import SweepSummary
 
+PROBABLE = 0.5
+"""Worlds whose chance of an answer is lower may be left while others get more seeds."""
 MAX_OFFERED_SHARE = 0.25
 """A margin that is a larger share of the error is not offered: within it a count would hardly be as good."""
 
@@ -75,7 +77,8 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
         text = _cost_of_looks(table, going_on, bound, workers) if table.is_sequential else ""
         text = text or f"In about {duration_words(seconds_for_seeds(table, going_on, bound, workers))}."
         chance = _chances(table, {place: open_answers[place] for place in going_on}, bound)
-        return [Advice("Go on", shlex.join(words), f"{text} {chance}".strip())]
+        found = [Advice("Go on", shlex.join(words), f"{text} {chance}".strip())]
+        return found + _go_on_with_some(table, {place: open_answers[place] for place in going_on}, words, workers)
     wanted = _wanted(open_answers, table)
     if wanted is None or wanted <= bound or table.seeds != tuple(range(bound)):
         return []
@@ -83,6 +86,18 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
     text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(table, open_answers, wanted)}"
     number = [] if wanted == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(wanted)]
     return [Advice("Add seeds", shlex.join([*words, *number, "--until", "decided"]), text.strip())]
+
+
+def _go_on_with_some(table: SweepTable, going_on: dict[str, Decision], words: list[str], workers: int) -> list[Advice]:
+    """Leave the worlds that will probably stay open, if others will probably not."""
+    bound = len(table.seeds)
+    poor = [p for p, d in going_on.items() if _is_known(table, d) and _chance(d, bound) < PROBABLE]
+    good = [place for place in going_on if place not in poor]
+    if not (table.is_sequential and poor and good):
+        return []
+    command = shlex.join([*words, "--give-up", ",".join(poor)])
+    text = f"{_cost_of_looks(table, good, bound, workers)} What is computed of {' and '.join(poor)} stays as it is."
+    return [Advice(f"Go on with {' and '.join(good)} only", command, text)]
 
 
 def _cost_of_looks(table: SweepTable, places: Sequence[str], bound: int, workers: int) -> str:

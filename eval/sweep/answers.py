@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from eval.sweep.decision import Decision, Kind
+from eval.sweep.decision import Decision, Kind, State
 from eval.sweep.look_schedule import fewest_seeds_to_go_on, looks_for
 from eval.sweep.measure import Unit
 from eval.sweep.outlook import bound_for, chance_sentence
@@ -206,7 +206,8 @@ def _until_known(case: _Case) -> str:
     else:  # in the order of the counts: a range would be read as that of the first count to that of the last
         named = [f"{first} {unit.name}".rstrip(), *others]
         medians = ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
-    return f"Until it is known take {counts[-1]}. Medians so far: {medians}"
+    largest_open = counts[case.decision.largest_open]
+    return f"Take {counts[-1]} until {largest_open} is decided. Medians so far: {medians}"
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
@@ -262,10 +263,11 @@ def _few_words(case: _Case, difference: Interval) -> str:
     def text(value: float) -> str:
         return f"{abs(value):.{2 if abs(value) < 10.0 else 1}f}"
 
+    name = f" {unit.name}" if unit.name else ""
     if low < 0.0 < high:
-        return f"between {text(low)} {unit.name} better and {text(high)} {unit.name} worse {runs}"
+        return f"between {text(low)}{name} better and {text(high)}{name} worse {runs}"
     ends_text = [text(end) for end in sorted((low, high), key=abs)]
-    return f"{' to '.join(dict.fromkeys(ends_text))} {unit.name} {'worse' if high > 0.0 else 'better'} {runs}"
+    return f"{' to '.join(dict.fromkeys(ends_text))}{name} {'worse' if high > 0.0 else 'better'} {runs}"
 
 
 def _were(count: int) -> str:
@@ -299,17 +301,26 @@ def _what_is_open(case: _Case) -> str:
     states, counts, c = case.decision.states, case.table.counts, case.decision.largest_open
     if c is None:
         return "only one count was tested" if len(counts) == 1 else ""
-    good = [str(count) for count, state in zip(counts, states, strict=False) if state == "good"]
     parts = []
-    if good:
-        parts.append(
-            f"{' and '.join(good)} {'is' if len(good) == 1 else 'are'} shown to be as good as {case.largest}, but "
-            f"{'is' if len(good) == 1 else 'are'} enough only if {counts[c]} is shown to be so too"
-        )
+    if not _cannot_tell(case):
+        parts.append(", ".join(filter(None, (_state_words(case, state) for state in ("good", "worse", "open")))))
+    if "good" in states:
+        parts.append("a count is enough only if all larger ones are as good")
     if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
         (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)
         parts.append(f"{counts[c]} failed in {failed} of {runs} runs, {case.largest} in {base} of {of}")
     return "; ".join(parts)
+
+
+def _state_words(case: _Case, state: State) -> str:
+    """`5 is shown to be as good as 30`, `1 and 15 are open`; empty if no count is in this state."""
+    states = case.decision.states
+    found = [str(count) for count, own in zip(case.table.counts, states, strict=False) if own == state]
+    if not found:
+        return ""
+    names = found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
+    is_what = {"good": f"shown to be as good as {case.largest}", "worse": "shown to be worse", "open": "open"}[state]
+    return f"{names} {'is' if len(found) == 1 else 'are'} {is_what}"
 
 
 def _needs(case: _Case) -> str:

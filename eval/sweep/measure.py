@@ -13,6 +13,8 @@ _ESTIMATES = {
     "": ("final", "the path that the run gives out"),
 }
 """Suffix of keys in `metrics.json`: name of the estimate, and what it is."""
+_FINAL = ("trajectory", "map", "relations")
+"""Groups of `metrics.json` that describe the estimate that the final pass refines."""
 METRES_FROM = 2.0
 """Lengths are shown in metres if the largest of them is at least this long [m]."""
 
@@ -56,6 +58,11 @@ class Measure:
     def estimate_is(self) -> str:
         """What that estimate is, in words."""
         return _ESTIMATES[self._suffix][1]
+
+    @property
+    def needs_final_pass(self) -> bool:
+        """Whether only runs with the final pass have this measure; the others hold the filter's value in its place."""
+        return self._head in _FINAL
 
     @property
     def outcome(self) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.answers import difference_words
+from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
 from eval.sweep.remarks import described, look_rule, margin_choice, margin_words
@@ -125,18 +126,21 @@ def _caption(summary: SweepSummary) -> str:
         f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
         f"{brackets} in brackets, failed runs in parentheses where there are any.",
     ]
+    enough_runs = max(runs, default=0) >= few
     if len(table.counts) > 1:
+        decides = f"median of the differences to the runs with {largest} particles on the same data, with its "
+        decides += f"{100.0 * table.level:.3g} % interval, which decides; the intervals of the errors do not."
+        ranges = f"the differences to the runs with {largest} particles on the same data."
         sentences += [
-            f"Against {largest}: median of the differences to the runs with {largest} particles on the same data, with "
-            f"its {100.0 * table.level:.3g} % interval, which decides; the intervals of the errors do not.",
+            f"Against {largest}: {decides if enough_runs else ranges}",
             f"Enough: with 95 % confidence at most {margin_words(summary)} worse than {largest} particles, as all "
             "larger counts are.",
         ]
     sentences += [look_rule(table), margin_choice(table)]
     if min(runs, default=0) < few:
         sentences.append(
-            f"{MARK} Fewer than {few} runs: the brackets hold the smallest and the largest run, and no count can be "
-            "shown to be enough."
+            f"{MARK} Fewer than {few} runs: the brackets hold the smallest and the largest run. At least "
+            f"{fewest_seeds_to_go_on(table.level)} are needed to show that a count is enough."
         )
     return " ".join(filter(None, [*sentences, described(table)]))
 

@@ -203,7 +203,8 @@ def _suggested(model: NeededCount, at: NDArray[np.float64]) -> str:
     """`7 (95 % interval 5 to 10)`."""
     low, high = (f"more than {model.max_count}" if end is None else str(end) for end in model.interval(at))
     needed = model.needed(at)
-    return f"{f'more than {model.max_count}' if needed is None else needed} (95 % interval {low} to {high})"
+    count = f"more than {model.max_count}" if needed is None else str(needed)
+    return f"{count} (95 % interval {low} to {high}{', outside of what was tested' if model.outside(at) else ''})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

@@ -139,7 +139,9 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
     folder = Path(directory)
     summary = summarise(read_sweep(folder).judged())
     (folder / "figures").mkdir(exist_ok=True)
-    figures = [_figure(drawing, summary, folder / "figures") for drawing in DRAWINGS]
+    compares = len(summary.table.counts) > 1
+    drawings = [drawing for drawing in DRAWINGS if compares or drawing.draw is not sweep_plots.differences]
+    figures = [_figure(drawing, summary, folder / "figures") for drawing in drawings]
     tables = {"table.md": markdown_table(summary), "table.tex": latex_table(summary)}
     page = render("sweep.html.j2", **_context(folder, summary), figures=figures, tables=tables)
     for name, text in (tables | {"sweep.html": page}).items():

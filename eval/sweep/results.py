@@ -161,7 +161,20 @@ class SweepTable:
         keeps = np.zeros(self.shape, dtype=np.bool_)
         for p, k in np.ndindex(*self.shape[:2]):
             keeps[p, k] = judged_seeds(np.all(self.ran[p, k], axis=0), is_sequential=self.is_sequential)
-        left_out = self.ran & ~keeps
+        return self._without(self.ran & ~keeps)
+
+    def with_final_pass(self) -> SweepTable:
+        """The table with the runs that ended with the final pass; the others are as if they were not computed.
+
+        In a sweep that asked for another measure most counts have none: compared by a measure of the final estimate,
+        they would be judged by the filter's path. A line without any final pass was meant so and is kept.
+        """
+        is_refined = self.cube("refined") == 1.0
+        has_any = is_refined.any(axis=(0, 2, 3), keepdims=True)
+        return self._without(self.ran & has_any & ~is_refined)
+
+    def _without(self, left_out: NDArray[np.bool_]) -> SweepTable:
+        """The table as if these runs, (places, lines, counts, seeds), were not computed."""
         if not left_out.any():
             return self
         columns = {name: cube.copy() for name, cube in self.columns.items()}

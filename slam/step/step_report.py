@@ -17,7 +17,7 @@ from slam.particles.particle_set import ParticleSet
 from slam.sensor.rays import BeamCounts
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StepReport:
     """What one scan did to the filter."""
 
@@ -70,6 +70,12 @@ class StepReport:
     def loop_closed(self) -> bool:
         """Whether the robot sees an area again that it left long ago."""
         return self.loop_length > 0.0
+
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        x, y, theta = self.pose
+        used = f"updated, matched {self.matched_share:.0%}" if self.updated else "not updated"
+        return f"<StepReport: ({x:.3f}, {y:.3f}, {theta:.3f}), ess {self.ess:.1f} of {self.particles}, {used}>"
 
 
 def report_state(particles: ParticleSet, readings: BeamCounts, *, pose: se2.Pose, map_bytes: int) -> StepReport:

@@ -63,7 +63,7 @@ def sweep(
         Print what would be computed, how long it would take and what it could tell, and stop.
     suggest
         World or log: print how many particles to take for it and why, from the experiment of docs/study.md, and stop.
-        --set NAME=VALUE and --route describe robot, lidar, odometry and route of a world.
+        --set NAME=VALUE and --route (default: random) describe robot, lidar, odometry and route of a world.
     """
     if suggest is not None:
         if spec is not None or replace(request, set=(), route=None) != REQUEST:

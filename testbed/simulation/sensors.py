@@ -115,8 +115,8 @@ class Sensors:
         return driven, contact
 
     def _extend_odometry(self, poses: NDArray[np.float64]) -> None:
-        """Append odometry (n, 3) as if it had come pose by pose: the history takes the shorter way from one to the
-        next, also where a wheel that slips has turned it by more than half a turn in one period."""
+        """Append odometry (n, 3) as if it had come pose by pose: the history takes the shorter way between two poses,
+        also where a wheel that slips has turned it by more than half a turn in one period."""
         if np.abs(np.diff(poses[:, 2])).max(initial=0.0) < math.pi:
             self._odometry.extend(poses)
             return

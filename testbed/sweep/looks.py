@@ -104,8 +104,9 @@ def look_of(spec: SweepSpec, cells: Sequence[Cell], table: SweepTable | None, is
     has a result or a reason.
     """
     keys: set[str] = set()
-    still_open = frozenset((cell.place, cell.line) for cell in cells)
-    given_up: frozenset[Group] = frozenset()
+    groups = frozenset((cell.place, cell.line) for cell in cells)
+    given_up = frozenset(group for group in groups if group[0] in spec.give_up)
+    still_open = groups - given_up
     previous = 0
     for look in spec.looks:
         seeds = spec.seeds[previous:look]

@@ -230,10 +230,19 @@ def _write_lock_owner(file: TextIOWrapper) -> None:
     file.flush()
 
 
-_QUESTIONS = ("title", "measure", "margin", "baseline", "until")
+_QUESTIONS = ("title", "measure", "margin", "baseline", "until", "give_up")
 """Parts of a specification that decide no result."""
 _LISTS = ("worlds", "logs", "seeds", "particles")
 """Parts to which more may be added."""
+
+
+def _shown(value: Any) -> str:
+    """A part of a specification in a message: `0 to 39` for a list of seeds, `none` for a part that is missing."""
+    if value is None:
+        return "none"
+    if isinstance(value, list) and len(value) > 2 and value == list(range(len(value))):
+        return f"0 to {len(value) - 1}"
+    return str(value)
 
 
 def check_extends(path: Path, there: Manifest, requested: Manifest) -> None:
@@ -246,7 +255,7 @@ def check_extends(path: Path, there: Manifest, requested: Manifest) -> None:
         or (key in _LISTS and any(entry not in new.get(key, ()) for entry in old.get(key, ())))
     ]
     if differing:
-        words = "; ".join(f"{key}: {old.get(key, 'none')} there, {new.get(key, 'none')} requested" for key in differing)
+        words = "; ".join(f"{key}: {_shown(old.get(key))} there, {_shown(new.get(key))} requested" for key in differing)
         raise SweepError(f"{path}: holds another sweep ({words}); choose another --out")
     for file in sorted(there.inputs.keys() & requested.inputs.keys()):
         if there.inputs[file] != requested.inputs[file]:

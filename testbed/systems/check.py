@@ -51,6 +51,7 @@ def check_system(entrant: PythonSystem) -> Iterator[Finding]:
         estimated, cost = entrant.run(frames, seed=0)
     except SystemFailedError as error:
         yield Finding("error", f"a drive of {SECONDS:g} s: {error}")
+        yield Finding("warning", "not tried: the same seed again, and bad input, since the drive itself failed")
         return
     scans = sum(frame.scan is not None for frame in frames)
     yield Finding(
@@ -104,7 +105,7 @@ def _accuracy(frames: Sequence[Frame], estimated: Estimated) -> Finding:
     words = f"trajectory error {own:.3f} m, the wheels' {wheels:.3f} m"
     if own > MAX_WORSE * wheels:
         return Finding("warning", f"{words}: is it T_map_robot, x forward, y left, metres and radians?")
-    return Finding("ok", words)
+    return Finding("ok", f"{words} (too short a drive to judge by; a warning from {MAX_WORSE:g} times on)")
 
 
 def _deterministic(entrant: PythonSystem, frames: Sequence[Frame], first: Estimated) -> Finding:

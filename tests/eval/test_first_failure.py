@@ -159,3 +159,31 @@ def test_with_relations_the_first_broken_one_is_found():
         np.testing.assert_allclose(failure.true_pose, truth.poses[26])
         assert "70\xa0cm" in failure.reason
         assert find_failure(truth, relations=relations) is None
+
+
+def test_a_jump_there_and_back_while_the_map_drifts_is_not_the_moment():
+    truth = straight(600)
+    bend = np.column_stack([np.zeros(600), np.clip(0.008 * (np.arange(600) - 100), 0.0, 2.0), np.zeros(600)])
+    poses = truth.poses + bend
+    poses[150:152] = compose(poses[150:152], [0.0, 0.0, np.radians(40.0)])
+    poses[400:] = compose(compose(poses[400], [0.0, 0.0, 1.3]), between(poses[400], poses[400:]))
+    failure = first_bad_stretch(Trajectory(truth.stamps, poses), truth)
+    assert failure.bad
+    assert abs(failure.scan - 400) <= 2
+    assert [round(blip.stamp) for blip in failure.blips] == [15]
+    alone = first_bad_stretch(Trajectory(truth.stamps[:390], poses[:390]), truth)
+    assert abs(alone.scan - 150) <= 2  # without a loss after it, it is the moment from which nothing comes back
+
+
+def test_a_loss_that_touches_the_way_back_from_another_one_is_the_moment():
+    """It is lost for 6 m of path, back where the map is right for 1.5 m, and lost again: first a passing error."""
+    truth = straight(600)
+    poses = jumped(truth, 200, [1.5, 0.8, 0.5])
+    poses[260:] = truth.poses[260:]
+    again = compose(compose(poses[275], [0.0, 2.0, 1.3]), between(poses[275], poses[275:]))
+    poses[275:] = again
+    failure = first_bad_stretch(Trajectory(truth.stamps, poses), truth)
+    assert failure.bad
+    assert abs(failure.scan - 275) <= 2
+    (blip,) = failure.blips
+    assert (blip.stamp, blip.end) == (pytest.approx(20.0, abs=0.2), pytest.approx(26.0, abs=0.2))

@@ -55,13 +55,14 @@ def done_so_far(out: Path | None, spec: SweepSpec) -> SweepTable | None:
     baseline = spec.baseline or spec.lines()[0].name
     if not table.ran.any() or baseline not in table.lines:
         return None
-    return replace(
+    table = replace(
         table,
         level=spec.level,
         margin=parse_margin(spec.margin),
         measure=Measure(spec.key_measure),
         baseline=baseline,
     )
+    return table.with_final_pass() if table.measure.needs_final_pass else table
 
 
 def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobTimes | None:
@@ -129,7 +130,7 @@ def _expected(work: Work, times: JobTimes | None, execution: Execution) -> str:
 
 def _answers_so_far(work: Work) -> list[str]:
     """The answers that an existing sweep has given, and how many seeds its open ones would take."""
-    if work.done is None:
+    if work.done is None or not work.done.ran.all(axis=2).any():  # no seed has all of its counts
         return []
     summary = summarise(work.done.judged())
     said = [f"So far: {answer.sentence}" for answer in answers(summary, work.done.baseline)]

@@ -63,6 +63,9 @@ class SweepOptions:
     """decided: look at the results after 8 seeds (9 for --seeds above 51), then after every 8 more, and add seeds only
     where the answer is open and can still be found, up to --seeds (default: 40). Each look uses higher confidence, so
     that all looks together keep 95 %."""
+    give_up: str | None = None
+    """Worlds or logs that get no more seeds with --until decided, separated by commas; none: all get them again. What
+    is computed stays, and no answer becomes wrong by it."""
     filter: str | None = None
     """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
     system: str | None = None
@@ -95,6 +98,8 @@ class SweepOptions:
             flags["margin"] = self.margin
         if self.until is not None:
             flags |= {"until": self.until, "seeds": self.seeds or MAX_SEEDS_UNTIL_DECIDED}
+        if self.give_up is not None:
+            flags["give_up"] = [] if self.give_up == "none" else _words(self.give_up)
         if self.filter is not None:
             flags["variants"] = {"default": {}} | {name: _filter_preset(name) for name in _words(self.filter)}
         if self.axis:

@@ -54,15 +54,13 @@ class SweepProgress:
         self._running: dict[str, tuple[Cell, float]] = {}
         self._reported = 0.0
         self._measure = measure
-        self._errors: dict[tuple[str, str], dict[int, list[float]]] = {}
+        self._errors: dict[tuple[str, str], dict[int, dict[int, float]]] = {}
 
     def note_table(self, table: SweepTable) -> None:
         """Count the runs that were there before among the medians."""
-        for p, k, c in np.ndindex(*table.shape[:3]):
-            known = table.error[p, k, c][np.isfinite(table.error[p, k, c])]
-            if len(known):
-                group = self._errors.setdefault((table.places[p], table.lines[k]), {})
-                group.setdefault(table.counts[c], []).extend(map(float, known))
+        for p, k, c, number in np.argwhere(np.isfinite(table.error)):
+            group = self._errors.setdefault((table.places[p], table.lines[k]), {})
+            group.setdefault(table.counts[c], {})[table.seeds[number]] = float(table.error[p, k, c, number])
 
     def begin(self) -> None:
         """Say where no live table is shown that the jobs begin, and how long they will take."""
@@ -92,7 +90,7 @@ class SweepProgress:
         counts = sorted({count for groups in self._errors.values() for count in groups})
         table = Table("", *map(str, counts), box=None, pad_edge=False)
         for name, groups in self._named_errors():
-            table.add_row(name, *(_median_text(self._measure.unit(0.0), groups.get(c, ())) for c in counts))
+            table.add_row(name, *(_median_text(self._measure.unit(0.0), groups.get(c, {})) for c in counts))
         return table
 
     def median_lines(self) -> list[str]:
@@ -110,7 +108,7 @@ class SweepProgress:
         of = f" of the {self._measure.estimate}" if self._measure.estimate != "final" else ""
         return f"median {self._measure.words}{of}, {self._measure.unit(0.0).name}".removesuffix(", ") + " (runs)"
 
-    def _named_errors(self) -> list[tuple[str, dict[int, list[float]]]]:
+    def _named_errors(self) -> list[tuple[str, dict[int, dict[int, float]]]]:
         return [
             (place if line == "default" else f"{place}, {line}", groups)
             for (place, line), groups in sorted(self._errors.items())[:MAX_SHOWN_PLACES]
@@ -124,7 +122,8 @@ class SweepProgress:
         self._bad += _value(outcome.metrics, self._measure.outcome) in ("lost", "broken loop", "collided", "timeout")
         error = _value(outcome.metrics, self._measure.key)
         if isinstance(error, int | float):
-            self._errors.setdefault((cell.place, cell.line), {}).setdefault(cell.particles, []).append(float(error))
+            group = self._errors.setdefault((cell.place, cell.line), {})
+            group.setdefault(cell.particles, {})[cell.seed] = float(error)  # a run that is repeated counts once
 
     def _line(self) -> str:
         extra = REPORT_SECONDS
@@ -151,9 +150,9 @@ class SweepProgress:
         return Group(self._line(), bar, cells, Text(self._median_of), self.medians())
 
 
-def _median_text(unit: Unit, errors: Sequence[float]) -> str:
+def _median_text(unit: Unit, errors: Mapping[int, float]) -> str:
     """`1.7 (3)`: the median and how many runs it rests on."""
-    return f"{unit.text(median(errors))} ({len(errors)})" if errors else "–"
+    return f"{unit.text(median(errors.values()))} ({len(errors)})" if errors else "–"
 
 
 def _value(metrics: Mapping[str, Any], key: str) -> Any:

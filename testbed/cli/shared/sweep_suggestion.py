@@ -31,7 +31,7 @@ def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
     model = shipped_model()
     if is_world(name):
         console.print("driving through it once …")
-        features, short = features_of_world(name, settings), label(name)
+        features, short = features_of_world(name, {"route": "random", **settings}), label(name)  # as sweeps drive
     else:
         if settings:
             raise SweepError(f"{name}: recorded logs are not simulated, expected no --set and no --route")
@@ -49,9 +49,10 @@ def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
 
 
 def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion) -> str:
-    """The sweep that checks a suggestion for a world: half of the count, it, and as many as it is compared with."""
-    count = suggestion.needed or suggestion.largest
-    counts = sorted({max(1, count // 2), count, max(suggestion.largest, 2 * count)})
+    """The sweep that checks a suggestion for a world: half of the count, it, the upper end of its interval, and as many
+    as it is compared with."""
+    count, high = suggestion.needed or suggestion.largest, suggestion.interval[1] or suggestion.largest
+    counts = sorted({max(1, count // 2), count, high, max(suggestion.largest, 2 * count)})
     words = ["testbed", "sweep", "--worlds", name, "--particles", ",".join(map(str, counts)), "--until", "decided"]
     for key, value in settings.items():
         words += ["--route", str(value)] if key == "route" else ["--set", f"{key}={value}"]

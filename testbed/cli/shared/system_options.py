@@ -151,8 +151,9 @@ def compare_systems(
     for system, metrics in found.items():
         for note in metrics["notes"]:
             console.print(f"note: {system}: {note}", soft_wrap=True, markup=False)
-    if len(found) > 1:
-        results.print(f"comparison: {write_comparison([root / s for s in found], root / 'comparison.html').resolve()}")
+    if found and len(entrants) > 1:
+        shown = [root / entrant.name for entrant in entrants]
+        results.print(f"comparison: {write_comparison(shown, root / 'comparison.html').resolve()}")
     for system in found:
         results.print(f"report: {(root / system / 'report.html').resolve()}")
     return USAGE_ERROR if failed else GATE_FAILED if broken else 0

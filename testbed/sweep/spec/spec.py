@@ -20,7 +20,7 @@ from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_
 from testbed.sweep.spec.settings import FILES, Value, checked
 from testbed.systems.entrant import name_of
 from testbed.systems.finding import file_of
-from worlds import expand_names
+from worlds import expand_names, label
 
 MAX_FILE_BYTES = 1_000_000
 """Largest file of a specification [bytes]."""
@@ -107,6 +107,9 @@ class SweepSpec(BaseModel):
     until: Literal["", "decided"] = ""
     """decided: the seeds are an upper bound, and worlds whose answer is known get no more (`testbed.sweep.looks`)."""
 
+    give_up: tuple[str, ...] = ()
+    """Worlds or logs that get no more seeds with `until`, by their names in the tables."""
+
     @field_validator("seeds", mode="before")
     @classmethod
     def _list_of_seeds(cls, value: Any) -> Any:
@@ -176,6 +179,7 @@ class SweepSpec(BaseModel):
         names = [line.name for line in self.lines()]
         if self.baseline and self.baseline not in names:
             raise ValueError(f"baseline {self.baseline!r}: no such line, expected one of {', '.join(names)}")
+        self._check_give_up()
         if self.names_systems and self.until:
             raise ValueError("until: asks how many particles are enough, expected it without SLAM systems")
         if self.names_systems and len(self.particles) > 1:
@@ -185,6 +189,14 @@ class SweepSpec(BaseModel):
         if self.size > MAX_CELLS:
             raise ValueError(f"{self.size} jobs, expected at most {MAX_CELLS}")
         return self
+
+    def _check_give_up(self) -> None:
+        """Raise ValueError if worlds that get no more seeds are named wrongly, or without `until`."""
+        places = [*map(label, self.worlds), *(log.name for log in self.logs)]
+        if self.give_up and not self.until:
+            raise ValueError("give_up: expected with until only, which adds seeds")
+        if unknown := [name for name in self.give_up if name not in places]:
+            raise ValueError(f"give_up: {unknown[0]!r}: no such world or log here, expected one of {', '.join(places)}")
 
     @property
     def size(self) -> int:

@@ -49,8 +49,10 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
 
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
     assert answer.headline == "undecided with 10 seeds"
-    assert answer.detail == ("1 is shown to be as good as 20, but is enough only if 5 is shown to be so too")
-    assert answer.today == "Until it is known take 20. Medians so far: 10.2 cm with 1 to 20"
+    assert answer.detail == (
+        "1 is shown to be as good as 20, 5 is open; a count is enough only if all larger ones are as good"
+    )
+    assert answer.today == "Take 20 until 5 is decided. Medians so far: 10.2 cm with 1 to 20"
     words = (
         r"5 particles are \d\.\d\d cm (better|worse) than 20 \[\d\.\d\d better to \d\.\d\d worse; 95 % interval\]; "
         r"up to 1 cm \(10 %\) would not matter"
@@ -99,7 +101,7 @@ def test_a_difference_says_which_side_is_better(tmp_path):
 def test_more_failures_that_keep_an_answer_open_are_named(tmp_path):
     write_sweep(tmp_path, error=level(0.5, 0.02, 0.02), outcome=lambda p, k, c, s: "lost" if c == 1 and s < 2 else "ok")
     (answer, _) = answers(summarise(read_sweep(tmp_path)), "improved")
-    assert answer.detail == "5 failed in 2 of 10 runs, 20 in 0 of 10"
+    assert answer.detail == "1 is shown to be worse, 5 is open; 5 failed in 2 of 10 runs, 20 in 0 of 10"
     assert answer.needs == "how many would tell cannot be said"
 
 

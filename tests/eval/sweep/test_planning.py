@@ -10,23 +10,21 @@ from eval.sweep.statistics import min_values
 
 
 @pytest.mark.parametrize("level", [0.95, 0.99])
-def test_too_few_seeds_get_one_number_and_no_forecast(level):
+def test_too_few_seeds_get_one_number_and_a_rule_of_thumb(level):
     said = foresight(3, level=level)
     assert said.startswith("3 seeds cannot tell how many particles are enough: at least 8 are needed. ")
-    assert "Whether 8 will do cannot be said before they are computed." in said
-    assert "chance" not in said
-    assert foresight(1, "world") == (
-        "1 world cannot tell how many particles are enough: at least 8 are needed. Whether 8 will do cannot be said "
-        "before they are computed."
-    )
+    outlook = typical_outlook(level=0.99)
+    first, last = (5 * round(20 * outlook.chance(number)) for number in (8, 40))
+    assert f"8 decide a world with a chance of about {first} %, 40 with one of about {last} %" in said
+    assert said.endswith("whether that holds for these worlds cannot be said before there are 8.")
+    assert foresight(1, "world") == ("1 world cannot tell how many particles are enough: at least 8 are needed.")
 
 
 def test_enough_seeds_get_their_chance_and_what_it_rests_on():
     chance = typical_outlook(level=0.95).chance(min_values(), level=0.95)
     assert 0.05 < chance < 0.95
-    words = (
-        f"The chance of an answer is about {5 * round(20 * chance)} % where a smaller count is as good as the largest"
-    )
+    share = f"about {5 * round(20 * chance)} %"
+    words = f"The chance of an answer for each world is {share} where a smaller count is as good as the largest"
     assert words in foresight(6)
 
 
@@ -34,13 +32,16 @@ def test_the_smallest_difference_that_seeds_show_is_said():
     """Of a median of 10 values with a standard deviation of a quarter of the error, by Bloom's formula."""
     error = 0.25 * 1.2533 / 10.0**0.5
     smallest = (2.2622 + 0.8834) * error  # quantiles of t with 9 degrees of freedom
-    assert f"10 seeds show differences from about {100.0 * smallest:.0f} % of the error on." in foresight(10)
+    assert (
+        f"10 seeds show differences from about {100.0 * smallest:.0f} % of the error on in a single look."
+        in foresight(10)
+    )
 
 
 def test_each_number_of_seeds_stands_with_its_cost():
     said = foresight(3, seconds=lambda seeds: 60.0 * seeds)
     assert "at least 8 (about 8 minutes) are needed" in said
-    assert said.endswith("up to 40 (at most about 40 minutes).")
+    assert "up to 40 (at most about 40 minutes)." in said
 
 
 def test_an_unknown_time_is_said():

@@ -4,6 +4,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -362,3 +363,28 @@ def test_a_table_without_a_complete_seed_keeps_its_runs(tmp_path):
     missing = frozenset((p, k, 2, s) for p in range(2) for k in range(2) for s in range(10))
     table = read_sweep(write_sweep(tmp_path, missing=missing))
     assert table.judged().ran.sum() == table.ran.sum() == 80
+
+
+def test_runs_without_the_final_pass_have_no_final_estimate(tmp_path):
+    """Their `trajectory` repeats that of the filter: compared with refined runs they would look five times worse."""
+    table = read_sweep(write_sweep(tmp_path))
+    assert not table.measure.needs_final_pass
+    final = replace(table, measure=Measure("trajectory.ate_rmse_m"))
+    assert final.measure.needs_final_pass
+    assert final.with_final_pass().ran.any(axis=(0, 1, 3)).tolist() == [True, False, True]
+    table.columns["refined"][:] = 0.0  # no run was meant to have one
+    assert table.with_final_pass().ran.all()
+
+
+def test_a_world_that_will_stay_open_may_be_left(tmp_path):
+    """In cave the difference lies at the margin, in hall_a it is clear with some more seeds."""
+
+    def error(p, k, c, s):
+        gain = (0.001, 0.0051)[p] + (0.004, 0.008)[p] * ((5 * s) % 8 - 3.5) / 3.5
+        return (0.5, 0.02 + gain, 0.02)[c]
+
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40))
+    write_sweep(tmp_path, error=error, seeds=40, missing=missing, about={"level": 0.99})
+    found = advice(summarise(read_sweep(tmp_path).judged()), "OUT", 2)
+    assert [item.command for item in found[:2]] == ["testbed sweep --out OUT", "testbed sweep --out OUT --give-up cave"]
+    assert found[1].title == "Go on with hall_a only"

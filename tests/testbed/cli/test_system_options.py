@@ -61,6 +61,13 @@ def test_all_systems_see_one_drive(compared):
     )
 
 
+def test_scoring_against_the_directory_of_all_names_one_of_them(compared, capsys):
+    mine = compared / "default" / "estimate.tum"
+    assert_refused(
+        capsys, f"did you mean {compared / 'all' / 'gmapping'}?", "score", compared / "all", "--trajectory", mine
+    )
+
+
 def test_a_run_directory_says_which_system_made_it(compared):
     folder = compared / "all" / "scan-matching"
     config = tomllib.loads((folder / "config.toml").read_text())
@@ -93,6 +100,9 @@ def test_a_failing_system_leaves_the_others_alone(tmp_path, capsys):
     assert metrics_of(out / "Failing")["outcome"] == "failed"
     assert "no wall in sight" in metrics_of(out / "Failing")["reason"]
     assert metrics_of(out / "Base")["outcome"] != "failed"
+    page = (out / "comparison.html").read_text()
+    assert "no wall in sight" in page
+    assert "1 of 2 judged runs failed" in page
     np.testing.assert_array_equal(read_tum(out / "Base" / "estimate.tum").stamps, range(5))
 
 

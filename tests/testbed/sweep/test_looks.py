@@ -9,6 +9,7 @@ import pytest
 
 from eval.sweep.decision import decide
 from eval.sweep.results import read_sweep
+from testbed.sweep.errors import SweepError
 from testbed.sweep.gather import gather
 from testbed.sweep.looks import is_hopeless, look_at, needed_cells, planned, statuses
 from testbed.sweep.result import CellResult
@@ -132,6 +133,22 @@ def states_of(directory, column):
     """A column of the tables for one particle."""
     rows = pq.read_table(directory.path / "sweep.parquet").to_pylist()
     return [row[column] for row in rows if row["particles"] == 1]
+
+
+def test_a_world_that_is_left_gets_no_more_seeds_and_keeps_its_own(tmp_path):
+    directory = directory_of(tmp_path, ["loop", "office"])
+    store(directory, needed_cells(directory), lambda *what: clear("loop", *what[1:]))  # both are open after 8 seeds
+    assert {cell.place for cell in needed_cells(directory) if cell.seed >= 8} == {"loop", "office"}
+    document = directory.manifest.spec.document() | {"give_up": ["loop"]}
+    spec = parse_spec(document, "x.toml", Path())
+    directory = SweepDirectory.prepare(directory.path, Manifest(spec, code_version(), {}))
+    assert {cell.place for cell in needed_cells(directory) if cell.seed >= 8} == {"office"}
+    states = statuses(directory)
+    assert {states[cell.key] for cell in directory.manifest.cells() if cell.place == "loop"} == {"given up"}
+    assert read_sweep(directory.path).judged().ran[0].sum() == 2 * 8
+    for wrong in ({"give_up": ["cave"]}, {"give_up": ["loop"], "until": ""}):
+        with pytest.raises(SweepError, match="give_up"):
+            parse_spec(document | wrong, "x.toml", Path())
 
 
 def test_jobs_without_a_result_do_not_stop_the_looks(tmp_path):

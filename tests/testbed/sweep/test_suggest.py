@@ -52,7 +52,7 @@ def test_hopeless_drives_get_no_count():
 def test_the_command_checks_the_suggestion_from_both_sides():
     found = suggest("office", EASY | {"longest_unknown_m": 256.0}, model())
     command = check_command("office", {"lidar": "lds01"}, found)
-    assert f"--particles {found.needed // 2},{found.needed},64 --until decided" in command
+    assert f"--particles {found.needed // 2},{found.needed},{found.interval[1]},64 --until decided" in command
     assert command.endswith("--until decided --set lidar=lds01")
     assert check_command("office", {"route": "fixed"}, found).endswith("--until decided --route fixed")
 

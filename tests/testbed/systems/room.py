@@ -31,10 +31,10 @@ def frames(scans: int = 40, *, between: int = 2) -> list[Frame]:
 def ranges_from(pose, angles):
     """Distances to the walls of the room."""
     x, y, theta = pose
-    with np.errstate(divide="ignore"):
-        cos, sin = np.cos(angles + theta), np.sin(angles + theta)
-        to_x = (np.where(cos > 0, HALF, -HALF) - x) / cos
-        to_y = (np.where(sin > 0, HALF, -HALF) - y) / sin
+    cos, sin = np.cos(angles + theta), np.sin(angles + theta)
+    cos, sin = (np.where(np.abs(part) < 1e-12, 1e-12, part) for part in (cos, sin))  # along a wall
+    to_x = (np.where(cos > 0, HALF, -HALF) - x) / cos
+    to_y = (np.where(sin > 0, HALF, -HALF) - y) / sin
     return np.minimum(to_x, to_y)
 
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from eval.trajectory.trajectory import Trajectory
-from slam import se2
+from slam import GMapping, se2
+from slam.config import FilterConfig
 from slam.occupancy import OccupancyGrid
 from testbed.systems.errors import SystemFailedError
 from testbed.systems.feeding import estimated_from, feed, rows_of
@@ -227,3 +228,13 @@ def test_objects_show_themselves_in_one_line():
     assert shown[4] == "<Scan 0.000 s: 180 beams, 180 hits, 0 without return>"
     assert shown[5] == "<Lidar 'laser': 180 beams, up to 20 m, mount (0.0, 0.0, 0.0)>"
     assert all(len(text) < 120 and "array" not in text for text in shown)
+
+
+def test_the_filter_and_its_steps_show_themselves_in_one_line():
+    mapper = GMapping(FilterConfig(particles=3))
+    assert repr(mapper) == "<GMapping: 3 particles, 0 updates, at (0.000, 0.000, 0.000)>"
+    first = frames(scans=1)[0]
+    assert repr(mapper.process(first.odometry, first.scan)).startswith(
+        "<StepReport: (0.000, 0.000, 0.000), ess 3.0 of 3,"
+    )
+    assert "1 updates" in repr(mapper)

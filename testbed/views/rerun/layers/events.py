@@ -90,10 +90,8 @@ class EventWatch:
                 changes.append(StateChange(entities.ESTIMATE_STATE, _STATES[self._loss.state], since))
                 if (line := _loss_line(change, since)) is not None:
                     lines.append(line)
-        if step is not None and step.odometry_jumped and (before := self._jumps.say(now[0])) is not None:
-            lines.append(
-                Line("WARN", f"the odometry moved further between two scans than a robot drives: left out{before}")
-            )
+        if step is not None and step.odometry_jumped:
+            lines += self._jump_lines(now)
         if step is not None and step.updated:
             lines += _filter_lines(step, died, loops)
             lines += self._self_check_lines(step)
@@ -120,6 +118,13 @@ class EventWatch:
         """Whether the estimate was lost at the last update: by the truth, else by the filter's own check."""
         judged = self.states.get(entities.ESTIMATE_STATE)
         return judged == LOST if judged is not None else self.states.get(entities.SELF_CHECK_STATE) == CALLED_LOST
+
+    def _jump_lines(self, now: Time) -> list[Line]:
+        """A line about motion that no robot drives, unless it was said of late."""
+        before = self._jumps.say(now[0])
+        if before is None:
+            return []
+        return [Line("WARN", f"the odometry moved further between two scans than a robot drives: left out{before}")]
 
     def _self_check_lines(self, step: StepReport) -> list[Line]:
         """A line where the filter's own check begins to call the estimate lost."""

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from slam.diagnosis.contradiction import SelfCheck
 from slam.step.step_report import StepReport
 from testbed.views import Snapshot
 from testbed.views.rerun import entities
@@ -14,13 +16,17 @@ from testbed.views.rerun.layers.events import EventWatch, Line, StateChange
 from tests.testbed.views.synthetic import snapshots
 
 
-def watched(estimates: np.ndarray, shares: list[float] | None = None) -> tuple[list[Line], list[StateChange]]:
-    """All lines and states of a drive along the x axis, 5 cm from one update to the next."""
+def watched(
+    estimates: np.ndarray, shares: list[float] | None = None, changed: dict[int, dict[str, Any]] | None = None
+) -> tuple[list[Line], list[StateChange]]:
+    """All lines and states of a drive along the x axis, 5 cm from one update to the next; changed: other fields of the
+    step of some updates."""
     last = [s for s in snapshots(2.0, particles=2) if s.step is not None and s.step.proposed is not None][-1]
     assert isinstance(last.step, StepReport)
     watch, lines, states = EventWatch(), [], []
     for k, estimate in enumerate(estimates):
         step = replace(last.step, updated=True, resampled=False, matched_share=1.0 if shares is None else shares[k])
+        step = replace(step, **(changed or {}).get(k, {}))
         truth = np.array([0.05 * k, 0.0, 0.0])
         snapshot: Snapshot = replace(last, step=step, truth=truth, estimate=estimate)
         more, changes = watch.update(snapshot, (0.1 * k, k), 0)
@@ -62,3 +68,19 @@ def test_scans_that_fit_poorly_are_said_with_their_share() -> None:
     ]
     lane = [change.state for change in states if change.lane == entities.MATCHING_STATE]
     assert lane == ["scan fits the map", "scan fits poorly", "scan fits the map"]
+
+
+def test_wheels_that_slip_again_and_again_are_said_once_a_minute() -> None:
+    jumps = {k: {"odometry_jumped": True} for k in (20, 21, 150, 500, 700)}
+    lines, _ = watched(along(800), changed=jumps)
+    text = "the odometry moved further between two scans than a robot drives: left out"
+    assert [(line.level, line.text) for line in lines] == [("WARN", text), ("WARN", f"{text} (3 more since 2 s)")]
+
+
+def test_the_self_check_is_a_lane_and_each_loss_a_line() -> None:
+    verdicts = ["plausible"] * 10 + ["doubtful"] * 10 + ["lost"] * 10 + ["doubtful"] * 10 + ["lost"] * 10
+    changed = {k: {"self_check": SelfCheck(verdict, "walls cross")} for k, verdict in enumerate(verdicts)}  # type: ignore[arg-type]
+    lines, states = watched(along(50), changed=changed)
+    assert [(line.level, line.text) for line in lines] == [("WARN", "the self-check says lost: walls cross")] * 2
+    lane = [change.state for change in states if change.lane == entities.SELF_CHECK_STATE]
+    assert lane == ["plausible", "doubtful", "says lost", "doubtful", "says lost"]
