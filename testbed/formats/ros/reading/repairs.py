@@ -50,12 +50,18 @@ class Fan(NamedTuple):
         """A note where the numbers differ by about a beam; ValueError, with the numbers, where they contradict."""
         if self.readings < 2:
             return None
+        too_far = abs(self.increment) * (self.readings - 2) > 2.0 * math.pi + 1e-3
         if not math.isfinite(self.angle_max):
+            if too_far or self.increment == 0.0:
+                raise ValueError(
+                    f"the angles make no sense: angle_max {self.angle_max:g}, angle_increment {self.increment:.6g} rad "
+                    f"and {self.readings} readings"
+                )
             return f"angle_max is {self.angle_max:g}: angle_min and the increment are used"
         span = abs(self.angle_max - self.angle_min)
         backward = (self.angle_max - self.angle_min) * self.increment < 0.0 and span > 2.0 * abs(self.increment)
         accepted = max(ACCEPTED_BEAMS, ACCEPTED_SHARE * (self.readings - 1))
-        if backward or self.difference > accepted or abs(self.increment) * (self.readings - 2) > 2.0 * math.pi + 1e-3:
+        if backward or self.difference > accepted or too_far:
             raise ValueError(
                 f"the angles contradict each other: angle_min {self.angle_min:.6g}, angle_max {self.angle_max:.6g} and "
                 f"{self.readings} readings make an increment of "
