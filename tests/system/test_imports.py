@@ -2,6 +2,7 @@
 """White lists of what packages may import; import-linter checks the layers, but knows no white lists."""
 
 import ast
+import re
 import sys
 from pathlib import Path
 
@@ -52,3 +53,14 @@ def test_eval_imports_only_the_types_of_slam():
         if (unknown := {name for name in names if name.split(".")[0] == "slam"} - TYPES_OF_SLAM)
     }
     assert strange == {}
+
+
+@pytest.mark.parametrize("package", ["slam", "worlds", "eval", "testbed"])
+def test_nothing_is_pickled(package):
+    """No module loads or writes a pickle, and numpy archives are read without."""
+    for file, names in imports_of(package).items():
+        assert not names & {"pickle", "dill", "cloudpickle", "marshal", "shelve"}, file
+        text = (ROOT / file).read_text(encoding="utf-8")
+        for call in re.findall(r"np\.load\([^)]*\)", text):
+            assert "allow_pickle=False" in call, f"{file}: {call}"
+        assert "yaml.load(" not in text or "class _PlainLoader(yaml.SafeLoader)" in text, file
