@@ -64,4 +64,5 @@ def test_seeds_are_split_in_one_module_only():
         r"SeedSequence|\.spawn\(|np\.random\.(?!default_rng)[a-z]|^import random|^from random", re.MULTILINE
     )
     found = {str(path.relative_to(SOURCES)) for path in SOURCES.rglob("*.py") if splits.search(path.read_text())}
-    assert found == {"seeds.py"}
+    # the check of a SLAM system sets the global generators to see whether that system uses them
+    assert found == {"seeds.py", "systems/check.py"}
