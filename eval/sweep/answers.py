@@ -207,7 +207,11 @@ def _until_known(case: _Case) -> str:
         named = [f"{first} {unit.name}".rstrip(), *others]
         medians = ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
     largest_open = counts[case.decision.largest_open]
-    return f"Take {counts[-1]} until {largest_open} is decided. Medians so far: {medians}"
+    good = [str(count) for count, own in zip(counts, case.decision.states, strict=False) if own == "good"]
+    advice = f"Take {counts[-1]} until {largest_open} is decided"
+    if good:
+        advice = f"{counts[-1]} is the safe choice until {largest_open} is decided; {good[-1]} will probably do"
+    return f"{advice}. Medians so far: {medians}"
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
@@ -305,7 +309,7 @@ def _what_is_open(case: _Case) -> str:
     if not _cannot_tell(case):
         parts.append(", ".join(filter(None, (_state_words(case, state) for state in ("good", "worse", "open")))))
     if "good" in states:
-        parts.append("a count is enough only if all larger ones are as good")
+        parts.append("counts are tested from the largest down, so that several tests err together in 5 % at most")
     if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
         (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)
         parts.append(f"{counts[c]} failed in {failed} of {runs} runs, {case.largest} in {base} of {of}")

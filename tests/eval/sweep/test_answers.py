@@ -50,9 +50,12 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
     assert answer.headline == "undecided with 10 seeds"
     assert answer.detail == (
-        "1 is shown to be as good as 20, 5 is open; a count is enough only if all larger ones are as good"
+        "1 is shown to be as good as 20, 5 is open; counts are tested from the largest down, so that several tests err "
+        "together in 5 % at most"
     )
-    assert answer.today == "Take 20 until 5 is decided. Medians so far: 10.2 cm with 1 to 20"
+    assert answer.today == (
+        "20 is the safe choice until 5 is decided; 1 will probably do. Medians so far: 10.2 cm with 1 to 20"
+    )
     words = (
         r"5 particles are \d\.\d\d cm (better|worse) than 20 \[\d\.\d\d better to \d\.\d\d worse; 95 % interval\]; "
         r"up to 1 cm \(10 %\) would not matter"
