@@ -71,8 +71,8 @@ def sentences(suggestion: Suggestion) -> list[str]:
     else:
         lines = [
             f"{suggestion.name}: start with {particles(suggestion.interval[1] or suggestion.largest)} "
-            f"(expected are {suggestion.needed}, 95 % interval {low} to {high}; the expected number was too small in 7 of "
-            "the 15 worlds on which the forecast was tested)",
+            f"(expected are {suggestion.needed}, 95 % interval {low} to {high}; the expected number was too small in "
+            "7 of the 15 worlds on which the forecast was tested)",
             f"Expected with {suggestion.needed}: an error at most a tenth above that with {suggestion.largest}, and "
             f"{100.0 * suggestion.holds:.0f} % of the runs hold, that is, do not end lost or with a broken loop "
             f"({100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}).",
