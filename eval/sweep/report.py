@@ -77,7 +77,7 @@ DRAWINGS = (
         "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
         "interval that decides. A count is shown to be as good (filled) where the whole interval lies below the dashed "
         "margin, and to be worse (cross) where it lies above; otherwise it is not known yet (hollow). With few runs, "
-        "as with 8 at 99 %, the interval reaches from the smallest to the largest of them: all must lie below the margin.",
+        "as with 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the margin.",
         is_first=True,
     ),
     Drawing(
