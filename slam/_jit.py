@@ -39,7 +39,7 @@ def kernel(function: Callable[..., Any]) -> Any:
         compiled: Any = numba.njit(cache=folder is not None, nogil=True, error_model="numpy")(function)
     finally:
         settings.CACHE_DIR = previous
-    if folder is not None:
+    if folder is not None and not settings.DISABLE_JIT:  # with NUMBA_DISABLE_JIT it is the function itself
         compiled._cache = GuardedCache(compiled._cache)
     return compiled
 
