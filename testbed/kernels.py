@@ -142,7 +142,7 @@ def _explore(mapper: GMapping, scan: Scan) -> None:
 
 
 def _drive_through_a_room() -> None:
-    """Simulate a quarter of a second in a small room that holds everything that a kernel is for."""
+    """Simulate a quarter of a second in a small room that holds everything that a kernel is for, and without people."""
     from testbed.simulation import SimulationConfig, simulate
     from worlds import Door, Person, Start, Tour, Wall, World
 
@@ -154,8 +154,10 @@ def _drive_through_a_room() -> None:
         people=[Person(name="person", points=[(1.0, 4.0), (5.0, 4.0)])],
         doors=[Door(name="door", x=3.0, y=5.9, closed=0.0, swing=1.5)],
     )
-    for _ in simulate(room, SimulationConfig(backend="fast", duration=0.25)):
-        pass
+    deserted = room.model_copy(update={"people": [], "doors": []})  # several control periods are then one call
+    for world in (room, deserted):
+        for _ in simulate(world, SimulationConfig(backend="fast", duration=0.25)):
+            pass
 
 
 def _drive_a_fleet() -> None:
