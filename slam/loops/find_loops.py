@@ -34,6 +34,12 @@ WINDOW_SIGMAS = 3.0
 """Half width of the search windows in standard deviations."""
 MIN_WINDOW, MAX_WINDOW = (0.5, 0.1), (15.0, 1.0)
 """Bounds of the half widths [m, rad]; where more is needed, other loops must make the pair less uncertain first."""
+MIN_PREDICTIONS = 10
+"""From so many loops on, the errors of what the graph predicted of them scale the windows of the search."""
+MEDIAN_CHI2 = 2.366
+"""Median of a chi-squared variable with three degrees of freedom."""
+MIN_SCALE = 0.05
+"""The covariances of the chain are scaled down to this share at most."""
 MIN_OVERLAP_LENGTH = 10.0
 """Length of the walls that both maps must show [m]."""
 MIN_SHARE = 0.85
@@ -118,6 +124,8 @@ class _Search:
         self._poses = se2.compose(se2.compose(path[0], se2.inverse(start[0])), start)
         self._loops: list[Loop] = []
         self._weights = np.ones(0)
+        self._squares: list[float] = []
+        """Squared error of what the graph predicted of each loop, normalised by the chain's covariances as stated."""
         first, second = np.triu_indices(len(self._maps), 1)
         far = self._distance[second] - self._distance[first] >= MIN_LENGTH
         seen = np.array([len(m.walls) > 0 for m in self._maps])  # a map without walls matches nothing
@@ -132,10 +140,18 @@ class _Search:
         while pairs := self._candidates():
             found = [loop for pair in pairs if (loop := self._try(pair)) is not None]
             if found:
+                self._squares += [self._prediction_error(loop) for loop in found]
                 self._loops += found
                 self._poses, self._weights = optimise_robustly(self._poses, self._chain, edges_of(self._loops))
                 self._position, self._heading = self._uncertainty()
         return FoundLoops(poses=self._poses, chain=self._chain, loops=self._loops, accepted=self._weights > 0.5)
+
+    def _prediction_error(self, loop: Loop) -> float:
+        """Squared error of what the graph predicted of a loop, were the chain's covariances as stated."""
+        (k,) = np.flatnonzero((self._first == loop.first) & (self._second == loop.second))
+        error = se2.between(se2.between(self._poses[loop.first], self._poses[loop.second]), loop.pose)
+        expected = self._covariance[k] + loop.covariance
+        return scale_of(self._squares) * float(error @ np.linalg.solve(expected, error))
 
     def _candidates(self) -> list[_Pair]:
         """Pairs to try next, the nearest and least uncertain first."""
@@ -157,8 +173,9 @@ class _Search:
         if not len(self._first):
             return np.zeros(0), np.zeros(0)
         weights = np.concatenate([np.ones(len(self._chain.first)), self._weights])
-        marginals = Marginals(self._poses, join(self._chain, edges_of(self._loops)), weights)
-        covariance = marginals.relative(self._first, self._second)
+        chain = self._chain._replace(covariance=scale_of(self._squares) * self._chain.covariance)
+        marginals = Marginals(self._poses, join(chain, edges_of(self._loops)), weights)
+        self._covariance = covariance = marginals.relative(self._first, self._second)
         position = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, 1])
         return position, np.sqrt(covariance[:, 2, 2])
 
@@ -195,6 +212,17 @@ class _Search:
     def _overlap(self, agreed: Agreement) -> float:
         """Length of the walls that two maps both show [m]."""
         return agreed.overlap * self._config.map.cell
+
+
+def scale_of(squares: Sequence[float]) -> float:
+    """By how much the chain's covariances are too large, from the squared errors of the predictions of loops.
+
+    squares: normalised by the covariances as stated. The median over that of a chi-squared variable with three degrees
+    of freedom: wrong loops among them hardly move it.
+    """
+    if len(squares) < MIN_PREDICTIONS:
+        return 1.0
+    return float(np.clip(np.median(squares) / MEDIAN_CHI2, MIN_SCALE, 1.0))
 
 
 def _spread(pairs: Iterable[_Pair]) -> list[_Pair]:
