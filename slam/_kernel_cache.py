@@ -88,9 +88,7 @@ def _reason_against(folder: Path) -> str | None:
             status = place.stat() if place == root else place.lstat()
             if status.st_uid not in (os.getuid(), ROOT_USER) or not stat.S_ISDIR(status.st_mode):
                 return f"{place} belongs to another user"
-            sticky = (
-                place == root and status.st_mode & stat.S_ISVTX
-            )  # such as /tmp: others cannot replace what is in it
+            sticky = place == root and status.st_mode & stat.S_ISVTX  # as /tmp: others cannot replace what is in it
             if status.st_mode & OTHERS_MAY_WRITE and not sticky:
                 return f"{place} can be written by others"
     except OSError as error:

@@ -10,7 +10,7 @@ import pytest
 from slam import FilterConfig, se2
 from slam._threads import Threads
 from slam.loops import close_loops
-from slam.loops.find_loops import find_loops
+from slam.loops.find_loops import MIN_PREDICTIONS, MIN_SCALE, _Search, find_loops
 from slam.loops.local_maps import track_locally
 from tests.slam.loops.ring import drifting, lap, rays_at
 from tests.slam.rooms import closed
@@ -52,6 +52,16 @@ def test_a_closed_loop_leaves_the_path_as_it_is():
     assert all(loop.was_closed for loop in closing.loops)
     assert not closing.changed
     assert closing.path is truth
+
+
+def test_good_predictions_of_loops_narrow_the_windows_of_the_search():
+    truth, odometry, rays = recording()
+    track = track_locally(odometry, truth, rays, CONFIG, ONE)
+    search = _Search(track, truth[track.frames[track.anchors]], CONFIG, ONE)
+    before = np.stack(search._uncertainty())
+    search._squares = [0.0] * MIN_PREDICTIONS
+    after = np.stack(search._uncertainty())
+    np.testing.assert_allclose(after, np.sqrt(MIN_SCALE) * before, rtol=1e-4)
 
 
 def test_result_does_not_depend_on_the_threads():

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from slam import se2
 from testbed.datasets.simulated import write_dataset
@@ -18,9 +16,9 @@ from testbed.formats import Log, LogError, open_log
 from testbed.formats.write import write_log
 from testbed.frame_table import FrameTable
 from testbed.simulation import SimulationConfig
+from tests.testbed.formats.bags import STORE, bag
 from worlds import load
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 TIME = STORE.types["builtin_interfaces/msg/Time"]
 TOPICS = ("/scan", "/odom", "/tf", "/tf_static")
 
@@ -43,17 +41,6 @@ def messages(source) -> list:
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory, messages) -> FrameTable:
     return open_log(bag(tmp_path_factory.mktemp("sound") / "bag", messages)).table
-
-
-def bag(path: Path, messages: list) -> Path:
-    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        connections = {}
-        for topic, time, message in messages:
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            writer.write(connections[topic], time, STORE.serialize_cdr(message, kind))
-    return path
 
 
 def changed(messages: list, topic: str, change) -> list:

@@ -11,16 +11,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from testbed.datasets.simulated import write_dataset
 from testbed.formats import LogError, open_log
 from testbed.inspect import inspect_log, notes_of
 from testbed.simulation import SimulationConfig
+from tests.testbed.formats.bags import STORE, bag
 from worlds import load
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 TIME = STORE.types["builtin_interfaces/msg/Time"]
 CASES = int(os.environ.get("TESTBED_FUZZ_CASES", "40"))
 NUMBERS = [float("nan"), float("inf"), float("-inf"), 0.0, -1.0, 1e-9, 1e9, -1e9, 1e38]
@@ -67,18 +65,7 @@ def messages(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory, messages):
-    return open_log(written(tmp_path_factory.mktemp("sound") / "bag", messages))
-
-
-def written(path, messages):
-    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        connections = {}
-        for topic, time, message in messages:
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            writer.write(connections[topic], time, STORE.serialize_cdr(message, kind))
-    return path
+    return open_log(bag(tmp_path_factory.mktemp("sound") / "bag", messages))
 
 
 def with_field(message, field, value):
@@ -153,7 +140,7 @@ def test_readings_that_are_none_are_refused_or_noted(tmp_path, messages, sound, 
 def assert_told(path, messages, sound):
     """The bag is refused in one line that names it, or read with a note, or read as if it were sound."""
     try:
-        log = open_log(written(path, messages))
+        log = open_log(bag(path, messages))
     except LogError as error:
         complaint = str(error)
     else:
