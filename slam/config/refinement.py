@@ -17,16 +17,12 @@ class RefineConfig:
     """Close the loops that the filter left open first (`slam.loops`)."""
     rounds: int = 6
     """Number of rounds; each finds the walls again."""
-    hit_sigma: float = 0.02
-    """Standard deviation of end points from a nearby wall [m]; smaller than in the filter, whose map still grows."""
-    range_share: float = 0.01
-    """Additional standard deviation along the beam, as a share of the range."""
     first_gate: float = 0.2
     """Gate of the first round [m]: end points this close to a wall, plus three standard deviations, belong to it."""
-    gate_decay: float = 0.6
+    gate_decay: float = 0.5
     """Factor by which the gate shrinks from round to round."""
-    last_gate: float = 0.03
-    """Smallest gate [m]: objects in front of a wall must not attract it."""
+    last_gate: float = 0.01
+    """Smallest gate [m]: objects in front of a wall must not attract it, and neither must its corners."""
     cell: float = 0.05
     """Side of the cells into which end points are sorted [m]."""
     window: float = 0.15
@@ -42,8 +38,8 @@ class RefineConfig:
 
     def __post_init__(self) -> None:
         require_at_least(self, 1, "rounds", "max_points")
-        require_at_least(self, 0.0, "range_share", "first_gate", "last_gate")
-        require_positive(self, "hit_sigma", "gate_decay", "cell", "window", "flatness", "spacing")
+        require_at_least(self, 0.0, "first_gate", "last_gate")
+        require_positive(self, "gate_decay", "cell", "window", "flatness", "spacing")
         if not self.gate_decay <= 1.0:
             raise ValueError(f"RefineConfig.gate_decay must be at most 1, got {self.gate_decay}")
         if not self.window >= self.cell:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Settings that have a new name since version 0.1; files and commands with the old name are read for one release."""
+"""Settings that have a new name since version 0.1, or are gone; files with the old ones are read for one release."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ RENAMED = {
     "localization.most_candidates": "max_candidates",
 }
 """The new name of each setting, by the old one with the groups that it is in."""
+ESTIMATED = frozenset({"filter.refine.hit_sigma", "filter.refine.range_share"})
+"""Former settings that are estimated from the data now (`slam.refinement.noise`): files that have them can be read."""
 
 
 def present_name(setting: str) -> str:
@@ -34,11 +36,13 @@ def present_name(setting: str) -> str:
 def with_present_names(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
     """Nested settings under the names that they have now; a present name wins over an old one for the same setting.
 
+    Former settings that are estimated now are left out.
+
     group: dotted name of the group that the settings are in, with a dot at its end
     """
     old = [name for name in settings if f"{group}{name}" in RENAMED]
     renamed = {RENAMED[f"{group}{name}"]: settings[name] for name in old}
-    kept = {name: value for name, value in settings.items() if name not in old}
+    kept = {name: value for name, value in settings.items() if name not in old and f"{group}{name}" not in ESTIMATED}
     return {
         name: with_present_names(value, f"{group}{name}.") if isinstance(value, Mapping) else value
         for name, value in {**renamed, **kept}.items()

@@ -6,9 +6,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from slam._jit import kernel
+from slam._jit import inlined, kernel
 from slam._planar_kernels import cholesky, deviation, solve
 from slam.motion._odometry_model_kernels import cost_of_components, log_components
+
+
+@inlined
+def linearise_step(before, after, motion, guess, e, A, B):
+    """The deviation e (3,) of the pose after a step from the one that the odometry predicts, and its Jacobians by the
+    pose before, A (3, 3), and by the pose after, B (3, 3); guess (3,) out: the predicted pose; all are written."""
+    cos, sin = np.cos(before[2]), np.sin(before[2])
+    dx, dy = cos * motion[0] - sin * motion[1], sin * motion[0] + cos * motion[1]
+    guess[0], guess[1], guess[2] = before[0] + dx, before[1] + dy, before[2] + motion[2]
+    e[0], e[1], e[2] = deviation(guess, after[0], after[1], after[2])
+    cos, sin = np.cos(guess[2]), np.sin(guess[2])
+    B[0, 0], B[0, 1], B[1, 0], B[1, 1], B[2, 2] = cos, sin, -sin, cos, 1.0
+    A[:] = -B
+    A[0, 2] = cos * dy - sin * dx + e[1]
+    A[1, 2] = -sin * dy - cos * dx - e[0]
 
 
 @kernel
@@ -22,20 +37,10 @@ def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
     guess, e = np.empty(3), np.empty(3)
     A, B = np.zeros((3, 3)), np.zeros((3, 3))
     for t in range(motions.shape[0]):
-        cos, sin = np.cos(poses[t, 2]), np.sin(poses[t, 2])
-        dx, dy = cos * motions[t, 0] - sin * motions[t, 1], sin * motions[t, 0] + cos * motions[t, 1]
-        guess[0], guess[1] = poses[t, 0] + dx, poses[t, 1] + dy
-        guess[2] = poses[t, 2] + motions[t, 2]
-        e[0], e[1], e[2] = deviation(guess, poses[t + 1, 0], poses[t + 1, 1], poses[t + 1, 2])
+        linearise_step(poses[t], poses[t + 1], motions[t], guess, e, A, B)
         good, failed, jumped = log_components(prior.precision[t], prior.log_scale[t], e[0], e[1], e[2])
         cost = cost_of_components(good, failed, jumped)
         first, second, third = np.exp(good + cost), np.exp(failed + cost), np.exp(jumped + cost)
-        # Jacobians of the deviation e by the pose before (A) and by the pose after (B)
-        cos, sin = np.cos(guess[2]), np.sin(guess[2])
-        B[0, 0], B[0, 1], B[1, 0], B[1, 1], B[2, 2] = cos, sin, -sin, cos, 1.0
-        A[:] = -B
-        A[0, 2] = cos * dy - sin * dx + e[1]
-        A[1, 2] = -sin * dy - cos * dx - e[0]
         for r in range(3):
             p = first * prior.precision[t, 0, r] + second * prior.precision[t, 1, r] + third * prior.precision[t, 2, r]
             for i in range(3):
@@ -104,3 +109,56 @@ def multiply_chain(diagonal, coupling, x, out):
                 if i > 0:
                     total += coupling[i - 1, k, r] * x[i - 1, k]
             out[i, r] = total
+
+
+@inlined
+def invert(factor, out):
+    """Inverse (3, 3) of a block that has this Cholesky factor."""
+    column = np.empty(3)
+    for j in range(3):
+        column[:] = 0.0
+        column[j] = 1.0
+        solve(factor, column)
+        out[:, j] = column
+
+
+@kernel
+def expected_step_errors(prior, poses, motions, factors, eliminated, sums):
+    """Expected squared errors of the odometry's steps, in variances of the first component of its prior.
+
+    prior: precision (n - 1, 3, 3), log_scale (n - 1, 3);  poses (n, 3);  motions (n - 1, 3)
+    factors and eliminated: of `factor_chain`, at these poses
+    sums (4,) out: over all steps, the first component's share times the error along, across, in heading, and 1
+
+    A step's error is expected to be its square at the poses plus its variance, from the blocks of the inverse on and
+    next to the diagonal (Takahashi, Fagan, Chen 1973).
+    """
+    guess, e = np.empty(3), np.empty(3)
+    A, B = np.zeros((3, 3)), np.zeros((3, 3))
+    here, cross, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    sums[:] = 0.0
+    n = motions.shape[0]
+    invert(factors[n], after)
+    for t in range(n - 1, -1, -1):
+        invert(factors[t], here)
+        for i in range(3):
+            for j in range(3):
+                cross[i, j] = 0.0
+                for k in range(3):
+                    cross[i, j] -= eliminated[t, i, k] * after[k, j]
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    here[i, j] -= cross[i, k] * eliminated[t, j, k]
+        linearise_step(poses[t], poses[t + 1], motions[t], guess, e, A, B)
+        good, failed, jumped = log_components(prior.precision[t], prior.log_scale[t], e[0], e[1], e[2])
+        share = np.exp(good + cost_of_components(good, failed, jumped))
+        sums[3] += share
+        for r in range(3):
+            squared = e[r] * e[r]
+            for i in range(3):
+                for j in range(3):
+                    squared += A[r, i] * (here[i, j] * A[r, j] + 2.0 * cross[i, j] * B[r, j])
+                    squared += B[r, i] * after[i, j] * B[r, j]
+            sums[r] += share * squared * prior.precision[t, 0, r]
+        after[:] = here

@@ -43,7 +43,7 @@ def add_moments(placed, ranges, noise, cells, cell_of, normals, moments, counts)
     for i in range(points.shape[0]):
         cell = cell_of[i]
         side = 0 if normals[cell, 0] * view_directions[i, 0] + normals[cell, 1] * view_directions[i, 1] >= 0.0 else 1
-        w = 1.0 / (noise.floor2 + noise.share2 * ranges[i] * ranges[i])
+        w = 1.0 / (noise.floor + max(noise.along, noise.across) * ranges[i] * ranges[i])  # the wall has no normal yet
         x = points[i, 0] - cells.corner[0] - (coordinates[cell, 0] + 0.5) * cells.side
         y = points[i, 1] - cells.corner[1] - (coordinates[cell, 1] + 0.5) * cells.side
         m = moments[cell, side]

@@ -80,7 +80,7 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
         if not lines.weight[cell, side] > 0.0:
             continue
         ax, ay = lines.normal[cell, side]
-        spread = noise.share2 * ranges[i] * ranges[i]
+        r2 = ranges[i] * ranges[i]
         for k in range(first[cell_of[i]], first[cell_of[i] + 1]):
             e = items[k]
             nx, ny = normal[e, 0], normal[e, 1]
@@ -89,8 +89,9 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
                 continue
             dx, dy = points[i, 0] - point[e, 0], points[i, 1] - point[e, 1]
             across, along = nx * dx + ny * dy, abs(nx * dy - ny * dx)
-            variance = noise.floor2 + spread * cosine * cosine
-            if along > spacing or abs(across) > gate + GATE_SIGMAS * np.sqrt(variance):
+            c2 = cosine * cosine
+            variance = noise.floor + r2 * (noise.along * c2 + noise.across * (1.0 - c2))
+            if along > spacing or abs(across) > gate + GATE_SIGMAS * np.sqrt(variance + noise.shared):
                 continue
             beyond = max(along - 0.5 * spacing, 0.0)
             distance = across * across + beyond * beyond + CENTRE_PREFERENCE * along * along
@@ -100,10 +101,12 @@ def match_points(start, stop, placed, ranges, cell_of, surfels, noise, spacing, 
 
 
 @kernel
-def weigh_points(matches, each, gate, total):
+def weigh_points(matches, first, each, gate, shared, total):
     """Weights of all end points, and their distances from the weighted means of their surfels.
 
-    Bounded loss of Geman and McClure (1985) with the scale of `match_points`' gate, by two rounds of reweighting.
+    Bounded loss of Geman and McClure (1985) with the scale of `match_points`' gate, by two rounds of reweighting. Then
+    the end points of scan i, from first[i] to first[i + 1], that are on one surfel share an error of variance `shared`
+    [m^2]: their mean counts as much as it would with that error, and each as much less.
     each: how many hits an end point stands for;  total (surfels,) out: sums of the weights
     """
     surfel, across, variance, weight = matches
@@ -114,14 +117,46 @@ def weigh_points(matches, each, gate, total):
         for i in range(surfel.shape[0]):
             e = surfel[i]
             if e >= 0:
-                bound = gate + GATE_SIGMAS * np.sqrt(variance[i])
+                bound = gate + GATE_SIGMAS * np.sqrt(variance[i] + shared)
                 rho = 1.0 / (1.0 + across[i] * across[i] / (bound * bound))
                 weight[i] = each * rho * rho / variance[i]
                 total[e] += weight[i]
                 mean[e] += weight[i] * across[i]
-        for i in range(surfel.shape[0]):
+        subtract_means(surfel, mean, total, across)
+    share_errors(first, surfel, shared, weight, total)
+    mean[:] = 0.0
+    for i in range(surfel.shape[0]):
+        if surfel[i] >= 0:
+            mean[surfel[i]] += weight[i] * across[i]
+    subtract_means(surfel, mean, total, across)
+
+
+@kernel
+def subtract_means(surfel, sums, total, across):
+    """Subtract from the distances across (n,) the means of their surfels, sums / total (surfels,)."""
+    for i in range(surfel.shape[0]):
+        if surfel[i] >= 0:
+            across[i] -= sums[surfel[i]] / total[surfel[i]]
+
+
+@kernel
+def share_errors(first, surfel, shared, weight, total):
+    """Reduce the weights w of the end points of a scan on a surfel by 1 / (1 + shared sum w): their mean then has the
+    variance shared + 1 / sum w. total (surfels,) out: sums of the weights."""
+    of_scan = np.zeros(total.shape[0])
+    total[:] = 0.0
+    for scan in range(first.shape[0] - 1):
+        for i in range(first[scan], first[scan + 1]):
             if surfel[i] >= 0:
-                across[i] -= mean[surfel[i]] / total[surfel[i]]
+                of_scan[surfel[i]] = 0.0
+        for i in range(first[scan], first[scan + 1]):
+            if surfel[i] >= 0:
+                of_scan[surfel[i]] += weight[i]
+        for i in range(first[scan], first[scan + 1]):
+            e = surfel[i]
+            if e >= 0:
+                weight[i] /= 1.0 + shared * of_scan[e]
+                total[e] += weight[i]
 
 
 @kernel

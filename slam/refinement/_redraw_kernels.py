@@ -32,20 +32,23 @@ def move_onto_walls(start, stop, placed, ranges, cells, surfels, noise, spacing,
         cell = cell_at(cells.tiles, cells.indices, int(cx), int(cy))
         if cell < 0:
             continue
-        spread, most, to_x, to_y = noise.share2 * ranges[i] * ranges[i], 0.0, 0.0, 0.0
+        r2, most, to_x, to_y = ranges[i] * ranges[i], 0.0, 0.0, 0.0
+        floor, across_beam = noise.floor + noise.shared, noise.across * r2
+        along_beam = noise.along * r2 - across_beam  # what its variance exceeds that across the beam by
         for k in range(first[cell], first[cell + 1]):
             e = items[k]
             nx, ny = normal[e, 0], normal[e, 1]
             cosine = nx * view_directions[i, 0] + ny * view_directions[i, 1]
             dx, dy = x - point[e, 0], y - point[e, 1]
             across = nx * dx + ny * dy
-            variance = noise.floor2 + spread * cosine * cosine
+            variance = floor + across_beam + along_beam * cosine * cosine
             bound = gate + SNAP_SIGMAS * np.sqrt(variance)
             if cosine < MIN_COSINE or abs(nx * dy - ny * dx) > spacing or abs(across) > bound:
                 continue
             probability = seen[e] * np.exp(-0.5 * across * across / variance)
             if probability > most:
                 most = probability
-                to_x = (noise.floor2 * nx + spread * cosine * view_directions[i, 0]) * across / variance + depth * nx
-                to_y = (noise.floor2 * ny + spread * cosine * view_directions[i, 1]) * across / variance + depth * ny
+                to_x = (floor + across_beam) * nx + along_beam * cosine * view_directions[i, 0]
+                to_y = (floor + across_beam) * ny + along_beam * cosine * view_directions[i, 1]
+                to_x, to_y = to_x * across / variance + depth * nx, to_y * across / variance + depth * ny
         points[i, 0], points[i, 1] = x - to_x, y - to_y

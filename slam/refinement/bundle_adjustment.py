@@ -24,6 +24,8 @@ from slam.refinement._normal_equations_kernels import (
     subtract_schur_complement,
     weigh_points,
 )
+from slam.refinement.noise import INITIAL, Noise, estimate_noise
+from slam.refinement.odometry_noise import variance_factors, with_variances
 from slam.refinement.surfels import (
     Cells,
     Cloud,
@@ -31,7 +33,6 @@ from slam.refinement.surfels import (
     Surfels,
     find_surfels,
     make_cells,
-    make_noise,
     transform_cloud,
 )
 
@@ -58,6 +59,8 @@ class ScanEquations(NamedTuple):
     """Normals of the surfels, (surfels, 2)."""
     total: NDArray[np.float64]
     """Sums of the weights of the surfels' end points [1/m^2], (surfels,)."""
+    noise: Noise
+    """Noise of the end points as they lie about these surfels."""
 
 
 class Adjustment:
@@ -70,6 +73,8 @@ class Adjustment:
         self.cloud, self.with_scan, self.config, self.threads = cloud, with_scan, config, threads
         self.motions = se2.between(odometry[:-1], odometry[1:])
         self.prior = motion_prior(self.motions, config.motion)
+        self.noise = INITIAL
+        self.odometry_variance = np.ones(2)
 
     def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
         """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
@@ -94,6 +99,10 @@ class Adjustment:
         if not factor_chain(diagonal, coupling, factors, eliminated):
             raise FloatingPointError("the equations of the final pass are not positive definite")
 
+        factor = variance_factors(self.prior, poses, self.motions, factors, eliminated)
+        self.prior, self.noise = with_variances(self.prior, *factor), scans.noise  # for the next step
+        self.odometry_variance *= factor
+
         def precondition(x: NDArray[np.float64]) -> NDArray[np.float64]:
             out = np.empty_like(x)
             solve_chain(factors, eliminated, coupling, x, out)
@@ -103,23 +112,26 @@ class Adjustment:
 
     def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
         """Find the surfels at poses (scans, 3) and set up the scans' part of the equations."""
-        cloud, config, threads = self.cloud, self.config, self.threads
-        n, noise = len(cloud.ends), make_noise(config)
+        cloud, config, noise, threads = self.cloud, self.config, self.noise, self.threads
+        n = len(cloud.ends)
         there = transform_cloud(cloud, poses, threads)
-        _, cell_of, surfels = self.walls(there, config.spacing + gate + GATE_SIGMAS * config.hit_sigma)
+        reach = config.spacing + gate + GATE_SIGMAS * float(np.sqrt(noise.floor + noise.shared))
+        _, cell_of, surfels = self.walls(there, reach)
         matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
         match = there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches
         threads.run(match_points, n, *match)
         total = np.empty(len(surfels.point))
-        weigh_points(matches, cloud.each, gate, total)
-        return self._collect(poses, there.points, matches, surfels.normal, total)
+        weigh_points(matches, cloud.first, cloud.each, gate, noise.shared, total)
+        observed = cloud.first, matches.surfel, matches.across, cloud.ranges, there.view_directions, surfels.normal
+        seen = estimate_noise(*observed, before=noise)
+        return self._collect(poses, there.points, matches, surfels.normal, total, seen)
 
     def walls(self, there: PlacedCloud, reach: float) -> tuple[Cells, NDArray[np.int32], Surfels]:
         """Cells of the cloud that lies `there`, the cell of each end point (n,), and the surfels, listed for the
         cells within `reach` [m]."""
         config = self.config
         cells, cell_of = make_cells(there.points, config.cell)
-        return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, reach, self.threads)
+        return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, self.noise, reach, self.threads)
 
     def _collect(
         self,
@@ -128,6 +140,7 @@ class Adjustment:
         matches: Matches,
         normal: NDArray[np.float64],
         total: NDArray[np.float64],
+        noise: Noise,
     ) -> ScanEquations:
         """The equations from points (n, 2) in the map's frame and their surfels; total (surfels,): sums of weights."""
         first, scans, n = self.cloud.first, len(poses), len(points)
@@ -138,7 +151,7 @@ class Adjustment:
         used = np.arange(n) - np.repeat(first[:-1], hits) < np.repeat(count, hits)
         begins = np.concatenate([[0], np.cumsum(count)])
         observations = SurfelObservations(begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used])
-        return ScanEquations(diagonal, gradient, observations, normal, total)
+        return ScanEquations(diagonal, gradient, observations, normal, total, noise)
 
 
 def conjugate_gradients(

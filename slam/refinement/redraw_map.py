@@ -8,8 +8,9 @@ point with covariance C about its own true place has, given that this place lies
     p - C n (n . p - o) / (n^T C n)
 
 (the update of a Kalman filter by a measurement without noise; Thrun, Burgard, Fox 2005, table 3.1). C is that of the
-final pass: a floor in all directions and a share of the range along the beam, so a distant end point moves along its
-beam, a near one across the wall. End points without a wall stay where they are.
+final pass (`slam.refinement.noise`): a floor in all directions and shares of the range along and across the beam, so an
+end point whose range errs most moves along its beam, a near one across the wall. End points without a wall stay where
+they are.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from slam.config import FilterConfig, RefineConfig
 from slam.grid.particle_maps import ParticleMaps
 from slam.occupancy import OccupancyGrid
 from slam.refinement._redraw_kernels import SNAP_SIGMAS, move_onto_walls
-from slam.refinement.surfels import Cells, Surfels, make_cloud, make_noise, transform_cloud
+from slam.refinement.noise import Noise
+from slam.refinement.surfels import Cells, Surfels, make_cloud, transform_cloud
 from slam.sensor.rays import Rays
 
 DEPTH = 0.1
@@ -37,20 +39,17 @@ BATCH = 512
 """Scans whose end points are moved at once: enough to keep the threads busy, and little memory."""
 
 
-def max_snap_distance(config: RefineConfig) -> float:
+def max_snap_distance(config: RefineConfig, noise: Noise) -> float:
     """Largest distance of an end point from the point of its surfel [m]."""
-    noise = make_noise(config)
-    return (
-        config.spacing
-        + config.last_gate
-        + SNAP_SIGMAS * float(np.sqrt(noise.floor2 + noise.share2 * NOISE_RANGE_LIMIT**2))
-    )
+    variance = noise.floor + noise.shared + max(noise.along, noise.across) * NOISE_RANGE_LIMIT**2
+    return config.spacing + config.last_gate + SNAP_SIGMAS * float(np.sqrt(variance))
 
 
 def redraw_map(
     poses: se2.Pose,
     rays: Mapping[int, Rays],
     walls: tuple[Cells, Surfels],
+    noise: Noise,
     config: FilterConfig,
     threads: Threads,
 ) -> OccupancyGrid:
@@ -62,20 +61,25 @@ def redraw_map(
     frames = list(rays)
     for begin in range(0, len(frames), BATCH):
         batch = frames[begin : begin + BATCH]
-        moved = snap_to_walls([rays[i] for i in batch], poses[batch], walls, config, threads)
+        moved = snap_to_walls([rays[i] for i in batch], poses[batch], walls, noise, config, threads)
         for frame, ray in zip(batch, moved, strict=True):
             maps.integrate_scan(poses[frame : frame + 1], ray)
     return maps.occupancy(0)
 
 
 def snap_to_walls(
-    rays: Sequence[Rays], poses: se2.Pose, walls: tuple[Cells, Surfels], config: FilterConfig, threads: Threads
+    rays: Sequence[Rays],
+    poses: se2.Pose,
+    walls: tuple[Cells, Surfels],
+    noise: Noise,
+    config: FilterConfig,
+    threads: Threads,
 ) -> list[Rays]:
     """Rays of scans at poses (scans, 3), the end points of hits moved onto the walls that they belong to."""
     cells, surfels = walls
     cloud, settings = make_cloud(rays, max_points=sys.maxsize), config.refine
     there = transform_cloud(cloud, poses, threads)
-    belongs = make_noise(settings), settings.spacing, settings.last_gate
+    belongs = noise, settings.spacing, settings.last_gate
     depth = DEPTH * config.map.cell
     threads.run(move_onto_walls, len(cloud.ends), there, cloud.ranges, cells, surfels, *belongs, depth)
     moved = []

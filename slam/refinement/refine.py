@@ -27,6 +27,7 @@ from slam.config import FilterConfig
 from slam.loops import LoopClosing, close_loops
 from slam.occupancy import OccupancyGrid
 from slam.refinement.bundle_adjustment import Adjustment
+from slam.refinement.noise import Noise
 from slam.refinement.redraw_map import max_snap_distance, redraw_map
 from slam.refinement.surfels import make_cloud, transform_cloud
 from slam.scan import Scan
@@ -43,6 +44,10 @@ class Refined:
     """Map of all scans, each at its refined pose."""
     closing: LoopClosing | None
     """The loops that were found before the adjustment; None where they were not looked for."""
+    noise: Noise
+    """How far end points err, as estimated from the recording."""
+    odometry_variance: tuple[float, float]
+    """Factors on the variances of position and heading in `RefineConfig.motion`, as estimated from the recording."""
 
 
 def refine(
@@ -92,6 +97,10 @@ def refine(
     # The first pose defines the frame, but it errs as any other: it moves with them, then the whole is moved back.
     poses = se2.compose(se2.compose(initial[0], se2.inverse(poses[0])), poses)
     cells, _, surfels = adjustment.walls(
-        transform_cloud(cloud, poses[adjustment.with_scan], workers), max_snap_distance(settings)
+        transform_cloud(cloud, poses[adjustment.with_scan], workers), max_snap_distance(settings, adjustment.noise)
     )
-    return Refined(poses=poses, map=redraw_map(poses, rays, (cells, surfels), config, workers), closing=closing)
+    drawn = redraw_map(poses, rays, (cells, surfels), adjustment.noise, config, workers)
+    position, heading = adjustment.odometry_variance.tolist()
+    return Refined(
+        poses=poses, map=drawn, closing=closing, noise=adjustment.noise, odometry_variance=(position, heading)
+    )

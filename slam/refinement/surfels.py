@@ -20,6 +20,7 @@ from slam.config import RefineConfig
 from slam.grid._tile_kernels import SIDE
 from slam.refinement._cell_index_kernels import list_candidates, list_coordinates, mark_cells, mark_tiles
 from slam.refinement._line_fit_kernels import add_moments, choose, fit_lines, fit_normals, place_cloud
+from slam.refinement.noise import Noise
 from slam.sensor.rays import Rays
 
 
@@ -45,15 +46,6 @@ class PlacedCloud(NamedTuple):
     """End points [m], (n, 2)."""
     view_directions: NDArray[np.float64]
     """Unit vectors from the end points to where they were seen from, (n, 2)."""
-
-
-class Noise(NamedTuple):
-    """Spread of end points about a wall."""
-
-    floor2: float
-    """Variance that is there at any distance [m^2]."""
-    share2: float
-    """Variance along the beam as a share of the squared range."""
 
 
 class Cells(NamedTuple):
@@ -111,11 +103,6 @@ def make_cloud(rays: Sequence[Rays], max_points: int) -> Cloud:
     return Cloud(ends, origins, np.hypot(*(ends - origins).T), first, float(each))
 
 
-def make_noise(config: RefineConfig) -> Noise:
-    """Noise of end points about a wall, from the settings."""
-    return Noise(config.hit_sigma**2, config.range_share**2)
-
-
 def transform_cloud(cloud: Cloud, poses: se2.Pose, threads: Threads) -> PlacedCloud:
     """The cloud in the map's frame, its scans at poses (scans, 3)."""
     out = PlacedCloud(np.empty_like(cloud.ends), np.empty_like(cloud.ends))
@@ -141,11 +128,12 @@ def find_surfels(
     cells: Cells,
     cell_of: NDArray[np.int32],
     config: RefineConfig,
+    noise: Noise,
     reach: float,
     threads: Threads,
 ) -> Surfels:
     """The surfels of a cloud, with a list for each cell of those within `reach` [m]."""
-    count, noise = len(cells.coordinates), make_noise(config)
+    count = len(cells.coordinates)
     radius = round(config.window / cells.side)
     normals, moments, counts = np.zeros((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2), np.int32)
     add_moments(

@@ -20,7 +20,8 @@ from slam.refinement._normal_equations_kernels import (
     weigh_points,
 )
 from slam.refinement.bundle_adjustment import GAUGE, Adjustment, conjugate_gradients
-from slam.refinement.surfels import find_surfels, make_cells, make_cloud, make_noise, transform_cloud
+from slam.refinement.noise import INITIAL
+from slam.refinement.surfels import find_surfels, make_cells, make_cloud, transform_cloud
 from tests.slam.refinement.test_chain import dense_matrix
 from tests.slam.rooms import rays
 
@@ -109,7 +110,7 @@ def test_weights_fall_with_the_distance_and_leave_the_mean_where_most_points_are
     n = len(across)
     matches = Matches(np.zeros(n, np.int32), across.copy(), np.full(n, 0.01**2), np.empty(n))
     total = np.empty(1)
-    weigh_points(matches, 1.0, 0.03, total)
+    weigh_points(matches, np.array([0, n]), 1.0, 0.03, 0.0, total)
     assert abs(np.mean(matches.across[:40])) < 0.001  # a plain mean would be off by 15 mm
     assert total[0] == pytest.approx(matches.weight.sum())
     assert matches.weight[-1] < 0.02 * matches.weight[20]
@@ -121,10 +122,10 @@ def matched(parts, poses, gate):
     cloud = make_cloud(parts, config.max_points)
     there = transform_cloud(cloud, np.asarray(poses, dtype=np.float64), threads)
     cells, cell_of = make_cells(there.points, config.cell)
-    surfels = find_surfels(there, cloud, cells, cell_of, config, 0.6, threads)
+    surfels = find_surfels(there, cloud, cells, cell_of, config, INITIAL, 0.6, threads)
     n = len(cloud.ends)
     matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
-    noise = make_noise(config)
+    noise = INITIAL
     match_points(0, n, there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches)
     return surfels, matches
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The map of a finished run: where end points go, and how thick walls become."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,8 +9,9 @@ from hypothesis import strategies as st
 from slam import FilterConfig
 from slam._threads import Threads
 from slam.grid.particle_maps import ParticleMaps
+from slam.refinement.noise import INITIAL, Noise
 from slam.refinement.redraw_map import DEPTH, max_snap_distance, redraw_map, snap_to_walls
-from slam.refinement.surfels import Lines, Surfels, find_surfels, make_cells, make_cloud, make_noise, transform_cloud
+from slam.refinement.surfels import Lines, Surfels, find_surfels, make_cells, make_cloud, transform_cloud
 from slam.sensor.rays import make_rays
 from tests.slam.rooms import WALLS, drive, rays, scan_at
 
@@ -20,12 +19,12 @@ CONFIG = FilterConfig()
 THREADS = Threads(1)
 
 
-def walls_of(parts, poses, config):
+def walls_of(parts, poses, config, noise):
     """Cells and surfels of scans given as `Rays`, taken at poses (scans, 3)."""
     cloud = make_cloud(parts, config.max_points)
     there = transform_cloud(cloud, np.asarray(poses, dtype=np.float64), THREADS)
     cells, cell_of = make_cells(there.points, config.cell)
-    return cells, find_surfels(there, cloud, cells, cell_of, config, max_snap_distance(config), THREADS)
+    return cells, find_surfels(there, cloud, cells, cell_of, config, noise, max_snap_distance(config, noise), THREADS)
 
 
 def one_wall(point, normal, points):
@@ -41,13 +40,14 @@ def one_wall(point, normal, points):
 @settings(deadline=None)
 def test_an_end_point_moves_to_its_mean_given_the_wall(distance, slant, off, beside):
     """Against conditioning a Gaussian of two dimensions by the textbook."""
-    noise, normal = make_noise(CONFIG.refine), np.array([-np.cos(slant), -np.sin(slant)])
-    sigma = np.sqrt(noise.floor2 + noise.share2 * (distance * np.cos(slant)) ** 2)
+    noise, normal = Noise(0.02**2, 0.01**2, 0.004**2, 0.005**2), np.array([-np.cos(slant), -np.sin(slant)])
+    floor = noise.floor + noise.shared
+    covariance = np.diag([floor + noise.along * distance**2, floor + noise.across * distance**2])
+    sigma = np.sqrt(normal @ covariance @ normal)
     end = np.array([[distance, 0.0]])
     point = end[0] + off * 2.0 * sigma * normal + beside * np.array([-normal[1], normal[0]])
     walls = one_wall(point, normal, end)
-    (moved,) = snap_to_walls([rays(end)], np.zeros((1, 3)), walls, CONFIG, THREADS)
-    covariance = np.diag([noise.floor2 + noise.share2 * distance**2, noise.floor2])
+    (moved,) = snap_to_walls([rays(end)], np.zeros((1, 3)), walls, noise, CONFIG, THREADS)
     gain = covariance @ normal / (normal @ covariance @ normal)
     expected = end[0] - gain * (normal @ (end[0] - point)) - DEPTH * CONFIG.map.cell * normal
     np.testing.assert_allclose(moved.ends[0], expected, atol=1e-9)
@@ -57,7 +57,7 @@ def test_end_points_without_a_wall_and_beams_without_a_hit_stay():
     ends = np.array([[2.0, 0.0], [2.0, 0.1], [2.0, 3.0], [0.5, -1.0]])
     walls = one_wall((2.02, 0.0), (-1.0, 0.0), ends)
     scan = rays(ends)._replace(hit=np.array([True, False, True, True]))
-    (moved,) = snap_to_walls([scan], np.zeros((1, 3)), walls, CONFIG, THREADS)
+    (moved,) = snap_to_walls([scan], np.zeros((1, 3)), walls, INITIAL, CONFIG, THREADS)
     np.testing.assert_array_equal(moved.ends[1], ends[1])
     np.testing.assert_allclose(moved.ends[2:], ends[2:], atol=1e-12)  # 3 m along the wall, 1.5 m before it
     assert moved.ends[0, 0] == pytest.approx(2.02 + DEPTH * CONFIG.map.cell)
@@ -81,9 +81,10 @@ def noisy_room(seed, share):
 @pytest.mark.parametrize("seed", range(3))
 def test_walls_are_as_thin_as_cells(seed):
     """Area of the occupied cells against what the visible faces of the walls fill."""
-    config = replace(CONFIG, refine=replace(CONFIG.refine, range_share=0.02))  # at 3 m what is usual at 6 m
+    noise = INITIAL._replace(along=0.02**2)  # at 3 m what is usual at 6 m
     parts, poses = noisy_room(seed, 0.02)
-    drawn = redraw_map(poses, dict(enumerate(parts)), walls_of(parts, poses, config.refine), config, THREADS)
+    walls = walls_of(parts, poses, CONFIG.refine, noise)
+    drawn = redraw_map(poses, dict(enumerate(parts)), walls, noise, CONFIG, THREADS)
     counted = ParticleMaps(1, CONFIG.map, THREADS)
     for pose, scan in zip(poses, parts, strict=True):
         counted.integrate_scan(pose[None], scan)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from slam import se2
 from slam._threads import Threads
 from slam.config import RefineConfig
+from slam.refinement.noise import INITIAL, Noise
 from slam.refinement.surfels import find_surfels, make_cells, make_cloud, transform_cloud
 from slam.sensor.rays import make_rays
 from tests.slam.rooms import WALLS, drive, rays, scan_at
@@ -15,13 +16,13 @@ from tests.slam.rooms import WALLS, drive, rays, scan_at
 CONFIG = RefineConfig()
 
 
-def surfels_of(parts, poses, config=CONFIG, threads=1):
+def surfels_of(parts, poses, noise=INITIAL, threads=1):
     """Surfels of scans given as `Rays`, taken at poses (scans, 3)."""
     workers = Threads(threads)
-    cloud = make_cloud(parts, config.max_points)
+    cloud = make_cloud(parts, CONFIG.max_points)
     there = transform_cloud(cloud, np.asarray(poses, dtype=np.float64), workers)
-    cells, cell_of = make_cells(there.points, config.cell)
-    return find_surfels(there, cloud, cells, cell_of, config, 0.5, workers)
+    cells, cell_of = make_cells(there.points, CONFIG.cell)
+    return find_surfels(there, cloud, cells, cell_of, CONFIG, noise, 0.5, workers)
 
 
 def in_the_room(threads=1):
@@ -86,8 +87,8 @@ def test_the_two_faces_of_a_thin_wall_are_kept_apart():
 def test_near_end_points_count_more_than_far_ones():
     y = np.linspace(-1.0, 1.0, 81)
     near, far = np.stack([np.full(81, 1.0), y], axis=-1), np.stack([np.full(81, 10.06), y], axis=-1)
-    config = RefineConfig(hit_sigma=0.01, range_share=0.01)  # 1.4 cm near by, 10 cm far off
-    surfels = surfels_of([rays(near), rays(far)], [(0.0, 0.0, 0.0), (-9.0, 0.0, 0.0)], config)
+    noise = Noise(0.01**2, 0.01**2, 0.0, 0.0)  # 1.4 cm near by, 10 cm far off
+    surfels = surfels_of([rays(near), rays(far)], [(0.0, 0.0, 0.0), (-9.0, 0.0, 0.0)], noise)
     expected = 0.06 / (1.0 + (0.01**2 + 0.1006**2) / (0.01**2 + 0.01**2))
     middle = np.abs(surfels.point[:, 1]) < 0.6  # towards the ends the ranges differ
     off = surfels.point[middle, 0] - 1.0
