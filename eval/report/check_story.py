@@ -50,14 +50,13 @@ def self_check_story(context: ReportContext) -> str:
         story += f"; while driving the check was certain from {at_time(sure[0].start - context.start)} on"
         found = [spell for spell in found if spell.start < sure[0].start]
     story += f"{': ' if first is None else '. It saw this: '}{check['reason']}."
-    before = [(spell.start, f"said lost {times_in_words([spell], context.start)}") for spell in found[:MAX_SPELLS]]
+    before = [(found[0].start, f"said lost {times_in_words(found, context.start)}")] if found else []
     doubtful = None if run.steps is None else _first_doubt(run.steps)
     if doubtful is not None and (first is None or doubtful < first):
         before.append((doubtful, f"was doubtful from {at_time(doubtful - context.start)} on"))
     if before:
         when = "While driving" if first is None else "Before that, while driving,"
-        more = f" ({len(found) - MAX_SPELLS} times more later)" if len(found) > MAX_SPELLS else ""
-        story += f" {when} it {' and '.join(words for _, words in sorted(before))}{more}."
+        story += f" {when} it {' and '.join(words for _, words in sorted(before))}."
     return story
 
 

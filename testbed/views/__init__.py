@@ -3,6 +3,7 @@
 
 from testbed.views.opening import (
     OpenedRun,
+    moments_for_report,
     moments_of,
     open_run,
     open_view,
@@ -21,6 +22,7 @@ __all__ = [
     "Snapshot",
     "View",
     "ViewOptions",
+    "moments_for_report",
     "moments_of",
     "open_run",
     "open_view",

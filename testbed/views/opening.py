@@ -87,6 +87,15 @@ def moments_of(run: Path) -> Callable[[float], bytes] | None:
     return MomentPictures(recording).png
 
 
+def moments_for_report(run: Path) -> Callable[[float], bytes] | None:
+    """The same as `moments_of` for a report, which does without pictures where the recording cannot be read."""
+    try:
+        return moments_of(run)
+    except ValueError as error:
+        logger.warning("the report has no pictures of moments: %s", error)
+        return None
+
+
 def open_run(run: Path, *more: Path, serve: bool = False, moment: float | None = None) -> OpenedRun:
     """Show the recordings of runs: in the native viewer, or on a web page of this machine.
 

@@ -43,8 +43,12 @@ MIN_REACH, MAX_REACH = 0.3, 4.0
 """The close view shows at least and at most so much around the robot [m]: its particles, and the true robot."""
 MIN_PROPOSAL_REACH = 0.02
 """So does the view of the proposal, at least."""
+MAX_PRIOR_REACH = 8.0
+"""Where the prior lies far away, it is shown up to so many times what the samples take."""
 MARGIN = 1.25
 """Both show so much more than what has to be seen."""
+LEVELS = ("INFO", "WARN", "ERROR")
+"""Of several events at one time the one of the highest level is printed."""
 RECENT_EVENT_S = 20.0
 """The last event is printed for this long [s]."""
 UNSEEN = tuple(part / 255.0 for part in styles.UNSEEN)
@@ -137,7 +141,8 @@ class MomentPictures:
         lines = [f"{self._recorded.name or 'run'} at {time:.1f} s", ";  ".join(found)]
         past = [event for event in self._recorded.events() if time - RECENT_EVENT_S <= event.time <= time + 1e-6]
         if past:
-            lines.append(textwrap.shorten(f"last event, {past[-1].time:.1f} s: {past[-1].text}", 150, placeholder=" …"))
+            last = max(past, key=lambda event: (event.time, LEVELS.index(event.level)))
+            lines.append(textwrap.shorten(f"last event, {last.time:.1f} s: {last.text}", 150, placeholder=" …"))
         return "\n".join(lines)
 
     def _curves(self) -> list[tuple[str, str, NDArray[np.float64], NDArray[np.float64], Any]]:
@@ -277,7 +282,7 @@ class MomentPictures:
             around = _moved(T, ellipse(prior))
             _ellipse(axes, around, styles.ODOMETRY, "prior: odometry's prediction, 95 %")
             off = float(np.hypot(*(around.centre - fitted.centre)))
-            reach = min(max(reach, MARGIN * (off + float(around.half.max()))), 8.0 * reach)
+            reach = min(max(reach, MARGIN * (off + float(around.half.max()))), MAX_PRIOR_REACH * reach)
         _frame(axes, fitted.centre, reach)
 
     def _show_all_of_the_map(self, axes: Axes) -> None:
