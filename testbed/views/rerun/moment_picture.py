@@ -157,8 +157,10 @@ class MomentPictures:
         ):
             times, values = self._recorded.series(entity)
             single = entity == entities.ESS_VALUE and len(values) > 0 and float(values.max()) <= 1.0
+            small = unit == "m" and len(values) > 0 and float(values.max()) < 1.0
             if len(times) and not single:
-                found.append((name, unit, times, values, _rgb(colour)))
+                shown = ("cm", times, 100.0 * values) if small else (unit, times, values)
+                found.append((name, *shown, _rgb(colour)))
         return found[:3]
 
     # --- what is on the maps
