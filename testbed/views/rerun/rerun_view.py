@@ -10,14 +10,10 @@ float32: the files of the run directory are the source of truth.
 
 from __future__ import annotations
 
-import errno
 import math
-import os
-import shutil
 import time
 import uuid
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
@@ -42,6 +38,7 @@ from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
 from testbed.views.rerun.layers.prediction import Predictions
+from testbed.views.rerun.recording_file import RecordingFile
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
 from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN
@@ -65,8 +62,6 @@ FILE_PERIOD = 0.5
 
 MIN_STEP_M = 0.03
 """Another particle that becomes the best is marked if it moves the estimate by more than this [m]."""
-MIN_SPACE = 1 << 16
-"""Bytes; with less than this left a disk counts as full."""
 
 
 class RerunView:
@@ -107,9 +102,7 @@ class RerunView:
         batches.flush_tick = timedelta(seconds=FILE_PERIOD)
         self._rec = rr.RecordingStream(entities.APPLICATION, recording_id=run, batcher_config=batches)
         self._rec.set_log_time_enabled(False)
-        self._recording = recording
-        with self._file_errors():
-            self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(self._scenery(None)))
+        self._file = RecordingFile(recording, self._rec, blueprint(self._scenery(None)))
         self._rec.send_recording_name(scene.title)
         self._columns = Columns(self._rec)
         self._arrows = arrow_columns(ARROW * scene.robot_radius)
@@ -198,16 +191,15 @@ class RerunView:
 
     def close(self) -> None:
         """Log the last map, complete the file, and let the viewers have the rest."""
-        last = self._last
-        if last is not None:
-            self._close_run(last)
-            if last.map is not None and not self._refined:
-                self._fit_view(last.map(None))
-            self._last = None
-        self._send()
-        with self._file_errors():
-            self._rec.flush()
-        self._rec.disconnect()
+        last, self._last = self._last, None
+        try:
+            if last is not None:
+                self._close_run(last)
+                if last.map is not None and not self._refined:
+                    self._fit_view(last.map(None))
+            self._send()
+        finally:
+            self._file.close()
 
     def _close_run(self, last: Snapshot) -> None:
         """Log the state after the last snapshot, in full."""
@@ -220,16 +212,6 @@ class RerunView:
         self._add_comparison(last, everything=True)
         for level, text in self._loops.end(self._events.lost):
             self._columns.add_event(text, level)
-
-    @contextmanager
-    def _file_errors(self) -> Iterator[None]:
-        """Raise what the recording's writer reports, such as a full disk, as an OSError that names the file."""
-        try:
-            yield
-        except RuntimeError as error:
-            full = shutil.disk_usage(self._recording.parent).free < MIN_SPACE
-            reason = os.strerror(errno.ENOSPC) if full else " ".join(f"{error}".split())
-            raise OSError(errno.ENOSPC if full else errno.EIO, reason, str(self._recording)) from error
 
     def wait(self) -> None:
         """Serve the web page until Ctrl-C; returns at once where none is served."""
@@ -284,6 +266,7 @@ class RerunView:
                 self._columns.add_event(disagreement, "WARN", at=at)
         self._columns.send()
         self._images.clear()
+        self._file.check()
         for viewer in self._viewers:
             viewer.check()
 
