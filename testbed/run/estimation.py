@@ -19,7 +19,7 @@ from slam.loops import LoopClosing
 from slam.motion.continuous_odometry import join_odometry
 from slam.motion.interpolation import interpolate_with_odometry
 from slam.occupancy import OccupancyGrid
-from slam.refinement import refine
+from slam.refinement import Refined, refine
 from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
@@ -41,6 +41,8 @@ class Estimate:
     """The map that belongs to the poses."""
     closing: LoopClosing | None = None
     """The loops that the final pass found; None where none were looked for."""
+    noise: dict[str, float] | None = None
+    """What the final pass found the noise to be, the group `noise` of `metrics.json`; None without a final pass."""
 
     @property
     def at_scans(self) -> Trajectory:
@@ -145,10 +147,30 @@ class Estimation:
         twists = [frame.twist for frame in self.frames]
         result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
         dense = Trajectory(self.stamps, result.poses)
-        return Estimate(dense=dense, scan_frames=estimate.scan_frames, map=result.map, closing=result.closing)
+        return Estimate(
+            dense=dense,
+            scan_frames=estimate.scan_frames,
+            map=result.map,
+            closing=result.closing,
+            noise=noise_metrics(result),
+        )
 
 
 def _seen_from(frame: Frame, odometry: Pose, scan: Scan) -> Scan:
     """Return an earlier scan, taken at `odometry` (3,), with its mount moved to the pose at the frame's time."""
     x, y, theta = se2.compose(se2.between(frame.odometry, odometry), scan.mount).tolist()
     return replace(scan, mount=(x, y, theta), stamp=frame.stamp)
+
+
+def noise_metrics(result: Refined) -> dict[str, float]:
+    """Standard deviations that the final pass found: the group `noise` of `metrics.json`, see docs/metrics.md."""
+    floor, along, across, shared = np.sqrt(result.noise).tolist()
+    position, heading = np.sqrt(result.odometry_variance).tolist()
+    return {
+        "reading_m": floor,
+        "range_share": along,
+        "angle_rad": across,
+        "shared_by_scan_m": shared,
+        "odometry_position_factor": position,
+        "odometry_heading_factor": heading,
+    }

@@ -215,6 +215,8 @@ def metrics_of(
         metrics |= score_estimate("filter", path, reference, ended)
     if estimate.closing is not None:
         metrics["loops"] = loop_metrics(estimate.closing, filtered.dense)
+    if estimate.noise is not None:
+        metrics["noise"] = estimate.noise
     metrics["notes"] = [*job.notes, *metrics["notes"]]
     if job.known_map is None:
         return metrics
