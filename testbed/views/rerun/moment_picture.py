@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import math
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.se2 import Pose
 from testbed.views.rerun import entities
+from testbed.views.rerun.other_particles import OtherParticle, map_at, other_particles
 from testbed.views.rerun.recorded import (
     TIME,
     Ellipse,
@@ -25,8 +27,6 @@ from testbed.views.rerun.recorded import (
     Recorded,
     colours,
     ellipse,
-    grid_image,
-    joined,
     points,
     pose,
     strips,
@@ -35,10 +35,14 @@ from testbed.views.rerun.scene import styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
-SIZE, DOTS_PER_INCH = (13.0, 8.6), 100
-"""Width and height [inch], and resolution."""
+WIDTH, DOTS_PER_INCH = 13.0, 100
+"""Width [inch] and resolution."""
+MAPS_HEIGHT, OTHERS_HEIGHT, CURVES_HEIGHT = 6.2, 3.4, 1.5
+"""Heights of the map with the close views, of the maps of other particles, and of the curves [inch]."""
+MARGIN_HEIGHT = 1.3
+"""Height of headline and legend [inch]."""
 MIN_REACH, MAX_REACH = 0.3, 4.0
 """The close view shows at least and at most so much around the robot [m]: its particles, and the true robot."""
 MIN_PROPOSAL_REACH = 0.02
@@ -80,21 +84,27 @@ class MomentPictures:
             "axes.spines.right": False,
         }
         with rc_context(look):
-            figure = Figure(figsize=SIZE, layout="constrained")
-            self._fill(figure, time)
+            others = other_particles(self._recorded, time)
+            heights = [MAPS_HEIGHT, *([OTHERS_HEIGHT] if others else []), CURVES_HEIGHT]
+            figure = Figure(figsize=(WIDTH, sum(heights) + MARGIN_HEIGHT), layout="constrained")
+            parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
+            figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
+            self._draw_maps(figure, parts[0], time)
+            self._draw_curves(parts[-1], time)
+            if others:
+                self._draw_others(parts[1], others)
             out = io.BytesIO()
             FigureCanvasAgg(figure).print_figure(out, dpi=DOTS_PER_INCH, format="png")
         return _with_palette(out.getvalue())
 
-    def _fill(self, figure: Figure, time: float) -> None:
+    def _draw_maps(self, figure: Figure, part: SubFigure, time: float) -> None:
+        """Draw the map so far and the two close views into a part of the figure, and the legend below it all."""
         scan = self._recorded.latest(entities.ESTIMATED_ROBOT, time)
         assert scan is not None
         robot = se2.compose(self._T_world_map, pose(scan))
-        figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
-        curves, shown = self._curves(), self._map(time)
-        parts: Any = figure.subfigures(2, 1, height_ratios=[4.6, 1.0])
-        above, below = parts
-        left, right = above.subfigures(1, 2, width_ratios=[1.35, 1.0])
+        shown = map_at(self._recorded, entities.MAP, time)
+        halves: Any = part.subfigures(1, 2, width_ratios=[1.35, 1.0])
+        left, right = halves
         overview, around, close = left.add_subplot(), right.add_subplot(2, 1, 1), right.add_subplot(2, 1, 2)
         for axes, title in (
             (overview, "Map so far"),
@@ -102,8 +112,7 @@ class MomentPictures:
             (close, "The proposal of the best particle"),
         ):
             axes.set(title=title, aspect="equal", facecolor=UNSEEN)
-            axes.title.set_horizontalalignment("left")
-            axes.title.set_x(0.0)
+            _title_left(axes)
             self._draw_map(axes, shown)
         self._draw_world(overview, time, robot)
         self._draw_around(around, time, robot)
@@ -112,15 +121,40 @@ class MomentPictures:
         handles: dict[str, Any] = {}
         for axes in (overview, around, close):
             handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-        for axes, (name, unit, times, values, colour) in zip(
-            np.atleast_1d(below.subplots(1, len(curves))) if curves else (), curves, strict=True
-        ):
+        figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=8.5)
+
+    def _draw_others(self, part: SubFigure, others: Sequence[OtherParticle]) -> None:
+        """Draw the maps of other particles side by side."""
+        part.suptitle(
+            "Maps of other particles when they were last compared; red: walls of which the best particle's map has "
+            "none within 10 cm",
+            x=0.01,
+            ha="left",
+            fontsize=10.0,
+        )
+        for number, other in enumerate(others):
+            axes = part.add_subplot(1, len(others), number + 1)
+            axes.set_title(other.title, fontsize=9.0)
+            axes.set(aspect="equal", facecolor=UNSEEN)
+            _title_left(axes)
+            self._draw_map(axes, other.map)
+            rows, columns = np.nonzero(other.elsewhere)
+            places = np.column_stack([columns + 0.5, other.map.image.shape[0] - rows - 0.5]) * other.map.cell
+            places = se2.transform_points(se2.compose(self._T_world_map, other.map.pose), places)
+            axes.plot(*places.T, "s", ms=2.0, color=_rgb(styles.RED), mew=0.0, zorder=4)
+            self._show_all_of_the_map(axes)
+            axes.set(xlabel="", ylabel="", xticks=[], yticks=[])
+
+    def _draw_curves(self, part: SubFigure, time: float) -> None:
+        """Draw the curves over time side by side."""
+        curves = self._curves()
+        for number, (name, unit, times, values, colour) in enumerate(curves):
+            axes = part.add_subplot(1, len(curves), number + 1)
             axes.plot(times, values, color=colour, lw=1.1)
             axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
             axes.set(title=f"{name}{f' [{unit}]' if unit else ''}, line: now", xlim=(0.0, self._end), ylim=(0.0, None))
             axes.set_xlabel("time since the first scan [s]")
             axes.margins(y=0.1)
-        figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=8.5)
 
     def _headline(self, time: float) -> str:
         """The moment in figures, and the last event."""
@@ -164,12 +198,6 @@ class MomentPictures:
         return found[:3]
 
     # --- what is on the maps
-
-    def _map(self, time: float) -> GridImage | None:
-        """The map as one picture; None where nothing was mapped."""
-        names = [entities.MAP, *self._recorded.names(entities.MAP)]
-        found = [(name, self._recorded.latest(name, time)) for name in names]
-        return joined([grid_image(self._recorded.fixed(name) | row) for name, row in found if row is not None])
 
     def _draw_map(self, axes: Axes, shown: GridImage | None) -> None:
         """Draw the map in the world's frame, and the true walls."""
@@ -318,6 +346,11 @@ def _with_palette(png: bytes) -> bytes:
 def _rgb(colour: tuple[int, int, int]) -> tuple[float, float, float]:
     red, green, blue = (part / 255.0 for part in colour)
     return red, green, blue
+
+
+def _title_left(axes: Axes) -> None:
+    axes.title.set_horizontalalignment("left")
+    axes.title.set_x(0.0)
 
 
 def _moved(T: Pose, shape: Ellipse) -> Ellipse:
