@@ -24,7 +24,8 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
 
     A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
     paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
-    first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve.
+    first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve, or a
+    picture of one moment: `testbed view RUN --time 60 --save moment.png`.
 
     Parameters
     ----------
