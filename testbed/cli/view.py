@@ -76,6 +76,8 @@ def _draw(paths: list[Path], picture: Path, time: float | None) -> None:
             time = _moment_of_failure(paths[0])
         with atomic_write(picture) as temporary:
             temporary.write_bytes(draw_moment(math.inf if time is None else time))
+        if paths[0].is_dir() and not (paths[0] / "metrics.json").is_file():
+            console.print(f"{paths[0]}: not finished; this is what was recorded so far", soft_wrap=True)
         console.print(f"{picture}: written", soft_wrap=True)
         return
     draw_drive(open_dataset(paths[0]), picture, _title_of_drive(paths[0]), time)
