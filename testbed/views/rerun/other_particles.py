@@ -35,7 +35,7 @@ def map_at(recorded: Recorded, parent: str, time: float) -> GridImage | None:
 
 def other_particles(recorded: Recorded, time: float) -> list[OtherParticle]:
     """The particles of the newest comparison up to a time [s]; none where the run has a single particle."""
-    found = []
+    found, labels = [], set[str]()
     for rank, name in NAMES.items():
         entity = f"{entities.COMPARE}/{rank}"
         label = recorded.latest(f"{entity}/robot/label", time)
@@ -46,7 +46,8 @@ def other_particles(recorded: Recorded, time: float) -> list[OtherParticle]:
         if best is not None and shown is not None:
             title = f"{name}: {label['Points3D:labels'].as_py()[0]}, {at:.1f} s"
             found.append(OtherParticle(title, shown, _elsewhere(shown, best)))
-    return found
+            labels.add(title.removeprefix(name))
+    return found if len(labels) > 1 else []
 
 
 def _elsewhere(shown: GridImage, best: GridImage) -> NDArray[np.bool_]:
