@@ -114,7 +114,7 @@ class MomentPictures:
         overview, around, close = left.add_subplot(), right.add_subplot(2, 1, 1), right.add_subplot(2, 1, 2)
         for axes, title in (
             (overview, "Map so far"),
-            (around, f"Around the robot: particles and ellipse{self._age_of_particles(time)}"),
+            (around, f"Around the robot: the particles{self._age_of_particles(time)}"),
             (close, "The proposal of the best particle"),
         ):
             axes.set(title=title, aspect="equal", facecolor=UNSEEN)
@@ -179,7 +179,7 @@ class MomentPictures:
         scan = self._recorded.latest(entities.ESTIMATED_ROBOT, time)
         if row is None or scan is None or scan[TIME] - row[TIME] < 0.05:
             return ""
-        return f" of the last update, {scan[TIME] - row[TIME]:.1f} s before the pose"
+        return f" {scan[TIME] - row[TIME]:.1f} s before"
 
     def _headline(self, time: float) -> str:
         """The moment in figures, and the last event."""
