@@ -16,7 +16,7 @@ from eval.trajectory.errors import pair_errors, stretches
 from eval.trajectory.relations import Relations, relation_error
 from eval.trajectory.trajectory import Trajectory
 from eval.wording import length, up_to_a_tenth
-from slam.se2 import Pose, between, compose
+from slam.se2 import Pose, between, compose, inverse
 
 Rows = NDArray[np.intp]
 Numbers = Any
@@ -175,10 +175,25 @@ def first_bad_stretch(
         before, now = np.minimum(visits, len(matched.rows) - 1).tolist()
         return _failure_of_loop(matched, before, now, excursions, blips)
     worst_piece = int(np.argmax(severity))
-    begin, moment = int(first[worst_piece]), int(last[worst_piece])
-    amount = _amount(translation[worst_piece], rotation[worst_piece])
+    begin, moment = _outlier(matched, int(first[worst_piece]), int(last[worst_piece]))
+    rows = np.array([begin]), np.array([moment])
+    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
+    amount = _amount(translation[0], rotation[0])
     reason = f"no lasting error; over the worst metre of path the estimate is wrong by {amount}"
     return _failure(matched, begin, moment, reason, bad=False, blips=blips)
+
+
+def _outlier(matched: Association, begin: int, end: int) -> tuple[int, int]:
+    """Of two rows whose motion is wrong, the one whose pose fits its neighbours, and the one that does not."""
+    path, true, estimated = matched.reference.distance, matched.reference.poses, matched.estimate.poses
+    near = np.flatnonzero((path >= path[begin] - HEAL_PATH) & (path <= path[end] + HEAL_PATH))
+    alignments = compose(true[near], inverse(estimated[near]))
+    turned = alignments[len(near) // 2, 2]
+    turns = turned + np.angle(np.exp(1j * (alignments[:, 2] - turned)))
+    middle = np.array([*np.median(alignments[:, :2], axis=0), np.median(turns)])
+    miss = between(true[[begin, end]], compose(middle, estimated[[begin, end]]))
+    off = np.maximum(np.hypot(miss[:, 0], miss[:, 1]) / BAD_M, np.degrees(np.abs(miss[:, 2])) / BAD_DEG)
+    return (begin, end) if off[1] >= off[0] else (end, begin)
 
 
 def _at_updates(matched: Association, estimated: NDArray[np.bool_] | None) -> Association:

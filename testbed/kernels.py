@@ -7,6 +7,7 @@ testbed.kernels` is that process.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import signal
@@ -18,7 +19,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 PACKAGES = (Path(slam.__file__).parent, Path(__file__).parent)
 """Packages with kernels."""
+PERIOD = 1.0
+"""Time between two looks at what was compiled [s]."""
 
 
 def is_compiled() -> bool:
@@ -47,17 +50,44 @@ def is_compiled() -> bool:
 def compile_kernels(news: Callable[[int, int], None] | None = None) -> float:
     """Compile all kernels, unless they are on disk already; returns the time it took [s].
 
+    Where another process compiles them, wait for it: two at once would do the same work twice.
+
     news: called about once a second with the number of kernels that were compiled, and of all
 
     Raises OSError, with the last line of what that process said, where it fails, such as on a full disk.
     """
-    start, since = time.perf_counter(), time.time()
+    start, folder = time.perf_counter(), cache_folder(PACKAGES[0])
+    if folder is None:
+        _compile(time.time(), news)
+        return time.perf_counter() - start
+    with (folder / "compiling").open("a") as turn:
+        while not _take(turn):
+            time.sleep(PERIOD)
+            if news is not None:
+                news(*_compiled_since(os.fstat(turn.fileno()).st_mtime))
+        if not is_compiled():
+            os.utime(turn.fileno())
+            _compile(os.fstat(turn.fileno()).st_mtime, news)
+    return time.perf_counter() - start
+
+
+def _take(turn: IO[str]) -> bool:
+    """Whether it is this process's turn; it is until the file is closed."""
+    try:
+        fcntl.flock(turn, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _compile(since: float, news: Callable[[int, int], None] | None) -> None:
+    """Compile all kernels in another process, that began at a time [s since 1970]; see `compile_kernels`."""
     with tempfile.TemporaryFile("w+") as said:
         process = subprocess.Popen([sys.executable, "-m", "testbed.kernels"], stderr=said)
         try:
             while process.poll() is None:
                 with suppress(subprocess.TimeoutExpired):
-                    process.wait(1.0)
+                    process.wait(PERIOD)
                 if news is not None:
                     news(*_compiled_since(since))
         finally:
@@ -67,7 +97,6 @@ def compile_kernels(news: Callable[[int, int], None] | None = None) -> float:
         lines = said.read().strip().splitlines()
     if process.returncode != 0:
         raise OSError(f"the kernels could not be compiled: {(lines or [f'exit status {process.returncode}'])[-1]}")
-    return time.perf_counter() - start
 
 
 def _compiled_since(since: float) -> tuple[int, int]:

@@ -182,8 +182,12 @@ def _loop_pictures(context: ReportContext, draw_moment: DrawMoment | None) -> li
     if loop is None:
         return []
     settled = loop.stamp if lost or loop.least_spread is None else max(loop.least_spread[1], loop.stamp)
-    moments = (("The largest loop, as it begins to close", loop.began), ("The same loop, closed", settled))
-    return [_moment_picture(name, up_to_a_tenth(stamp - context.start), draw_moment) for name, stamp in moments]
+    moments = {settled: "The largest loop, closed", loop.began: "The largest loop, as it begins to close"}
+    if loop.most_died is not None:
+        moments[loop.most_died] = "The largest loop, as particles die"
+    return [
+        _moment_picture(moments[stamp], up_to_a_tenth(stamp - context.start), draw_moment) for stamp in sorted(moments)
+    ]
 
 
 def _failure_picture(context: ReportContext, draw_moment: DrawMoment | None) -> Plot | None:

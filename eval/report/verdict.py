@@ -90,12 +90,21 @@ def verdict(run: RunFiles) -> Verdict:
     sentences = [
         self_check_story(context),
         _sentence(reason),
+        _other_outcomes(run, outcome),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
         _closed_loops_sentence(run),
     ]
     return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), _loop(context), tuple(_headlines(run)))
+
+
+def _other_outcomes(run: RunFiles, outcome: str) -> str:
+    """Name the outcomes of the pose while driving and of the filter's own path where they are worse than the run's."""
+    words = (("online", "While driving"), ("filter", "On the filter's own path"))
+    found = [(which, run.metric(f"outcome_{key}")) for key, which in words]
+    worse = [f"{which}: {other}" for which, other in found if other not in (None, outcome, "ok", "unjudged")]
+    return f"The final pass mended more. {'. '.join(worse)}." if worse and outcome in ("ok", "drift") else ""
 
 
 def _sentence(text: str) -> str:

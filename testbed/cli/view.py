@@ -24,7 +24,8 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
 
     A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
     paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
-    first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve.
+    first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve, or a
+    picture of one moment: `testbed view RUN --time 60 --save moment.png`.
 
     Parameters
     ----------
@@ -75,6 +76,8 @@ def _draw(paths: list[Path], picture: Path, time: float | None) -> None:
             time = _moment_of_failure(paths[0])
         with atomic_write(picture) as temporary:
             temporary.write_bytes(draw_moment(math.inf if time is None else time))
+        if paths[0].is_dir() and not (paths[0] / "metrics.json").is_file():
+            console.print(f"{paths[0]}: not finished; this is what was recorded so far", soft_wrap=True)
         console.print(f"{picture}: written", soft_wrap=True)
         return
     draw_drive(open_dataset(paths[0]), picture, _title_of_drive(paths[0]), time)

@@ -51,6 +51,18 @@ def test_a_jump_spread_over_the_poses_between_updates_is_one_update():
     np.testing.assert_allclose(failure.estimated, [12.0, 0.8, 0.0], atol=1e-9)
 
 
+def test_the_worst_pose_of_a_good_path_is_shown_and_not_a_good_one():
+    """One pose is turned; it is aligned at one that is right, whichever of the two comes first."""
+    truth = straight()
+    poses = truth.poses.copy()
+    poses[120, 2] = np.radians(10.0)
+    failure = first_bad_stretch(Trajectory(truth.stamps, poses), truth)
+    assert not failure.bad
+    assert (failure.scan, failure.shown_scan) == (120, 120)
+    np.testing.assert_allclose(failure.estimated, [12.0, 0.0, np.radians(10.0)], atol=1e-9)
+    assert "10.0 degrees" in failure.reason
+
+
 def test_a_blip_that_heals_is_listed_and_the_loss_after_it_is_the_moment():
     truth = straight()
     poses = jumped(truth, 200, [0.0, 0.0, 1.3])

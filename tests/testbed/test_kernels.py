@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Compilation ahead of the first run: told whenever it is due, cut off without a trace of being done."""
 
+import fcntl
 import json
 import os
 import signal
@@ -58,7 +59,25 @@ def test_without_a_cache_on_disk_there_is_nothing_to_announce(package, monkeypat
     assert kernels.is_compiled()
 
 
-def test_a_failure_is_one_line(monkeypatch):
+def test_a_second_process_waits_for_the_first_one(package, monkeypatch):
+    """It says how far the first one is, and compiles nothing itself where that has compiled all."""
+    monkeypatch.setattr(kernels, "PERIOD", 0.01)
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    told: list[tuple[int, int]] = []
+    first = (kernels.cache_folder(package) / "compiling").open("a")
+    fcntl.flock(first, fcntl.LOCK_EX)
+
+    def news(done: int, total: int) -> None:
+        told.append((done, total))
+        if len(told) == 3:
+            kernels._mark(package).touch()
+            first.close()
+
+    kernels.compile_kernels(news)
+    assert len(told) == 3
+
+
+def test_a_failure_is_one_line(package, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(OSError, match="could not be compiled: exit status 1"):
         kernels.compile_kernels()

@@ -22,6 +22,8 @@ results = Console(highlight=False, soft_wrap=True)
 """Console for results."""
 
 
+MIN_COMPILED = 5
+"""How long the rest will take is guessed from this many kernels on."""
 COMPILATION_PERIOD = 20.0
 """Time between two lines about the kernels where stderr is no terminal [s]."""
 
@@ -31,7 +33,7 @@ def announce_compilation() -> None:
     if is_compiled():
         return
     words = "Compiling the kernels: once per version, one to three minutes"
-    said = time.perf_counter()
+    started = said = time.perf_counter()
     if not console.is_terminal:
         console.print(f"{words} …")
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
@@ -40,10 +42,13 @@ def announce_compilation() -> None:
 
         def show(done: int, total: int) -> None:
             nonlocal said
-            progress.update(task, description=f"{words}: {done} of {total}")
-            if not console.is_terminal and time.perf_counter() - said > COMPILATION_PERIOD:
-                said = time.perf_counter()
-                console.print(f"kernel {done} of {total} …")
+            now = time.perf_counter()
+            left = (now - started) * (total - done) / max(done, 1)
+            state = f"{done} of {total}" + (f", about {left:.0f} s left" if done >= MIN_COMPILED else "")
+            progress.update(task, description=f"{words}: {state}")
+            if not console.is_terminal and now - said > COMPILATION_PERIOD:
+                said = now
+                console.print(f"kernels compiled: {state}")
 
         seconds = compile_kernels(show)
     console.print(f"The kernels were compiled in {seconds:.0f} s and are kept on disk.")

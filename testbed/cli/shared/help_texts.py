@@ -106,6 +106,7 @@ testbed gather sweep
 
 ```
 testbed view runs/office-20250101-120000
+testbed view runs/office-20250101-120000 --time 60 --save moment.png
 ```
 """,
     "inspect": """Say what is in a recorded log, and what of it is doubtful.

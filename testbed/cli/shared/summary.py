@@ -38,6 +38,9 @@ def headline_table(metrics: Mapping[str, Any]) -> Table:
     reason = metrics.get("outcome_reason") or metrics.get("reason")
     if metrics["outcome"] != "ok" and reason:
         table.add_row("reason", f"{reason}")
+    while_driving = _value(metrics, "outcome_online")
+    if while_driving not in (None, metrics["outcome"], "unjudged"):
+        table.add_row("outcome while driving", f"{while_driving}")
     if _value(metrics, "self_check.verdict") is not None:
         table.add_row("self-check", self_check_sentence(metrics["self_check"]))
     for words, error in _trajectory_errors(metrics):

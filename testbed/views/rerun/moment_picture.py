@@ -9,15 +9,19 @@ from __future__ import annotations
 import io
 import math
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.wording import length
 from slam import se2
 from slam.se2 import Pose
-from testbed.views.rerun import entities
+from testbed.views.map_cells import OCCUPIED_TO
+from testbed.views.rerun import drawing, entities
+from testbed.views.rerun.other_particles import OtherParticle, map_at, other_particles
 from testbed.views.rerun.recorded import (
     TIME,
     Ellipse,
@@ -25,8 +29,6 @@ from testbed.views.rerun.recorded import (
     Recorded,
     colours,
     ellipse,
-    grid_image,
-    joined,
     points,
     pose,
     strips,
@@ -35,10 +37,15 @@ from testbed.views.rerun.scene import styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.lines import Line2D
 
-SIZE, DOTS_PER_INCH = (13.0, 8.6), 100
-"""Width and height [inch], and resolution."""
+WIDTH, DOTS_PER_INCH = 13.0, 100
+"""Width [inch] and resolution."""
+MAPS_HEIGHT, OTHERS_HEIGHT, CURVES_HEIGHT = 6.2, 3.4, 1.5
+"""Heights of the map with the close views, of the maps of other particles, and of the curves [inch]."""
+MARGIN_HEIGHT = 1.3
+"""Height of headline and legend [inch]."""
 MIN_REACH, MAX_REACH = 0.3, 4.0
 """The close view shows at least and at most so much around the robot [m]: its particles, and the true robot."""
 MIN_PROPOSAL_REACH = 0.02
@@ -49,6 +56,7 @@ MARGIN = 1.25
 """Both show so much more than what has to be seen."""
 LEVELS = ("INFO", "WARN", "ERROR")
 """Of several events at one time the one of the highest level is printed."""
+OWN_COVARIANCE = "95 % by the filter's own covariance, around the best"
 RECENT_EVENT_S = 20.0
 """The last event is printed for this long [s]."""
 UNSEEN = tuple(part / 255.0 for part in styles.UNSEEN)
@@ -80,47 +88,98 @@ class MomentPictures:
             "axes.spines.right": False,
         }
         with rc_context(look):
-            figure = Figure(figsize=SIZE, layout="constrained")
-            self._fill(figure, time)
+            others = other_particles(self._recorded, time)
+            heights = [MAPS_HEIGHT, *([OTHERS_HEIGHT] if others else []), CURVES_HEIGHT]
+            figure = Figure(figsize=(WIDTH, sum(heights) + MARGIN_HEIGHT), layout="constrained")
+            parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
+            figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
+            self._draw_maps(figure, parts[0], time)
+            self._draw_curves(parts[-1], time)
+            if others:
+                self._draw_others(parts[1], others)
             out = io.BytesIO()
             FigureCanvasAgg(figure).print_figure(out, dpi=DOTS_PER_INCH, format="png")
         return _with_palette(out.getvalue())
 
-    def _fill(self, figure: Figure, time: float) -> None:
+    def _draw_maps(self, figure: Figure, part: SubFigure, time: float) -> None:
+        """Draw the map so far and the two close views into a part of the figure, and the legend below it all."""
+        from matplotlib.legend_handler import HandlerTuple
+
         scan = self._recorded.latest(entities.ESTIMATED_ROBOT, time)
         assert scan is not None
         robot = se2.compose(self._T_world_map, pose(scan))
-        figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
-        curves, shown = self._curves(), self._map(time)
-        parts: Any = figure.subfigures(2, 1, height_ratios=[4.6, 1.0])
-        above, below = parts
-        left, right = above.subfigures(1, 2, width_ratios=[1.35, 1.0])
+        shown = map_at(self._recorded, entities.MAP, time)
+        halves: Any = part.subfigures(1, 2, width_ratios=[1.35, 1.0])
+        left, right = halves
         overview, around, close = left.add_subplot(), right.add_subplot(2, 1, 1), right.add_subplot(2, 1, 2)
         for axes, title in (
             (overview, "Map so far"),
-            (around, "Around the robot: the particles"),
+            (around, f"Around the robot: the particles{self._age_of_particles(time)}"),
             (close, "The proposal of the best particle"),
         ):
             axes.set(title=title, aspect="equal", facecolor=UNSEEN)
-            axes.title.set_horizontalalignment("left")
-            axes.title.set_x(0.0)
+            _title_left(axes)
             self._draw_map(axes, shown)
         self._draw_world(overview, time, robot)
         self._draw_around(around, time, robot)
         self._draw_proposal(close, time)
-        self._show_all_of_the_map(overview)
+        self._show_all_of_the_map(overview, shown)
         handles: dict[str, Any] = {}
         for axes in (overview, around, close):
             handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-        for axes, (name, unit, times, values, colour) in zip(
-            np.atleast_1d(below.subplots(1, len(curves))) if curves else (), curves, strict=True
-        ):
+        for label, style in (("particles: light blue to red, the heaviest", ">"), ("samples, by weight", "o")):
+            if label in handles:  # whose own mark has the weight of one of them
+                handles[label] = tuple(_mark(style, colour) for colour in (drawing.LIGHT, drawing.HEAVY))
+        figure.legend(
+            handles.values(),
+            handles.keys(),
+            handler_map={tuple: HandlerTuple(ndivide=None)},
+            loc="outside lower left",
+            ncols=4,
+            frameon=False,
+            fontsize=8.5,
+        )
+
+    def _draw_others(self, part: SubFigure, others: Sequence[OtherParticle]) -> None:
+        """Draw the maps of other particles side by side."""
+        part.suptitle(
+            "Maps of other particles when they were last compared; red: walls of which the best particle's map has "
+            "none within 10 cm",
+            x=0.01,
+            ha="left",
+            fontsize=10.0,
+        )
+        for number, other in enumerate(others):
+            axes = part.add_subplot(1, len(others), number + 1)
+            axes.set_title(other.title, fontsize=9.0)
+            axes.set(aspect="equal", facecolor=UNSEEN)
+            _title_left(axes)
+            self._draw_map(axes, other.map)
+            rows, columns = np.nonzero(other.elsewhere)
+            places = np.column_stack([columns + 0.5, other.map.image.shape[0] - rows - 0.5]) * other.map.cell
+            places = se2.transform_points(se2.compose(self._T_world_map, other.map.pose), places)
+            axes.plot(*places.T, "s", ms=2.0, color=_rgb(styles.RED), mew=0.0, zorder=4)
+            self._show_all_of_the_map(axes, other.map)
+            axes.set(xlabel="", ylabel="", xticks=[], yticks=[])
+
+    def _draw_curves(self, part: SubFigure, time: float) -> None:
+        """Draw the curves over time side by side."""
+        curves = self._curves()
+        for number, (name, unit, times, values, colour) in enumerate(curves):
+            axes = part.add_subplot(1, len(curves), number + 1)
             axes.plot(times, values, color=colour, lw=1.1)
             axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
             axes.set(title=f"{name}{f' [{unit}]' if unit else ''}, line: now", xlim=(0.0, self._end), ylim=(0.0, None))
             axes.set_xlabel("time since the first scan [s]")
             axes.margins(y=0.1)
-        figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=8.5)
+
+    def _age_of_particles(self, time: float) -> str:
+        """How long ago the last update was, in words; empty where it was just now."""
+        row = self._recorded.latest(entities.PARTICLES, time)
+        scan = self._recorded.latest(entities.ESTIMATED_ROBOT, time)
+        if row is None or scan is None or scan[TIME] - row[TIME] < 0.05:
+            return ""
+        return f" {scan[TIME] - row[TIME]:.1f} s before"
 
     def _headline(self, time: float) -> str:
         """The moment in figures, and the last event."""
@@ -164,12 +223,6 @@ class MomentPictures:
         return found[:3]
 
     # --- what is on the maps
-
-    def _map(self, time: float) -> GridImage | None:
-        """The map as one picture; None where nothing was mapped."""
-        names = [entities.MAP, *self._recorded.names(entities.MAP)]
-        found = [(name, self._recorded.latest(name, time)) for name in names]
-        return joined([grid_image(self._recorded.fixed(name) | row) for name, row in found if row is not None])
 
     def _draw_map(self, axes: Axes, shown: GridImage | None) -> None:
         """Draw the map in the world's frame, and the true walls."""
@@ -239,7 +292,12 @@ class MomentPictures:
         self._draw_world(axes, time, robot, reach)
         spread = self._recorded.latest(entities.COVARIANCE, time)
         if spread is not None:
-            _ellipse(axes, _moved(T, ellipse(spread)), styles.COVARIANCE, "95 % by the filter's own covariance")
+            _ellipse(
+                axes,
+                _moved(T, ellipse(spread)),
+                styles.COVARIANCE,
+                "95 % by the filter's own covariance, around the best",
+            )
         if particles is not None:
             turned = se2.transform_points([0.0, 0.0, T[2]], points(particles["Arrows3D:vectors"]))
             turned *= 0.25 * reach / np.maximum(np.hypot(*turned.T), 1e-9)[:, None]
@@ -284,14 +342,23 @@ class MomentPictures:
             around = _moved(T, ellipse(prior))
             _ellipse(axes, around, styles.ODOMETRY, "prior: odometry's prediction, 95 %")
             off = float(np.hypot(*(around.centre - fitted.centre)))
-            reach = min(max(reach, MARGIN * (off + float(around.half.max()))), MAX_PRIOR_REACH * reach)
+            needed = MARGIN * (off + float(around.half.max()))
+            if needed > MAX_PRIOR_REACH * reach:
+                words = f"the prior lies {length(off)} away"
+                axes.text(0.02, 0.96, words, va="top", transform=axes.transAxes, color=_rgb(styles.ODOMETRY))
+            reach = min(max(reach, needed), MAX_PRIOR_REACH * reach)
         _frame(axes, fitted.centre, reach)
 
-    def _show_all_of_the_map(self, axes: Axes) -> None:
-        """Show the whole extent of the walls, or of what was mapped in the end, whatever the time."""
+    def _show_all_of_the_map(self, axes: Axes, shown: GridImage | None) -> None:
+        """Show the whole extent of the true walls and of those of the map, or of the whole path, whatever the time."""
         walls = self._recorded.fixed(entities.TRUE_WALLS)
         if walls:
             ends = np.concatenate(strips(walls["LineStrips3D:strips"]))
+            if shown is not None:
+                rows, columns = np.nonzero(shown.image <= OCCUPIED_TO)
+                places = np.column_stack([columns + 0.5, shown.image.shape[0] - rows - 0.5]) * shown.cell
+                places = se2.transform_points(se2.compose(self._T_world_map, shown.pose), places)
+                ends = np.concatenate([ends, places])
         else:
             parts = [
                 se2.transform_points(self._T_world_map, strip)
@@ -311,13 +378,27 @@ def _with_palette(png: bytes) -> bytes:
     from PIL import Image
 
     out = io.BytesIO()
-    Image.open(io.BytesIO(png)).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(out, "png", optimize=True)
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(256, kmeans=2, dither=Image.Dither.NONE).save(
+        out, "png", optimize=True
+    )
     return out.getvalue()
 
 
 def _rgb(colour: tuple[int, int, int]) -> tuple[float, float, float]:
     red, green, blue = (part / 255.0 for part in colour)
     return red, green, blue
+
+
+def _mark(style: str, colour: tuple[int, int, int]) -> Line2D:
+    """A mark for the legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], ls="", marker=style, color=_rgb(colour))
+
+
+def _title_left(axes: Axes) -> None:
+    axes.title.set_horizontalalignment("left")
+    axes.title.set_x(0.0)
 
 
 def _moved(T: Pose, shape: Ellipse) -> Ellipse:
@@ -352,9 +433,10 @@ def _frame(axes: Axes, centre: NDArray[np.float64], reach: float) -> None:
     axes.spines[:].set_visible(True)
     x, y = centre.tolist()
     axes.set(xlim=(x - 1.6 * reach, x + 1.6 * reach), ylim=(y - reach, y + reach), xticks=[], yticks=[])
-    length = 10.0 ** math.floor(math.log10(reach))
-    length *= 5.0 if reach / length >= 5.0 else 2.0 if reach / length >= 2.0 else 1.0
+    scale = 10.0 ** math.floor(math.log10(reach))
+    scale *= 5.0 if reach / scale >= 5.0 else 2.0 if reach / scale >= 2.0 else 1.0
     left, low = x - 1.5 * reach, y - 0.9 * reach
-    axes.plot([left, left + length], [low, low], color="black", lw=2.5, zorder=9, solid_capstyle="butt")
-    name = f"{length:g} m" if length >= 1.0 else f"{100.0 * length:g} cm"
-    axes.text(left, low + 0.04 * reach, name, va="bottom", fontsize=8.5, zorder=9)
+    axes.plot([left, left + scale], [low, low], color="black", lw=2.5, zorder=9, solid_capstyle="butt")
+    name = f"{scale:g} m" if scale >= 1.0 else f"{100.0 * scale:g} cm"
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    axes.text(left, low + 0.06 * reach, name, va="bottom", fontsize=8.5, zorder=9, bbox=box)

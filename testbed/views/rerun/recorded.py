@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,8 +37,10 @@ class Recorded:
         """Read the file; raises ValueError that names it where it is no recording."""
         self._chunks: dict[tuple[str, bool], list[Any]] = defaultdict(list)
         try:
-            for chunk in rr.chunk.RrdReader(recording).stream():
-                self._chunks[chunk.entity_path.lstrip("/"), chunk.is_static].append(chunk)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the file of a run that goes on has no index yet
+                for chunk in rr.chunk.RrdReader(recording).stream():
+                    self._chunks[chunk.entity_path.lstrip("/"), chunk.is_static].append(chunk)
         except (RuntimeError, ValueError, OSError) as error:
             reason = " ".join(f"{error}".split())
             raise ValueError(f"{recording}: expected a recording of Rerun: {reason}") from None

@@ -59,5 +59,8 @@ def test_each_trajectory_error_names_its_path() -> None:
 def test_the_self_check_is_said_with_time_and_reason() -> None:
     check = {"verdict": "lost", "reason": "walls cross", "stamp": 5e8, "time_s": 12.0, "place": [1.0, 2.0, 0.0]}
     text = printed({"outcome": "unjudged", "self_check": check})
-    assert "self-check  lost; its first sign is at 12.0 s, at (1.0, 2.0) m of the map's frame: walls cross" in text
+    assert (
+        "self-check  lost; the sign of the lasting loss is at 12.0 s, at (1.0, 2.0) m of the map's frame: walls cross"
+        in text
+    )
     assert "self-check" not in printed({"outcome": "ok"})
