@@ -95,7 +95,7 @@ def _size(work: Work) -> str:
     if work.spec.until and len(work.cells) < left:
         which = "the next" if done else "the first"
         return f"{len(work.cells)} jobs to {which} look ({work.next_look} seeds a world), at most {left} in all{done}"
-    return f"{left} jobs{done}"
+    return f"{left} job{'' if left == 1 else 's'}{done}"
 
 
 def _times(work: Work, execution: Execution) -> JobTimes | None:

@@ -434,6 +434,22 @@ def test_more_seeds_and_counts_extend_a_sweep(world, copied, capsys):
     assert {row["seed"] for row in rows} == {0, 1, 2}
 
 
+def test_a_larger_count_repeats_no_run_with_the_final_pass(world, tmp_path, capsys):
+    out = tmp_path / "sweep"
+    assert call("sweep", "--worlds", world, "--particles", "1,2", "--seeds", "1", "--no-worst", "--out", out) == 0
+    before = {cell.name for cell in (out / "cells").iterdir()}
+    capsys.readouterr()
+    larger = ["sweep", "--particles", "1,2,3", "--out", out]
+    assert call(*larger, "--plan") == 0
+    assert "1 job (2 of 3 are done)" in capsys.readouterr().out
+    assert call(*larger, "--no-worst") == 0
+    rows = {row["particles"]: row for row in pq.read_table(out / "sweep.parquet").to_pylist()}
+    assert {row["key"] for row in rows.values()} > before
+    assert [rows[count]["refined"] for count in (1, 2, 3)] == [True, True, True]
+    # a setting that says so is another question
+    assert call(*larger, "--refine", "none", "--plan") == 2
+
+
 def test_a_directory_alone_says_which_sweep_gets_more_seeds(copied):
     assert call("sweep", "--out", copied, "--seeds", "3", "--no-worst") == 0
     rows = pq.read_table(copied / "sweep.parquet").to_pylist()
