@@ -164,7 +164,8 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         failures, runs = case.failed_of(largest)
         detail = f"{largest} {_fail(largest)} in {failures} of {runs} runs"
     else:
-        short, headline = "undecided", _undecided(case)
+        short = f"too few {case.unit}s" if _cannot_tell(case) else "undecided"
+        headline = _undecided(case)
         detail, needs = _what_is_open(case), _needs(case)
         if decision.largest_open is not None:
             difference = _difference(case, decision.largest_open)
@@ -347,8 +348,7 @@ def _needs(case: _Case) -> str:
     if decision.largest_open is None:
         return ""
     if _cannot_tell(case):
-        fewest = fewest_seeds_to_go_on(case.table.level)
-        return f"whether {fewest} will do cannot be said from {_count(decision.units, case.unit)}"
+        return ""  # the headline says how many are needed
     if decision.outlook is None:
         return "how many would tell cannot be said"
     words = _chance_of_more(case)

@@ -255,7 +255,9 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
-    assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThat takes some seconds." in said
+    assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThe margin: " in said
+    assert "In apartment, office and loop, with errors of about 2 cm, that is 25 %." in said
+    assert said.endswith("That takes some seconds.\n")
     assert "3 seeds cannot tell how many particles are enough: at least 8 are needed." in said
     assert list(tmp_path.iterdir()) == []
 
@@ -268,9 +270,9 @@ def test_a_larger_plan_is_measured(capsys):
     said = capsys.readouterr().out
     assert re.search(
         r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\n"
-        r"Expected: about \d+ (s|minutes) with 2 workers, estimated from the beginning of a run\.\n"
-        r"The margin: an error that is larger by up to 5 mm \(10 % where that is more\) counts as equal\. .*\n"
-        r"By a rule of thumb .* 8 seeds show differences from about \d+ % of the error on.* --until decided looks",
+        r"The margin: an error that is larger by up to 5 mm \(10 % where that is more\) .* that is 25 %\..*\n"
+        r"By a rule of thumb .* 8 seeds show differences from about \d+ % of the error on.* --until decided looks.*\n"
+        r"Expected: about \d+ (s|minutes) with 2 workers, estimated from the beginning of a run\.\n",
         said,
     )
 
