@@ -79,7 +79,11 @@ def accuracy(summary: SweepSummary) -> Figure:
             (line_after,) = ax.plot(_shifted(table, base)[there], refined[there], "s:", label="after the final pass")
             line_after.set(markersize=3.5, linewidth=1.0, markerfacecolor="white", color=_paler(_colour(base)))
         is_any_good = "good" in states
-        own = f"{table.counts[-1]}, and counts shown to be as good" if is_any_good else f"{table.counts[-1]} particles"
+        own = (
+            f"{table.counts[-1]}, and counts that pass their own test"
+            if is_any_good
+            else f"{table.counts[-1]} particles"
+        )
         _name_markers(ax, table, states | {"good"}, own)
         _count_axis(ax, table)
         _error_axis(ax, limits)
@@ -385,7 +389,7 @@ def _name_markers(ax: Axes, table: SweepTable, states: frozenset[State], good: s
     """Entries of the legend that say what the markers of these verdicts mean; good: text of the first of them."""
     look: dict[str, Any] = {"ls": "", "ms": 4.5, "mew": 1.2, "color": QUIET}
     words: dict[State, tuple[str, dict[str, Any]]] = {
-        "good": (good or f"shown to be as good as {table.counts[-1]}", {"marker": "o"}),
+        "good": (good or "passes its own test", {"marker": "o"}),
         "open": ("not known yet", {"marker": "o", "mfc": "white"}),
         "worse": ("shown to be worse", {"marker": "x"}),
     }

@@ -50,7 +50,7 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
     assert answer.headline == "undecided with 10 seeds"
     assert answer.detail == (
-        "1 is shown to be as good as 20, 5 is open; 1 counts only when 5 does: the counts are tested from the largest "
+        "1 passes its own test, 5 is open; 1 is an answer only when 5 passes too: they are tested from the largest "
         "down, so that all tests together are wrong in at most 5 % of cases"
     )
     assert answer.today == "take 20 for now; 1 will probably do"
