@@ -13,9 +13,9 @@ import numpy as np
 from eval.sweep.answers import answers
 from eval.sweep.decision import Decision
 from eval.sweep.job_times import duration_words, seconds_for_seeds
-from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, fewest_seeds_to_go_on, level_of, looks_for
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, level_of, looks_for
 from eval.sweep.margin import Margin
-from eval.sweep.outlook import SOME, bound_for, chance_words
+from eval.sweep.outlook import SOME, bound_for, chance_words, rule_of_thumb
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import min_values
 from eval.sweep.summary import SweepSummary
@@ -135,16 +135,15 @@ def _chance(decision: Decision, seeds: int) -> float:
 
 
 def _chances(table: SweepTable, open_answers: dict[str, Decision], seeds: int) -> str:
-    """The chance that so many seeds decide each world, and of which worlds it cannot be said yet."""
+    """The chance that so many seeds decide each world; by a rule of thumb where there are too few to say."""
     known = {place: d for place, d in open_answers.items() if _is_known(table, d)}
     few = {place: d for place, d in open_answers.items() if d.units < min_values(table.level)}
     words = [f"{place} {chance_words(_chance(decision, seeds))}" for place, decision in known.items()]
     sentences = [f"Chance of an answer with {seeds} seeds: {', '.join(words)}."] if words else []
     if few:
-        units, fewest = max(d.units for d in few.values()), fewest_seeds_to_go_on(table.level)
-        of = f" of {' and '.join(few)}" if words else ""
-        seeds_there = f"{units} seed{'' if units == 1 else 's'}"
-        sentences.append(f"The chance of an answer{of} cannot be said from {seeds_there}, only from {fewest}.")
+        rule = rule_of_thumb(table.level, table.margin)
+        of = f"{' and '.join(few)}: " if words else ""
+        sentences.append(f"{of}{rule}." if of else f"{rule[0].upper()}{rule[1:]}.")
     return " ".join(sentences)
 
 

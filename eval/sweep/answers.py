@@ -164,7 +164,8 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         failures, runs = case.failed_of(largest)
         detail = f"{largest} {_fail(largest)} in {failures} of {runs} runs"
     else:
-        short, headline = "undecided", _undecided(case)
+        short = f"too few {case.unit}s" if _cannot_tell(case) else "undecided"
+        headline = _undecided(case)
         detail, needs = _what_is_open(case), _needs(case)
         if decision.largest_open is not None:
             difference = _difference(case, decision.largest_open)
@@ -317,8 +318,8 @@ def _what_is_open(case: _Case) -> str:
         parts.append(", ".join(filter(None, (_state_words(case, state) for state in ("good", "worse", "open")))))
     if "good" in states:
         parts.append(
-            f"{_in_state(case, 'good')[-1]} counts only when {counts[c]} does: the counts are tested from the largest "
-            "down, so that all tests together are wrong in at most 5 % of cases"
+            f"{_in_state(case, 'good')[-1]} is an answer only when {counts[c]} passes too: they are tested from the "
+            "largest down, so that all tests together are wrong in at most 5 % of cases"
         )
     if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
         (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)
@@ -327,13 +328,14 @@ def _what_is_open(case: _Case) -> str:
 
 
 def _state_words(case: _Case, state: State) -> str:
-    """`5 is shown to be as good as 30`, `1 and 15 are open`; empty if no count is in this state."""
+    """`5 passes its own test`, `1 and 15 are open`; empty if no count is in this state."""
     found = _in_state(case, state)
     if not found:
         return ""
     names = found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
-    is_what = {"good": f"shown to be as good as {case.largest}", "worse": "shown to be worse", "open": "open"}[state]
-    return f"{names} {'is' if len(found) == 1 else 'are'} {is_what}"
+    if state == "good":
+        return f"{names} {'passes its own test' if len(found) == 1 else 'pass their own tests'}"
+    return f"{names} {'is' if len(found) == 1 else 'are'} {'open' if state == 'open' else 'shown to be worse'}"
 
 
 def _in_state(case: _Case, state: State) -> list[str]:
@@ -347,8 +349,7 @@ def _needs(case: _Case) -> str:
     if decision.largest_open is None:
         return ""
     if _cannot_tell(case):
-        fewest = fewest_seeds_to_go_on(case.table.level)
-        return f"whether {fewest} will do cannot be said from {_count(decision.units, case.unit)}"
+        return ""  # the headline says how many are needed
     if decision.outlook is None:
         return "how many would tell cannot be said"
     words = _chance_of_more(case)

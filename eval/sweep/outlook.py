@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri, ndtr, stdtrit
 
-from eval.sweep.look_schedule import ADDING_LEVEL, SEEDS_PER_LOOK
+from eval.sweep.look_schedule import ADDING_LEVEL, MAX_SEEDS_UNTIL_DECIDED, SEEDS_PER_LOOK
 from eval.sweep.margin import MARGIN, Margin
 from eval.sweep.statistics import Interval, min_values, minimum_detectable_effect
 
@@ -33,6 +33,8 @@ TYPICAL_ERROR = 0.02
 """Error of the filter's path in these worlds [m]."""
 TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
+RULE = "by a rule of thumb (noise as in apartment, office and loop)"
+"""On what a chance rests before anything is computed."""
 _MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard error of a median of normal values, as a multiple of that of their mean."""
 _QUANTILES = (np.arange(64) + 0.5) / 64
@@ -129,6 +131,22 @@ def typical_outlook(*, level: float = ADDING_LEVEL, margin: Margin = MARGIN) -> 
     """The outlook before anything is computed, for a count that is as good as the largest one."""
     deviation = _MEDIAN * TYPICAL_DEVIATION * TYPICAL_ERROR
     return Outlook(margin.of(TYPICAL_ERROR), deviation, TYPICAL_UNITS, max(level, ADDING_LEVEL), is_measured=False)
+
+
+def rule_of_thumb(level: float, margin: Margin) -> str:
+    """How likely the fewest and the most seeds of `--until decided` decide a world, before any measurement says so.
+
+    level: of the intervals so far.
+    """
+    outlook = typical_outlook(level=max(level, ADDING_LEVEL), margin=margin)
+    fewest, most = min_values(outlook.level), MAX_SEEDS_UNTIL_DECIDED
+    first, last = (chance_words(outlook.chance(number)) for number in (fewest, most))
+    return f"{RULE} {fewest} seeds decide a world with a chance {_of(first)}, {most} with one {_of(last)}"
+
+
+def _of(chance: str) -> str:
+    """`of about 25 %`, `under 5 %`."""
+    return f"of {chance}" if chance.startswith("about") else chance
 
 
 def chance_words(chance: float) -> str:

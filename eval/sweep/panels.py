@@ -29,7 +29,7 @@ class Panel:
     error: NDArray[np.float64]
     """Measure of each unit, (lines, counts, units)."""
     refined: NDArray[np.float64]
-    """The measure after the final pass, (lines, counts, units); NaN without one."""
+    """The measure after the final pass, (lines, counts, units); NaN for counts that not all units have one of."""
     failed: NDArray[np.intp]
     """Number of failed runs, (lines, counts)."""
     runs: NDArray[np.intp]
@@ -68,13 +68,16 @@ def _panel(
         return np.moveaxis(median_over_last(cube[list(rows)]), 0, -1)
 
     cost = 1e3 * table.cube("filter_s") / table.cube("filter.updates")
+    error, refined = units(table.error), units(table.refined)
+    is_whole = np.isfinite(refined).sum(axis=-1) == np.isfinite(error).sum(axis=-1)
+    refined = np.where(is_whole[..., None], refined, np.nan)  # other seeds are other drives: no line through both
     return Panel(
         answer=answers[table.lines.index(table.baseline)],
         rows=rows,
         decisions=decisions,
         enough=tuple(answer.short for answer in answers),
-        error=units(table.error),
-        refined=units(table.refined),
+        error=error,
+        refined=refined,
         failed=table.failed[list(rows)].sum(axis=(0, 3)),
         runs=table.ran[list(rows)].sum(axis=(0, 3)),
         cost=median_over_last(units(cost)),

@@ -78,12 +78,18 @@ def accuracy(summary: SweepSummary) -> Figure:
         if there.any():
             (line_after,) = ax.plot(_shifted(table, base)[there], refined[there], "s:", label="after the final pass")
             line_after.set(markersize=3.5, linewidth=1.0, markerfacecolor="white", color=_paler(_colour(base)))
-        _name_markers(ax, table, states)
+        is_any_good = "good" in states
+        own = (
+            f"{table.counts[-1]}, and counts that pass their own test"
+            if is_any_good
+            else f"{table.counts[-1]} particles"
+        )
+        _name_markers(ax, table, states | {"good"}, own)
         _count_axis(ax, table)
         _error_axis(ax, limits)
 
     words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
-    return _figure(table, shown, draw, "particles", words, entries=2 + len(states) + len(table.lines))
+    return _figure(table, shown, draw, "particles", words, entries=2 + len(states | {"good"}) + len(table.lines))
 
 
 def differences(summary: SweepSummary) -> Figure:
@@ -379,11 +385,11 @@ def _states_of(shown: Sequence[Panel]) -> frozenset[State]:
     return frozenset(state for panel in shown for decision in panel.decisions for state in decision.states)
 
 
-def _name_markers(ax: Axes, table: SweepTable, states: frozenset[State]) -> None:
-    """Entries of the legend that say what the markers of these verdicts mean."""
+def _name_markers(ax: Axes, table: SweepTable, states: frozenset[State], good: str = "") -> None:
+    """Entries of the legend that say what the markers of these verdicts mean; good: text of the first of them."""
     look: dict[str, Any] = {"ls": "", "ms": 4.5, "mew": 1.2, "color": QUIET}
     words: dict[State, tuple[str, dict[str, Any]]] = {
-        "good": (f"shown to be as good as {table.counts[-1]}", {"marker": "o"}),
+        "good": (good or "passes its own test", {"marker": "o"}),
         "open": ("not known yet", {"marker": "o", "mfc": "white"}),
         "worse": ("shown to be worse", {"marker": "x"}),
     }

@@ -80,9 +80,9 @@ DRAWINGS = (
         "What decides: paired differences to the largest count",
         sweep_plots.differences,
         "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
-        "interval that decides. A count is shown to be as good (filled) where the whole interval lies below the dashed "
-        "margin, and to be worse (cross) where it lies above; otherwise it is not known yet (hollow). With few runs, "
-        "as with 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the margin.",
+        "interval that decides. A count passes its own test (filled) where the whole interval lies below the dashed "
+        "margin, and is shown to be worse (cross) where it lies above; otherwise it is not known yet (hollow). With "
+        "few runs, as 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the margin.",
         "How much worse each count is than the largest one on the same data: dots for the runs, a circle for their "
         f"median. These runs are too few for the interval that decides: with {fewest_seeds_to_go_on(LEVEL)} seeds it "
         "is drawn, and where it lies below the dashed margin the count is as good as the largest.",

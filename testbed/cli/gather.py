@@ -66,7 +66,7 @@ def gather_and_report(directory: SweepDirectory, *, worst: bool, lists_missing: 
 
 def _rerun_worst(directory: SweepDirectory) -> None:
     """Repeat the worst runs that failed or are unusual. If that is impossible the report is written without them."""
-    cells = {cell.key: cell for cell in directory.manifest.cells()}
+    cells = {cell.key: cell for cell in directory.cells()}
     unusual = [cells[run.key] for run in worst_runs(read_sweep(directory.path)) if run.is_unusual]
     waiting = [cell for cell in unusual if not is_recorded(directory, cell)]
     for number, cell in enumerate(waiting, start=1):

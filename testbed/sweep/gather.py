@@ -94,7 +94,7 @@ def collect(directory: SweepDirectory) -> Collected:
     rows: list[dict[str, Any]] = []
     curves: list[dict[str, Any]] = []
     timings: list[dict[str, Any]] = []
-    cells = tuple(directory.manifest.cells())
+    cells = tuple(directory.cells())
     for cell in cells:
         key = cell.key
         result = directory.result(key)

@@ -72,7 +72,7 @@ def statuses(directory: SweepDirectory) -> dict[str, str]:
 
 def _statuses(directory: SweepDirectory, look: Look) -> dict[str, str]:
     keys = {cell.key for cell in look.needed}
-    return {cell.key: "missing" if cell.key in keys else _status(cell, look) for cell in directory.manifest.cells()}
+    return {cell.key: "missing" if cell.key in keys else _status(cell, look) for cell in directory.cells()}
 
 
 def _status(cell: Cell, look: Look) -> str:
@@ -84,7 +84,7 @@ def look_at(directory: SweepDirectory) -> Look:
     """Look at the stored results; writes the tables of a sweep with `until`."""
     spec = directory.manifest.spec
     if not spec.until:
-        cells = tuple(directory.manifest.cells())
+        cells = tuple(directory.cells())
         return Look(cells, cells, frozenset(), frozenset(), len(spec.seeds))
     collected = collect(directory)
     look = look_of(spec, collected.cells, collected.table(), partial(_is_finished, directory))
@@ -151,12 +151,13 @@ def planned(out: Path | None, spec: SweepSpec, table: SweepTable | None) -> Plan
     holds another sweep. Nothing is written.
     """
     manifest = Manifest(spec, code_version(), input_digests(spec), commit())
-    cells = manifest.cells()
     if out is None or not (out / MANIFEST).is_file():
+        cells = manifest.cells()
         seeds = set(spec.seeds[: spec.looks[0]])
         return Planned([cell for cell in cells if cell.seed in seeds], cells, spec.looks[0])
     directory = SweepDirectory.open(out)
     check_extends(out, directory.manifest, manifest)
+    cells = SweepDirectory(out, manifest).cells()
 
     def left(some: Iterable[Cell]) -> list[Cell]:
         return [cell for cell in some if not directory.is_done(cell.key)]

@@ -161,6 +161,22 @@ class SweepDirectory:
                 _write_lock_owner(own)
                 yield
 
+    def cells(self) -> list[Cell]:
+        """All cells, in the order of the tables.
+
+        Where a cell has no final pass only because other counts have it, and the run with it is there, that run takes
+        its place: it holds the filter's estimate too. So a larger count repeats no run.
+        """
+        settled = {line.name for line in self.manifest.spec.lines() if "refine" in line.settings}
+        return [cell if cell.line in settled else self._with_final_pass(cell) for cell in self.manifest.cells()]
+
+    def _with_final_pass(self, cell: Cell) -> Cell:
+        """The same cell with the final pass, if only that one has a result; else the cell itself."""
+        if cell.settings["refine"] or self.is_done(cell.key):
+            return cell
+        refined = replace(cell, settings={**cell.settings, "refine": True})
+        return refined if self.is_done(refined.key) else cell
+
     def is_done(self, key: str) -> bool:
         """Whether the cell with this key has a result."""
         return (self.path / "cells" / key).is_dir()

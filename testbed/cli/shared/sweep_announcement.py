@@ -6,14 +6,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from eval.sweep.advice import chances
 from eval.sweep.answers import answers
 from eval.sweep.job_times import duration_words
-from eval.sweep.margin import parse_margin
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, fewest_seeds_to_go_on
+from eval.sweep.margin import parse_margin, share_words
 from eval.sweep.measure import Measure
+from eval.sweep.outlook import TYPICAL_ERROR
 from eval.sweep.planning import foresight
 from eval.sweep.remarks import margin_words
 from eval.sweep.results import SweepTable, SweepTableError, read_sweep
@@ -27,6 +28,9 @@ from testbed.sweep.spec.command import grouped
 from testbed.sweep.spec.plan import Costs
 from testbed.sweep.spec.spec import SweepSpec
 from worlds import family
+
+USUAL_MEASURE = "trajectory_filter.ate_rmse_m"
+"""The measure whose usual size is known before anything is computed."""
 
 
 @dataclass(frozen=True)
@@ -77,15 +81,13 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
         print_line(text, soft_wrap=True, markup=False)
 
     say(f"{_size(work)}: {_extent(work.spec)}")
-    times = _times(work, execution) if work.cells else None
+    if not work.spec.names_systems:  # with systems the question is not how many particles are enough
+        say(_margin(work))
+        for sentence in _answers_so_far(work) or _foresight(work):
+            say(sentence)
+    times = _times(work, execution) if work.cells else None  # last: it may take minutes, to compile
     if work.cells:
         say(_expected(work, times, execution))
-    if work.spec.names_systems:
-        return times  # the question is not how many particles are enough
-    say(_margin(work))
-    answered = _answers_so_far(work)
-    for sentence in answered or _foresight(work, times, execution):
-        say(sentence)
     return times
 
 
@@ -95,7 +97,7 @@ def _size(work: Work) -> str:
     if work.spec.until and len(work.cells) < left:
         which = "the next" if done else "the first"
         return f"{len(work.cells)} jobs to {which} look ({work.next_look} seeds a world), at most {left} in all{done}"
-    return f"{left} jobs{done}"
+    return f"{left} job{'' if left == 1 else 's'}{done}"
 
 
 def _times(work: Work, execution: Execution) -> JobTimes | None:
@@ -124,7 +126,7 @@ def _expected(work: Work, times: JobTimes | None, execution: Execution) -> str:
     first, most = (duration_words(times.total(cells, workers)) for cells in (work.cells, work.all_cells))
     by = f"with {workers} worker{'s' if workers > 1 else ''}, {times.source}"
     if not work.spec.until or len(work.cells) == len(work.all_cells):
-        return f"Expected: about {first} {by}."
+        return f"Expected: about {first} {by}.{_time_of_more_seeds(work, times, workers)}"
     looks = sum(look > work.next_look for look in work.spec.looks)
     further = f"{looks} more look{'s' if looks > 1 else ''}"
     return f"Expected: about {first} to that look; with up to {further} at most about {most} in all, {by}."
@@ -135,8 +137,13 @@ def _margin(work: Work) -> str:
     said = "The margin: an error that is larger by up to {} counts as equal."
     if work.done is not None and work.done.ran.all(axis=2).any():
         return said.format(margin_words(summarise(work.done.judged())))
-    words = parse_margin(work.spec.margin).words(is_length=work.spec.key_measure.endswith("_m"))
-    return f"{said.format(words)} Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
+    margin, key = parse_margin(work.spec.margin), work.spec.key_measure
+    usual = ""
+    if key == USUAL_MEASURE:
+        share = share_words(margin.of(TYPICAL_ERROR), TYPICAL_ERROR)
+        usual = f" In apartment, office and loop, with errors of about {100.0 * TYPICAL_ERROR:.0f} cm, that is {share}."
+    words = margin.words(is_length=key.endswith("_m"))
+    return f"{said.format(words)}{usual} Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
 
 
 def _answers_so_far(work: Work) -> list[str]:
@@ -148,7 +155,7 @@ def _answers_so_far(work: Work) -> list[str]:
     return [*said, *filter(None, [chances(summary, len(work.spec.seeds))])]
 
 
-def _foresight(work: Work, times: JobTimes | None, execution: Execution) -> list[str]:
+def _foresight(work: Work) -> list[str]:
     """What the seeds, and the worlds of each kind of building, will be able to tell."""
     spec = work.spec
     margin = parse_margin(spec.margin)
@@ -158,17 +165,21 @@ def _foresight(work: Work, times: JobTimes | None, execution: Execution) -> list
         f"{kind}: {foresight(number, 'world', level=spec.level, margin=margin)}" for kind, number in sampled.items()
     ]
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
-        seconds = None if times is None else partial(_seconds_of_seeds, work, times, execution.worker_count)
-        said = foresight(len(spec.seeds), level=spec.level, margin=margin, seconds=seconds)
+        said = foresight(len(spec.seeds), level=spec.level, margin=margin)
         if not spec.until and len(spec.seeds) >= min_values(spec.level):
             said += " --until decided looks at the results in between and stops where the answer is known."
         sentences.insert(0, said)
     return sentences
 
 
-def _seconds_of_seeds(work: Work, times: JobTimes, workers: int, seeds: int) -> float:
-    """Time that a sweep of so many seeds takes [s]."""
-    return times.total(work.all_cells, workers) * seeds / len(work.spec.seeds)
+def _time_of_more_seeds(work: Work, times: JobTimes, workers: int) -> str:
+    """How long the fewest seeds that can tell take, and the most, where these are fewer."""
+    spec = work.spec
+    if spec.names_systems or len(spec.seeds) >= min_values(spec.level) or len(work.all_cells) < spec.size:
+        return ""
+    whole, fewest = times.total(work.all_cells, workers), fewest_seeds_to_go_on(spec.level)
+    few, most = (duration_words(whole * n / len(spec.seeds)) for n in (fewest, MAX_SEEDS_UNTIL_DECIDED))
+    return f" {fewest} seeds take about {few}, {MAX_SEEDS_UNTIL_DECIDED} about {most}."
 
 
 def _routes(spec: SweepSpec) -> str:

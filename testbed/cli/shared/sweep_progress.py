@@ -55,9 +55,11 @@ class SweepProgress:
         self._reported = 0.0
         self._measure = measure
         self._errors: dict[tuple[str, str], dict[int, dict[int, float]]] = {}
+        self._counts = {cell.particles for cell in cells}
 
     def note_table(self, table: SweepTable) -> None:
         """Count the runs that were there before among the medians."""
+        self._counts |= set(table.counts)
         for p, k, c, number in np.argwhere(np.isfinite(table.error)):
             group = self._errors.setdefault((table.places[p], table.lines[k]), {})
             group.setdefault(table.counts[c], {})[table.seeds[number]] = float(table.error[p, k, c, number])
@@ -86,27 +88,29 @@ class SweepProgress:
                     console.print(line, soft_wrap=True, markup=False)
 
     def medians(self) -> Table:
-        """Median of the measure so far, by world and particle count."""
-        counts = sorted({count for groups in self._errors.values() for count in groups})
+        """Median of the measure so far, by world and particle count, over the seeds that have all counts."""
+        counts = sorted(self._counts)
         table = Table("", *map(str, counts), box=None, pad_edge=False)
         for name, groups in self._named_errors():
-            table.add_row(name, *(_median_text(self._measure.unit(0.0), groups.get(c, {})) for c in counts))
+            seeds = _complete_seeds(groups, counts)
+            table.add_row(name, *(_median_text(self._measure.unit(0.0), groups.get(c, {}), seeds) for c in counts))
         return table
 
     def median_lines(self) -> list[str]:
         """The same as one line per world, for a log."""
         unit = self._measure.unit(0.0)
-        return [f"{self._median_of} so far:"] + [
-            f"  {name}: "
-            + ", ".join(f"{_median_text(unit, errors)} with {count}" for count, errors in sorted(groups.items()))
-            for name, groups in self._named_errors()
-        ]
+        counts, lines = sorted(self._counts), []
+        for name, groups in self._named_errors():
+            seeds = _complete_seeds(groups, counts)
+            texts = [f"{_median_text(unit, groups.get(count, {}), seeds)} with {count}" for count in counts]
+            lines.append(f"  {name}: {', '.join(texts)}")
+        return [f"{self._median_of} so far:", *lines]
 
     @property
     def _median_of(self) -> str:
-        """What the medians are of: `median trajectory error of the filter, cm (runs)`."""
+        """What the medians are of: `median trajectory error of the filter, cm (seeds)`."""
         of = f" of the {self._measure.estimate}" if self._measure.estimate != "final" else ""
-        return f"median {self._measure.words}{of}, {self._measure.unit(0.0).name}".removesuffix(", ") + " (runs)"
+        return f"median {self._measure.words}{of}, {self._measure.unit(0.0).name}".removesuffix(", ") + " (seeds)"
 
     def _named_errors(self) -> list[tuple[str, dict[int, dict[int, float]]]]:
         return [
@@ -150,9 +154,15 @@ class SweepProgress:
         return Group(self._line(), bar, cells, Text(self._median_of), self.medians())
 
 
-def _median_text(unit: Unit, errors: Mapping[int, float]) -> str:
-    """`1.7 (3)`: the median and how many runs it rests on."""
-    return f"{unit.text(median(errors.values()))} ({len(errors)})" if errors else "–"
+def _complete_seeds(groups: Mapping[int, Mapping[int, float]], counts: Sequence[int]) -> set[int]:
+    """Seeds that have a result with every count: medians over other seeds would compare different drives."""
+    return set.intersection(*(set(groups.get(count, {})) for count in counts)) if counts else set()
+
+
+def _median_text(unit: Unit, errors: Mapping[int, float], seeds: set[int]) -> str:
+    """`1.7 (3)`: the median over these seeds and how many they are."""
+    values = [error for seed, error in errors.items() if seed in seeds]
+    return f"{unit.text(median(values))} ({len(values)})" if values else "–"
 
 
 def _value(metrics: Mapping[str, Any], key: str) -> Any:

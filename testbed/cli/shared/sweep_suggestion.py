@@ -73,7 +73,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
             f"{suggestion.name}: start with {particles(suggestion.interval[1] or suggestion.largest)} "
             f"({suggestion.needed} expected, 95 % interval {low} to {high}"
             f"{f'; {suggestion.record}' if suggestion.record else ''})",
-            f"Expected with {suggestion.needed}: an error at most a tenth above that with {suggestion.largest}, and "
+            f"Expected with {suggestion.needed}: an error at most 10 % above that with {suggestion.largest}, and "
             f"{100.0 * suggestion.holds:.0f} % of the runs hold, that is, do not end lost or with a broken loop "
             f"({100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}).",
             "This is a forecast from other worlds. A sweep measures here and asks for proof, so it may want more, or "

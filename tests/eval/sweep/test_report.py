@@ -14,8 +14,9 @@ from matplotlib.collections import PolyCollection
 
 from eval.sweep.advice import advice
 from eval.sweep.job_times import REPORT_SECONDS, duration_words
+from eval.sweep.margin import MARGIN
 from eval.sweep.measure import Measure
-from eval.sweep.outlook import bound_for
+from eval.sweep.outlook import bound_for, rule_of_thumb
 from eval.sweep.paper_tables import latex_table, markdown_table
 from eval.sweep.plots import accuracy, pareto_front
 from eval.sweep.report import DRAWINGS, write_sweep_report
@@ -277,7 +278,7 @@ def test_few_seeds_are_followed_by_a_sweep_that_stops_by_itself(tmp_path):
     words = [duration_words(2 * 6.9 * seeds / 2 + REPORT_SECONDS) for seeds in (5, 37)]
     assert more.text.startswith(f"The next look, with 8 seeds, comes in about {words[0]}. ")
     assert f"up to 40 seeds (about {words[1]} at most)" in more.text
-    assert more.text.endswith("The chance of an answer cannot be said from 3 seeds, only from 8.")
+    assert more.text.endswith(f" B{rule_of_thumb(0.99, MARGIN)[1:]}.")
     page = write_sweep_report(tmp_path).read_text()
     assert f"testbed sweep --out {tmp_path} --until decided" in page
 

@@ -18,7 +18,7 @@ from testbed.cli.shared.time_left import TimeLeft
 from testbed.sweep.execution.local_pool import Finished, Started
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.plan import Costs
-from tests.eval.synthetic_sweep import errors_of, write_sweep
+from tests.eval.synthetic_sweep import COUNTS, errors_of, write_sweep
 from tests.testbed.sweep.room import room_cell, room_file
 
 MEASURE = Measure("trajectory_filter.ate_rmse_m")
@@ -136,19 +136,24 @@ def test_lost_runs_are_counted_and_their_repetition_takes_time(cells, clock):
 
 
 def test_medians_so_far_stand_by_world_and_count(cells, clock):
-    progress = progress_of(cells)
-    for cell, error in ((cells[0], 0.02), (replace(cells[0], seed=77), 0.04), (cells[2], 0.5)):
+    progress = progress_of([cells[0], cells[2]])
+    later = replace(cells[0], seed=77)  # its seed has no result with 1 particle yet
+    for cell, error in ((cells[0], 0.02), (later, 0.04), (cells[2], 0.5)):
         progress.event(Finished(cell, result(error)))
     title, head, row = shown(progress)[-3:]
-    assert title.strip() == "median trajectory error of the filter, cm (runs)"
+    assert title.strip() == "median trajectory error of the filter, cm (seeds)"
     assert head.split() == ["1", "91"]
-    assert row.split() == [cells[0].place, "50.0", "(1)", "3.0", "(2)"]
+    assert row.split() == [cells[0].place, "50.0", "(1)", "2.0", "(1)"]
+    progress.event(Finished(replace(cells[2], seed=77), result(0.3)))
+    assert shown(progress)[-1].split() == [cells[0].place, "40.0", "(2)", "3.0", "(2)"]
 
 
 def test_runs_that_were_there_before_count_among_the_medians(cells, tmp_path):
-    progress = progress_of(cells)
+    progress = progress_of([replace(cell, particles=n) for cell, n in zip(cells, COUNTS, strict=True)])
     progress.note_table(read_sweep(write_sweep(tmp_path / "before")))
-    progress.event(Finished(replace(cells[0], place="cave", line="improved", particles=5, seed=77), result(1.0)))
+    for count in COUNTS:
+        cell = replace(cells[0], place="cave", line="improved", particles=count, seed=77)
+        progress.event(Finished(cell, result(1.0)))
     rows = {line.rsplit(maxsplit=6)[0]: line.split()[-6:] for line in shown(progress)[-4:]}
     assert list(rows) == ["cave, improved", "cave, motion", "hall_a, improved", "hall_a, motion"]
     errors = [*(errors_of(1, 0, 1, s) for s in range(10)), 1.0]

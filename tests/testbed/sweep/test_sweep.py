@@ -255,7 +255,9 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
-    assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThat takes some seconds." in said
+    assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThe margin: " in said
+    assert "In apartment, office and loop, with errors of about 2 cm, that is 25 %." in said
+    assert said.endswith("That takes some seconds.\n")
     assert "3 seeds cannot tell how many particles are enough: at least 8 are needed." in said
     assert list(tmp_path.iterdir()) == []
 
@@ -268,9 +270,9 @@ def test_a_larger_plan_is_measured(capsys):
     said = capsys.readouterr().out
     assert re.search(
         r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\n"
-        r"Expected: about \d+ (s|minutes) with 2 workers, estimated from the beginning of a run\.\n"
-        r"The margin: an error that is larger by up to 5 mm \(10 % where that is more\) counts as equal\. .*\n"
-        r"By a rule of thumb .* 8 seeds show differences from about \d+ % of the error on.* --until decided looks",
+        r"The margin: an error that is larger by up to 5 mm \(10 % where that is more\) .* that is 25 %\..*\n"
+        r"By a rule of thumb .* 8 seeds show differences from about \d+ % of the error on.* --until decided looks.*\n"
+        r"Expected: about \d+ (s|minutes) with 2 workers, estimated from the beginning of a run\.\n",
         said,
     )
 
@@ -432,6 +434,22 @@ def test_more_seeds_and_counts_extend_a_sweep(world, copied, capsys):
     rows = pq.read_table(copied / "sweep.parquet").to_pylist()
     assert [row["status"] for row in rows] == ["done"] * 18
     assert {row["seed"] for row in rows} == {0, 1, 2}
+
+
+def test_a_larger_count_repeats_no_run_with_the_final_pass(world, tmp_path, capsys):
+    out = tmp_path / "sweep"
+    assert call("sweep", "--worlds", world, "--particles", "1,2", "--seeds", "1", "--no-worst", "--out", out) == 0
+    before = {cell.name for cell in (out / "cells").iterdir()}
+    capsys.readouterr()
+    larger = ["sweep", "--particles", "1,2,3", "--out", out]
+    assert call(*larger, "--plan") == 0
+    assert "1 job (2 of 3 are done)" in capsys.readouterr().out
+    assert call(*larger, "--no-worst") == 0
+    rows = {row["particles"]: row for row in pq.read_table(out / "sweep.parquet").to_pylist()}
+    assert {row["key"] for row in rows.values()} > before
+    assert [rows[count]["refined"] for count in (1, 2, 3)] == [True, True, True]
+    # a setting that says so is another question
+    assert call(*larger, "--refine", "none", "--plan") == 2
 
 
 def test_a_directory_alone_says_which_sweep_gets_more_seeds(copied):
