@@ -373,3 +373,16 @@ def test_presets_are_listed_shown_and_driven_round_the_square(capsys):
     good, typical, poor = map(float, capsys.readouterr().out.split()[-3:])
     assert good < typical < poor
     assert call("presets", "umbmark", "burger", "--runs", "0") == 2
+
+
+@pytest.mark.parametrize("name", [b"dr\xc3\xbcben", b"x\xffy"], ids=["umlaut", "no UTF-8"])
+def test_any_file_name_works_under_an_ascii_locale(tmp_path, name):
+    folder = tmp_path / os.fsdecode(name)
+    folder.mkdir()
+    room_log(folder / "room.log")
+    ascii_locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = ["slam", folder / "room.log", "--particles", "2", "--out", folder / "run"]
+    done = subprocess.run([*TESTBED, *words], capture_output=True, env=os.environ | ascii_locale, check=False)
+    assert done.returncode == 0, done.stderr
+    assert tomllib.loads((folder / "run" / "config.toml").read_text(encoding="utf-8"))
+    assert json.loads((folder / "run" / "metrics.json").read_text(encoding="utf-8"))["outcome"] == "ok"
