@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Models of robots and lidars. Every number that a preset sets must name its source, or say "assumed"."""
+"""Models of robots and lidars. Every number that a preset sets names its source, or says that it is estimated."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class _Preset(BaseModel):
     title: str
     """Manufacturer and product."""
     sources: dict[str, str]
-    """Source of the value of each key: a document, or "assumed" with the reason."""
+    """Source of the value of each key: a document, or "estimated" with the reason and what a wrong value would change."""
 
     @model_validator(mode="after")
     def _every_number_has_a_source(self) -> Self:
         numbers = self.model_fields_set - {"name", "title", "sources"}
         if missing := sorted(numbers - self.sources.keys()):
-            raise ValueError(f"sources lacks {', '.join(missing)}: name a document or write 'assumed'")
+            raise ValueError(f"sources lacks {', '.join(missing)}: name a document or write 'estimated'")
         if unknown := sorted(self.sources.keys() - numbers):
             raise ValueError(f"sources names {', '.join(unknown)}, which the preset does not set")
         return self
