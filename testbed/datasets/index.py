@@ -130,7 +130,7 @@ def read_index(directory: Path) -> list[dict[str, Any]]:
         with file.open("rb") as opened:
             rows: list[dict[str, Any]] = pq.read_table(opened).to_pylist()
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:300]}") from None
+        raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:200]}") from None
     if rows and (missing := [name for name in ("dataset", "split", "world") if name not in rows[0]]):
         raise LogError(f"{file}: no column {', '.join(missing)}")
     return rows

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
 from testbed.formats.head import LogHead
-from testbed.formats.log import Log, LogError
+from testbed.formats.log import Log, LogError, shortened
 from testbed.formats.stamps import EXPECTED, NANOSECONDS_NOTE, column_in_seconds
 from testbed.frame_table import BeamPattern, FrameTable, Integers
 
@@ -185,7 +185,7 @@ def _read_table(file: Path) -> Any:
     except (pa.ArrowException, OSError, ValueError) as error:  # all mean a damaged or foreign table
         if isinstance(error, LogError):
             raise
-        raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:300]}") from None
+        raise LogError(f"{file}: damaged or unreadable table: {shortened(' '.join(str(error).split()))}") from None
 
 
 def _frame_table(file: Path, table: Any) -> FrameTable:

@@ -35,7 +35,7 @@ class _Preset(BaseModel):
     title: str
     """Manufacturer and product."""
     sources: dict[str, str]
-    """Source of the value of each key: a document, or "estimated" with the reason and what a wrong value would change."""
+    """Source of the value of each key: a document, or "estimated", the reason, and what a wrong value would change."""
 
     @model_validator(mode="after")
     def _every_number_has_a_source(self) -> Self:
