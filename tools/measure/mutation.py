@@ -8,7 +8,7 @@ Prints: the score of each module, and every change that survived, with its line
 
 SESSIONS is a directory with one database for each module; the command goes on where it was stopped. Kernels run as
 plain Python. The tests run in a copy of the tree, so that the tree itself is never changed. Survivors that are left on
-purpose are listed with the reason in tests/mutation_survivors.md.
+purpose are listed with the reason in docs/mutation.md.
 """
 
 from __future__ import annotations
@@ -124,9 +124,12 @@ def skip(database: WorkDB, source: str, limit: int | None) -> None:
     """Mark changes of other kinds, those of annotations, and those beyond the limit as skipped."""
     wanted = []
     annotations = annotation_spans(source)
+    lines = source.splitlines()
     for item in database.pending_work_items:
         place = mutation(item).start_pos
-        if CHANGES.match(mutation(item).operator_name) and not any(a <= place < b for a, b in annotations):
+        is_star = lines[place[0] - 1][place[1] :].startswith("*,")  # of keyword-only arguments, no product
+        unseen = is_star or any(a <= place < b for a, b in annotations)
+        if CHANGES.match(mutation(item).operator_name) and not unseen:
             wanted.append(item.job_id)
         else:
             database.set_result(item.job_id, WorkResult(WorkerOutcome.SKIPPED))
@@ -142,13 +145,15 @@ def mutation(item: WorkItem) -> MutationSpec:
 
 
 def annotation_spans(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """From where to where (line, column) types stand: they are never evaluated."""
-    types = []
+    """From where to where (line, column) types stand, which are never evaluated, and the decorators of classes."""
+    types: list[ast.expr | None] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             types.append(node.returns)
         elif isinstance(node, ast.arg | ast.AnnAssign):
             types.append(node.annotation)
+        elif isinstance(node, ast.ClassDef):
+            types += node.decorator_list
     return [((t.lineno, t.col_offset), (t.end_lineno or 0, t.end_col_offset or 0)) for t in types if t is not None]
 
 
