@@ -150,3 +150,15 @@ def test_the_covered_share_counts_pieces_up_to_ten_metres():
     assert share([0, 101]) == 0.0
     standing = Trajectory(truth.stamps, np.zeros((401, 3)))
     assert covered_share(associate(standing, standing), standing) == 1.0
+
+
+def test_a_path_that_begins_with_a_stop_is_covered_like_any_other():
+    """Only its length counts, also where all of it lies in the last step and is short."""
+    reference = at_x([0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 0.5])
+    assert covered_share(associate(reference[[0, 1]], reference, interpolate=False), reference) == 0.0
+    assert covered_share(associate(reference[[0, 3]], reference, interpolate=False), reference) == 1.0
+
+
+def test_a_small_step_back_is_noted():
+    reference = at_x([0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
+    assert "step back 1 times" in associate(at_x([1.0, 0.5], [0.0, 0.0]), reference, max_gap=1.0).notes[0]
