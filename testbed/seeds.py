@@ -36,6 +36,8 @@ class RunSeeds:
     """Drivers that act at random."""
     route: Stream = field(compare=False, repr=False)
     """The route through the world, where it is random."""
+    perturbation: Stream = field(compare=False, repr=False)
+    """Perturbations of the recording (`testbed.stress.table`)."""
 
     @classmethod
     def from_seed(cls, seed: int) -> RunSeeds:
@@ -45,7 +47,7 @@ class RunSeeds:
         """
         if seed < 0:
             raise ValueError(f"seed must not be negative, got {seed}")
-        world, start, odometry, lidar, movers, filter_, driver, route = children(SeedSequence(seed), 8)
+        world, start, odometry, lidar, movers, filter_, driver, route, perturbation = children(SeedSequence(seed), 9)
         return cls(
             seed=seed,
             world=world,
@@ -56,6 +58,7 @@ class RunSeeds:
             filter=filter_,
             driver=driver,
             route=route,
+            perturbation=perturbation,
         )
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Faults at a known time, as filters on frames: the same for simulated and recorded drives."""
+"""What makes a drive harder to map, as filters on frames: the same for simulated and recorded drives."""

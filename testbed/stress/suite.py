@@ -3,54 +3,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from testbed.frame import Frame
-from testbed.stress import perturbations
+from testbed.seeds import RunSeeds
+from testbed.stress.table import perturb
 
 ROBOTS = (("create3", "rplidar_a2"), ("pioneer3dx", "lms200"), ("burger", "lds01"), ("dingo_d", "ust10lx"))
 """Robots with their lidars."""
 WORLDS = (
-    "office", "maze", "warehouse", "nested_loops",
+    "office", "maze", "warehouse", "nested_loops", "campus", "park",
     "generated:rooms:size=30x20:7101", "generated:cave:size=30x20:7102",
-    "generated:corridors:size=40x30:7103", "generated:blocks:size=60x40:7104",
 )  # fmt: skip
-"""Four worlds of the catalogue, and four that are drawn by seeds of their own, two of them large."""
+"""Six worlds of the catalogue, two of them large, and two that are drawn by seeds of their own."""
 SEVERITIES = ("mild", "middle", "severe")
-PERIOD = 20.0
-"""Faults that last for a moment are repeated after this time [s]."""
-
-Fault = Callable[[Iterable[Frame], float], Iterator[Frame]]
-
-
-def _each(fault: Callable[..., Iterator[Frame]], **values: Sequence[object]) -> tuple[Fault, ...]:
-    """The fault with one value of a parameter for each severity."""
-    ((name, given),) = values.items()
-    return tuple(partial(fault, **{name: value}) for value in given)
-
-
-TURNS = [np.array([0.1, 0.0, np.radians(degrees)]) for degrees in (20.0, 45.0, 80.0)]
-"""What wheels report that spin on the spot [m, m, rad]."""
-MOMENTARY: dict[str, tuple[Fault, ...]] = {
-    "slip on the spot": _each(perturbations.slip, motion=TURNS),
-    "push": _each(perturbations.carry, seconds=(0.5, 1.0, 2.0)),
-    "odometry stands still": _each(perturbations.stop_odometry, seconds=(1.0, 3.0, 8.0)),
-    "odometry counts backward": _each(perturbations.reverse_odometry, seconds=(1.0, 3.0, 8.0)),
-    "scans lost": _each(perturbations.lose_scans, seconds=(1.0, 3.0, 8.0)),
+VALUES = {
+    "spin": (20.0, 45.0, 80.0),
+    "push": (0.5, 1.0, 2.0),
+    "stuck-odometry": (1.0, 3.0, 8.0),
+    "backward-odometry": (1.0, 3.0, 8.0),
+    "scan-gap": (1.0, 3.0, 8.0),
+    "restart-odometry": (1.0, 2.0, 6.0),
+    "scan-period": (0.5, 1.0, 2.0),
+    "reach": (8.0, 5.0, 3.5),
 }
-"""Faults of a moment, repeated each `PERIOD`: mild, middle, severe."""
-RESTARTS = (60.0, 30.0, 10.0)
-"""Time between two starts of the odometry's driver [s]."""
-LASTING: dict[str, tuple[Callable[[Iterable[Frame]], Iterator[Frame]], ...]] = {
-    "few scans": tuple(partial(perturbations.thin_scans, seconds=s) for s in (0.5, 1.0, 2.0)),
-    "short range": tuple(partial(perturbations.limit_range, metres=m) for m in (8.0, 5.0, 3.5)),
-}
-"""Faults that last for the whole drive."""
-PERTURBATIONS = (*MOMENTARY, "odometry starts again", *LASTING)
+"""Values of the suite's perturbations (`testbed.stress.table`): mild, middle, severe."""
+PERTURBATIONS = tuple(VALUES)
 
 
 @dataclass(frozen=True)
@@ -90,15 +70,5 @@ def design(runs: int) -> list[Case]:
 
 
 def perturbed(frames: list[Frame], perturbation: str, severity: int) -> list[Frame]:
-    """The frames of a drive under a perturbation of one of `SEVERITIES`."""
-    out: Iterable[Frame] = frames
-    last = frames[-1].stamp
-    if perturbation in LASTING:
-        return list(LASTING[perturbation][severity](out))
-    if perturbation in MOMENTARY:
-        for at in np.arange(PERIOD, last, PERIOD):
-            out = MOMENTARY[perturbation][severity](out, float(at))
-    else:
-        for at in np.arange(RESTARTS[severity], last, RESTARTS[severity]):
-            out = perturbations.restart_odometry(out, float(at))
-    return list(out)
+    """The frames of a drive under a perturbation of one of `SEVERITIES`. None of them draws random numbers."""
+    return perturb(frames, {perturbation: VALUES[perturbation][severity]}, RunSeeds.from_seed(0).perturbation)

@@ -78,7 +78,7 @@ FILTERS = {
 }
 """The defaults; without the jumps of the motion model, which switches the wide search off; without its faults too."""
 FILTER_SHARES = (0.2, 0.4, 0.4)
-HARD_FAULTS = ("slip on the spot", "push", "odometry stands still", "odometry counts backward")
+HARD_FAULTS = ("spin", "push", "stuck-odometry", "backward-odometry")
 """Perturbations under which the weakened filters are lost often …"""
 HARD_SHARE = 0.7
 """… and the share of the runs that have one of them; the others have another one, or none."""

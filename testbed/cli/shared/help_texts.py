@@ -127,6 +127,17 @@ testbed convert robot.bag robot.log.gz --to carmen
 testbed convert robot.log.gz robot --to rosbag2
 ```
 """,
+    "perturb": """Make a recording harder: lost scans, noise, slipping wheels, glass, people, wrong clocks.
+
+The output is a dataset directory that `testbed slam` and `testbed score` read; the truth is kept. The same seed gives
+the same bytes. docs/stress.md describes the perturbations.
+
+```
+testbed perturb robot.log harder --drop-scans 0.3 --time-offset 0.05
+testbed perturb data/office-0000 crowded --people 10 --seed 3
+testbed slam harder
+```
+""",
     "worlds": """List, draw, generate and import worlds.
 
 ```

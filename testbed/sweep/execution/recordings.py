@@ -28,6 +28,8 @@ from testbed.run.job import RecordedFrames
 from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SimulatorOptions
 from testbed.simulation import SimulationConfig, simulate
+from testbed.stress.table import parse_perturbations
+from testbed.stress.table import perturb as perturbed
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.drive_features import drive_features
 from testbed.sweep.execution.features import Features, features_of
@@ -61,22 +63,21 @@ class Recording:
 
 def recording_of(cell: Cell) -> Recording:
     """Simulate or read the recording of a cell. The last two are kept for further cells of the same drive."""
-    key = recording_key(cell)
-    return _driven(*key) if isinstance(key, tuple) else _logged(str(key))
+    key: Any = recording_key(cell)
+    return _driven(*key) if "world" in cell.source else _logged(*key)
 
 
 def forget_recordings() -> None:
     """Drop the recordings that are kept, so that the next one is simulated or read again."""
-    _driven.cache_clear()
-    _logged.cache_clear()
+    for kept in (_driven, _drive, _logged, _log):
+        kept.cache_clear()
 
 
 @lru_cache(maxsize=2)
-def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recording:
-    loaded, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
-    with simulate(loaded, config) as simulation:
-        frames = list(simulation)
-        source = RecordedFrames(frames, simulation.ended(simulator.duration))
+def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds, perturb: str) -> Recording:
+    loaded, config, drive = _drive(world, simulator, seeds)
+    frames = perturbed(drive.frames, parse_perturbations(perturb), seeds.perturbation)
+    source = RecordedFrames(frames, drive.ended)
     lidars = lidar_views(frames)
     if not lidars:
         raise SweepError(f"{loaded.name}: the drive ends before the first scan, expected a longer duration")
@@ -87,6 +88,14 @@ def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> Recordi
         lidars=lidars,
         truth_map=_true_map(loaded, config, path, lidars),
     )
+
+
+@lru_cache(maxsize=2)
+def _drive(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> tuple[World, SimulationConfig, RecordedFrames]:
+    """The frames of a drive as the simulator gives them."""
+    loaded, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
+    with simulate(loaded, config) as simulation:
+        return loaded, config, RecordedFrames(list(simulation), simulation.ended(simulator.duration))
 
 
 def _true_path(frames: Sequence[Frame]) -> Trajectory:
@@ -109,11 +118,18 @@ def _true_map(
 
 
 @lru_cache(maxsize=2)
-def _logged(source: str) -> Recording:
+def _logged(source: str, seeds: RunSeeds | None, perturb: str) -> Recording:
+    frames, relations = _log(source)
+    if seeds is not None:
+        frames = perturbed(frames, parse_perturbations(perturb), seeds.perturbation)
+    return Recording(source=RecordedFrames(frames), relations=relations)
+
+
+@lru_cache(maxsize=2)
+def _log(source: str) -> tuple[list[Frame], Relations | None]:
+    """The frames of a log, with the truth where it is known, and its relations."""
     log: Mapping[str, Any] = json.loads(source)
     frames = Reading.from_settings(log).open(Path(log["log"])).frames
     if "truth" in log:
         frames = attach_truth(frames, read_tum(log["truth"]))
-    return Recording(
-        source=RecordedFrames(frames), relations=read_relations(log["relations"]) if "relations" in log else None
-    )
+    return frames, read_relations(log["relations"]) if "relations" in log else None

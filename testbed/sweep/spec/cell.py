@@ -67,8 +67,10 @@ class Cell:
         return f"{self.place}, {self.line}, {particles}, seed {self.seed}"
 
 
-def recording_key(cell: Cell) -> Hashable:
+def recording_key(cell: Cell) -> tuple[Hashable, ...]:
     """What the recording of a cell depends on; cells with equal keys have the same frames."""
-    if "world" not in cell.source:
-        return json.dumps(cell.source, sort_keys=True)
-    return str(cell.source["world"]), RunSettings.of(cell.settings).simulator, cell.seeds
+    settings = RunSettings.of(cell.settings)
+    if "world" in cell.source:
+        return str(cell.source["world"]), settings.simulator, cell.seeds, settings.perturb
+    drawn = cell.seeds if settings.perturb else None  # a log is the same for each seed
+    return json.dumps(cell.source, sort_keys=True), drawn, settings.perturb

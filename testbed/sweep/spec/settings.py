@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from slam.config import FilterConfig
 from slam.config.renamed import present_name
 from testbed.settings.simulator import SimulatorOptions
+from testbed.stress.table import parse_perturbations
 from testbed.sweep.errors import SweepError
 from testbed.systems.program import DatasetFormat
 
@@ -43,6 +44,11 @@ class RunSettings:
     """The SLAM system: a name, FILE.py:CLASS or a command (`testbed.systems`); empty = the filter of this package."""
     system_format: DatasetFormat = "rosbag2"
     """Format of the recording for a command."""
+    perturb: str = ""
+    """Perturbations of the recording, such as `drop-scans=0.3+askew=5` (`testbed.stress.table`)."""
+
+    def __post_init__(self) -> None:
+        parse_perturbations(self.perturb)
 
     @classmethod
     def of(cls, values: Mapping[str, Value]) -> RunSettings:
@@ -70,8 +76,10 @@ def checked(name: str, value: object, *, recorded: bool) -> Value:
     if name not in known():
         near = difflib.get_close_matches(name, known(), n=3, cutoff=0.4) or ["robot", "odometry.grade", "filter.…"]
         raise SweepError(f"{name}: unknown setting, expected such as {', '.join(near)}")
-    if recorded and not (name.startswith("filter.") or name in ("refine", "system", "system_format")):
-        raise SweepError(f"{name}: recorded logs are not simulated, expected a filter setting, 'refine' or 'system'")
+    if recorded and not (name.startswith("filter.") or name in ("refine", "system", "system_format", "perturb")):
+        raise SweepError(
+            f"{name}: recorded logs are not simulated, expected a filter setting, 'refine', 'system' or 'perturb'"
+        )
     try:
         validated = known()[name].validate_python(value, strict=True)
     except ValidationError as error:

@@ -122,13 +122,16 @@ class RerunView:
         step = snapshot.step if snapshot.step is not None and snapshot.step.updated else None
         next_step = self._advance(snapshot)
         self._set_time(snapshot)
-        if self._schedule.frame_due(snapshot.stamp, step is not None):
+        frame_due = self._schedule.frame_due(snapshot.stamp, step is not None)
+        if frame_due:
             self._add_frame(snapshot)
         died = 0 if step is None else self._add_update(snapshot, step)
         self._log_events(snapshot, died)
         at_once = step is not None and (step.resampled or step.loop_closed)
         if self._pending and (at_once or self._schedule.map_due(snapshot.stamp, self._travelled, next_step)):
             self._add_map_and_paths(snapshot)
+        if frame_due:
+            self._add_newest(snapshot)
         if step is not None and self._schedule.comparison_due(snapshot.stamp, at_once):
             self._add_comparison(snapshot)
         period = LIVE_PERIOD if self._viewers else SEND_PERIOD
@@ -205,6 +208,7 @@ class RerunView:
         self._set_time(last)
         self._add_frame(last)
         self._add_map_and_paths(last, everything=True)
+        self._add_newest(last)
         self._add_comparison(last, everything=True)
         for level, text in self._loops.end(self._events.lost):
             self._columns.add_event(text, level)
@@ -275,17 +279,21 @@ class RerunView:
         self._hits = None if snapshot.scan is None else drawing.thinned_hits(snapshot.scan, MAX_POINTS)
         if self._hits is not None:
             add(entities.SCAN, *self._hits)
-        poses = {entities.PATH: snapshot.estimate, entities.ODOMETRY_PATH: snapshot.odometry}
-        if snapshot.truth is not None:
-            poses[entities.TRUE_PATH] = snapshot.truth
-        for entity, pose in poses.items():
-            if entity in self._ends:
-                add(f"{entity}/newest", np.array([self._ends[entity], pose]), build=self._newest[entity])
         if snapshot.truth is None:
             return
         add(entities.TRUE_ROBOT, snapshot.truth)
         for entity, build in zip((entities.POSITION_ERROR, entities.HEADING_ERROR), self._errors, strict=True):
             add(entity, snapshot.truth, snapshot.estimate, snapshot.odometry, build=build)
+
+    def _add_newest(self, snapshot: Snapshot) -> None:
+        """Add the lines from the ends of the paths, as far as they were sent, to the poses."""
+        poses = {entities.PATH: snapshot.estimate, entities.ODOMETRY_PATH: snapshot.odometry}
+        if snapshot.truth is not None:
+            poses[entities.TRUE_PATH] = snapshot.truth
+        for entity, pose in poses.items():
+            if entity in self._ends:
+                line = np.array([self._ends[entity], pose])
+                self._columns.add(f"{entity}/newest", line, build=self._newest[entity])
 
     def _log_events(self, snapshot: Snapshot, died: int) -> None:
         step, loops = snapshot.step, []
@@ -391,7 +399,8 @@ class RerunView:
             else:
                 self._add_path(entities.PATH, self._path.extended(np.array(self._since)))
             self._since = []
-            self._ends[entities.PATH] = snapshot.estimate
+            if self._path.end is not None:  # the last update: the pose of this scan may be later
+                self._ends[entities.PATH] = self._path.end
         for entity, visited in self._visited.items():
             self._add_path(entity, visited.changes())
             if len(visited.poses):
