@@ -24,11 +24,13 @@ import tempfile
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-
-from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import MutationSpec, WorkerOutcome, WorkItem, WorkResult
+from typing import TYPE_CHECKING
 
 from tools.catalogue import ROOT
+
+if TYPE_CHECKING:  # the extra `nightly`
+    from cosmic_ray.work_db import WorkDB
+    from cosmic_ray.work_item import MutationSpec, WorkItem
 
 PACKAGES = ("slam", "eval", "worlds", "testbed", "tests", "tools")
 BINARY = (
@@ -87,6 +89,8 @@ def main() -> None:
 
 def run(name: str, target: Target, session: Path, limit: int | None) -> None:
     """Make all changes of a target that have no result yet, one after the other, in a copy of the tree."""
+    from cosmic_ray.work_db import WorkDB, use_db
+
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         for package in PACKAGES:
@@ -122,6 +126,8 @@ def cosmic_ray(*arguments: str, tree: Path, env: dict[str, str]) -> None:
 
 def skip(database: WorkDB, source: str, limit: int | None) -> None:
     """Mark changes of other kinds, those of annotations, and those beyond the limit as skipped."""
+    from cosmic_ray.work_item import WorkerOutcome, WorkResult
+
     wanted = []
     annotations = annotation_spans(source)
     lines = source.splitlines()
@@ -159,6 +165,9 @@ def annotation_spans(source: str) -> list[tuple[tuple[int, int], tuple[int, int]
 
 def report(name: str, target: Target, session: Path) -> None:
     """Print the score of a target and its survivors."""
+    from cosmic_ray.work_db import WorkDB, use_db
+    from cosmic_ray.work_item import WorkerOutcome
+
     with use_db(session, WorkDB.Mode.open) as database:
         done = [(i, r) for i, r in database.completed_work_items if r.worker_outcome != WorkerOutcome.SKIPPED]
     outcomes = Counter("killed" if result.is_killed else "survived" for _, result in done)
