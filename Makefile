@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: run test lint bench clean help
+.PHONY: run test lint bench fuzz mutation nightly clean help
 
 run: $(VENV)/.run  ## install, then simulate, map and score a run; the last line is the path of the report
 	$(BIN)/testbed run office
@@ -22,13 +22,25 @@ bench: $(VENV)/.test  ## run the benchmarks, which are never part of the tests
 	$(BIN)/python -m pytest -m benchmark
 	$(BIN)/python -m tools.measure.measure_datasets
 
+FUZZ_SECONDS ?= 60
+fuzz: $(VENV)/.test $(VENV)/.nightly  ## fuzz all readers for a minute (FUZZ_SECONDS)
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
+
+mutation: $(VENV)/.test $(VENV)/.nightly  ## change the code in one place at a time; list the changes that no test notices (hours)
+	$(BIN)/python -m tools.measure.mutation runs/mutation
+
+nightly: $(VENV)/.test $(VENV)/.nightly  ## what takes a night: an hour of fuzzing, soak tests, mutation testing
+	$(BIN)/python -m tests.fuzz --seconds 3600 --corpus runs/fuzz
+	$(BIN)/python -m pytest -m nightly
+	$(BIN)/python -m tools.measure.mutation runs/mutation
+
 clean:  ## remove the environment, all runs and built packages
 	rm -rf $(VENV) runs build dist
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST)
 
-$(VENV)/.run $(VENV)/.test $(VENV)/.lint: $(VENV)/.%: pyproject.toml | $(BIN)/python
+$(VENV)/.run $(VENV)/.test $(VENV)/.lint $(VENV)/.nightly: $(VENV)/.%: pyproject.toml | $(BIN)/python
 	$(PIP) install --editable '.$(if $(filter-out run,$*),[$*])'
 	touch $@
 

@@ -11,7 +11,7 @@ import json
 import os
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, BinaryIO, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from slam.config.renamed import with_present_names
 from slam.gmapping import GMapping
 
 VERSION = 6
+MAX_QUOTED = 200
+"""Largest number of characters that a complaint quotes of a file."""
 
 
 class CheckpointError(ValueError):
@@ -50,23 +52,27 @@ def load_checkpoint(path: str | os.PathLike[str], *, threads: int | None = None)
         CheckpointError: the file is damaged, no checkpoint, or one of another version.
         OSError: the file cannot be read.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            header = json.loads(archive["header"].tobytes().decode())
-            if header["version"] != VERSION:
-                raise CheckpointError(f"{path}: checkpoint of version {header['version']}, expected {VERSION}")
-            arrays: dict[str, NDArray[Any]] = {name: archive[name] for name in archive.files if name != "header"}
-        config = with_present_names(header["config"], "filter.")
-        mapper = GMapping(_dataclass_from(FilterConfig, config), threads=threads)
-        check_state(arrays, header["values"], mapper.state())
-        mapper.restore(arrays, header["values"])
-        check_field(arrays, len(mapper.maps.grids.offset))
-    except CheckpointError:
-        raise
-    except OSError:
-        raise
-    except Exception as error:  # zip, JSON and numpy raise many types over a damaged file
-        raise CheckpointError(f"{path}: not a checkpoint of the filter, or a damaged one ({error})") from error
+    with Path(path).open("rb") as file:
+        try:
+            mapper = _load(file, threads)
+        except Exception as error:  # zip, JSON and numpy raise many types over a damaged file, OSError among them
+            reason = " ".join(str(error).split())[:MAX_QUOTED]
+            raise CheckpointError(f"{path}: not a checkpoint of the filter, or a damaged one ({reason})") from error
+    return mapper
+
+
+def _load(file: BinaryIO, threads: int | None) -> GMapping:
+    """Read a filter; whatever is wrong with the file is an exception of any type."""
+    with np.load(file, allow_pickle=False) as archive:
+        header = json.loads(archive["header"].tobytes().decode())
+        if header["version"] != VERSION:
+            raise ValueError(f"version {header['version']}, expected {VERSION}")
+        arrays: dict[str, NDArray[Any]] = {name: archive[name] for name in archive.files if name != "header"}
+    config = with_present_names(header["config"], "filter.")
+    mapper = GMapping(_dataclass_from(FilterConfig, config), threads=threads)
+    check_state(arrays, header["values"], mapper.state())
+    mapper.restore(arrays, header["values"])
+    check_field(arrays, len(mapper.maps.grids.offset))
     return mapper
 
 

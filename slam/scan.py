@@ -8,6 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+MAX_MOUNT = 100.0
+"""Largest distance of a lidar from the robot's centre along an axis [m]."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scan:
@@ -43,6 +46,8 @@ class Scan:
             )
         if not np.all(np.isfinite(self.mount)):
             raise ValueError(f"mount must be finite, got {self.mount}")
+        if not max(abs(self.mount[0]), abs(self.mount[1])) <= MAX_MOUNT:
+            raise ValueError(f"mount must be within {MAX_MOUNT:g} m of the robot, got {self.mount}")
 
     def __repr__(self) -> str:
         """One line, for notebooks."""

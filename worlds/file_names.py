@@ -31,6 +31,14 @@ def to_name(text: str) -> str:
     return name if name and name[0].isalnum() else f"x{name}"[:MAX_LENGTH]
 
 
+def readable(text: str) -> str:
+    """Return a text that every file and terminal takes: bytes of a path that are no UTF-8 become \\x and two digits.
+
+    Python stands surrogates for such bytes, and for all bytes above 127 under an ASCII locale.
+    """
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def _checked(name: str) -> str:
     if not is_name(name):
         raise ValueError(f"expected {RULE}")

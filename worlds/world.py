@@ -23,6 +23,8 @@ from worlds.movers import Door, Person
 
 MAX_ELEMENTS = 50_000
 """Largest number of elements in one world."""
+MAX_WAY_POINTS = 100_000
+"""Largest number of way points of a tour, those of all its laps counted."""
 
 
 class Start(Model):
@@ -39,7 +41,7 @@ class Start(Model):
 class Tour(Model):
     """Way points that a robot visits in order, from the start pose on."""
 
-    points: Annotated[list[Position], Field(min_length=1, max_length=100_000)]
+    points: Annotated[list[Position], Field(min_length=1, max_length=MAX_WAY_POINTS)]
     """Way points [m]."""
     closed: bool = False
     """After the last way point the robot returns to the first one."""
@@ -50,6 +52,9 @@ class Tour(Model):
     def _laps_need_a_closed_tour(self) -> Tour:
         if self.laps > 1 and not self.closed:
             raise ValueError(f"laps = {self.laps} needs closed = true")
+        if self.laps * len(self.points) > MAX_WAY_POINTS:
+            visited = f"{self.laps} laps of {len(self.points)} way points are {self.laps * len(self.points):,}"
+            raise ValueError(f"{visited}, expected at most {MAX_WAY_POINTS:,}")
         return self
 
 

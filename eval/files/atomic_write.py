@@ -82,12 +82,15 @@ def create_once(path: str | os.PathLike[str], text: str) -> bool:
 
 
 def discard_unfinished(path: str | os.PathLike[str]) -> None:
-    """Remove what unfinished writers of the directory `path` left: this process, and killed ones of this computer."""
+    """Remove what unfinished writers of `path` left: this process, and killed ones of this computer."""
     path = Path(path)
-    for folder in path.parent.glob(f".{glob.escape(path.name)}.{glob.escape(socket.gethostname())}.*.tmp"):
-        process = folder.name.removesuffix(".tmp").rpartition(".")[2]
+    for left in path.parent.glob(f".{glob.escape(path.name)}.{glob.escape(socket.gethostname())}.*.tmp"):
+        process = left.name.removesuffix(".tmp").rpartition(".")[2]
         if process.isdecimal() and (int(process) == os.getpid() or not _is_running(int(process))):
-            shutil.rmtree(folder, ignore_errors=True)
+            if left.is_dir():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                left.unlink(missing_ok=True)
 
 
 def _temporary(path: Path) -> Path:

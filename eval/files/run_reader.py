@@ -107,7 +107,8 @@ def _steps(path: Path) -> dict[str, NDArray[Any]] | None:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path)
+        with path.open("rb") as file:
+            table = pq.read_table(file)
     except pa.ArrowInvalid as error:
         raise RunFilesError(f"{path}: expected a parquet table: {error}") from None
     columns = {name: table.column(name).to_numpy() for name in table.column_names}

@@ -280,7 +280,8 @@ def _families(runs: dict[str, NDArray[Any]], places: list[Any]) -> tuple[str | N
 
 def _read(path: Path) -> _Content:
     try:
-        return _content(pq.read_table(path))
+        with path.open("rb") as file:
+            return _content(pq.read_table(file))
     except FileNotFoundError:
         raise SweepTableError(f"{path}: no such file, expected what `testbed gather` writes") from None
     except (pa.ArrowInvalid, KeyError, ValueError) as error:

@@ -6,9 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from slam.config._checks import require_at_least, require_one_of, require_positive
+from slam.config._checks import require_at_least, require_at_most, require_one_of, require_positive
 from slam.config.motion import MotionConfig
 from slam.config.refinement import RefineConfig
+
+MAX_PARTICLES = 1_000_000
+"""Largest number of particles."""
+MAX_SAMPLES = 100_000
+"""Largest number of poses drawn or compared for one particle, of beams, and of rounds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +67,12 @@ class MatchConfig:
         require_positive(self, "hit_sigma", "beam_weight", "outlier_distance", "search_step")
         require_at_least(self, 0.0, "search_reach", "coarse_share", "weight_share", "min_matched_share")
         require_at_least(self, 1, "iterations", "coarse_beams")
+        require_at_most(self, MAX_SAMPLES, "iterations", "coarse_beams")
+        if not self.search_reach / self.search_step <= MAX_SAMPLES:
+            raise ValueError(
+                f"MatchConfig.search_reach {self.search_reach:g} m holds more than {MAX_SAMPLES:,} steps of "
+                f"search_step {self.search_step:g} m"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +98,7 @@ class ProposalConfig:
         require_one_of(self, "kind")
         require_one_of(self, "sampling")
         require_at_least(self, 1, "samples")
+        require_at_most(self, MAX_SAMPLES, "samples")
         require_positive(self, "sample_range", "sample_range_heading")
 
 
@@ -134,6 +146,7 @@ class AdaptConfig:
         require_positive(self, "position", "heading", "error", "quantile")
         require_at_least(self, 1, "min_particles", "resize_factor")
         require_at_least(self, self.min_particles, "max_particles")
+        require_at_most(self, MAX_PARTICLES, "max_particles")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +191,7 @@ class FilterConfig:
 
     def __post_init__(self) -> None:
         require_at_least(self, 1, "particles")
+        require_at_most(self, MAX_PARTICLES, "particles")
         if self.adapt.count != "fixed" and self.resample.when == "never":
             raise ValueError("FilterConfig: the particle count can only adapt where particles are resampled")
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slam.config._checks import require_at_least, require_positive
+from slam.config._checks import require_at_least, require_at_most, require_positive
+
+MAX_SEARCH_POSES = 10_000_000
+"""Largest number of poses that a search may compare."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +70,7 @@ class LocalizationConfig:
         )
         require_positive(self, "kld_error", "kld_quantile")
         require_at_least(self, 1, "explained_memory", "search_beams", "max_search_poses", "max_candidates")
+        require_at_most(self, MAX_SEARCH_POSES, "search_beams", "max_search_poses", "max_candidates")
         for name in ("min_explained_share", "found_weight"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise ValueError(f"LocalizationConfig.{name} must be in (0, 1), got {getattr(self, name)}")

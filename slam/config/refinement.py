@@ -5,8 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from slam.config._checks import require_at_least, require_positive
+from slam.config._checks import require_at_least, require_at_most, require_positive
 from slam.config.motion import FrameMotionConfig
+
+MAX_ROUNDS, MAX_POINTS = 1000, 100_000_000
+"""Largest number of rounds, and of points that the final pass may keep: 100 bytes each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +41,8 @@ class RefineConfig:
 
     def __post_init__(self) -> None:
         require_at_least(self, 1, "rounds", "max_points")
+        require_at_most(self, MAX_ROUNDS, "rounds")
+        require_at_most(self, MAX_POINTS, "max_points")
         require_at_least(self, 0.0, "first_gate", "last_gate")
         require_positive(self, "gate_decay", "cell", "window", "flatness", "spacing")
         if not self.gate_decay <= 1.0:

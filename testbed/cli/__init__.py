@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 
 from testbed.cli.shared.status import INTERRUPTED
 from testbed.run.interruption import sigterm_interrupts
@@ -16,6 +17,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Errors of usage or input are one line on stderr; `TESTBED_DEBUG=1` shows the traceback. SIGTERM has the effect of
     Ctrl-C, also while the rest of the program is still being imported.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # an ASCII terminal must not end a run
     try:
         with sigterm_interrupts():
             from testbed.cli.shared.app import run_app

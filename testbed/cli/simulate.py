@@ -40,6 +40,9 @@ from testbed.toml import without_none
 from worlds import expand_names, label
 from worlds.file_names import RULE, is_name
 
+MAX_COUNT = 100_000
+"""Largest number of datasets of one world."""
+
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +91,8 @@ class DatasetOptions:
     def __post_init__(self) -> None:
         if self.count < 1 or self.workers < 1:
             raise ValueError(f"count and workers must be at least 1, got {self.count} and {self.workers}")
+        if self.count > MAX_COUNT:
+            raise ValueError(f"count must be at most {MAX_COUNT:,} datasets of each world, got {self.count:,}")
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}")
         if self.variant and not is_name(self.variant):

@@ -83,8 +83,8 @@ def write_index(directory: Path, chosen: Mapping[str, str] | None = None) -> lis
             table = table.set_column(table.column_names.index(name), name, table[name].cast(pa.float64()))
         if chosen:
             table = table.replace_schema_metadata({CHOSEN: json.dumps(dict(sorted(chosen.items())))})
-        with atomic_write(directory / INDEX) as temporary:
-            pq.write_table(table, temporary, compression="zstd")
+        with atomic_write(directory / INDEX) as temporary, temporary.open("wb") as opened:
+            pq.write_table(table, opened, compression="zstd")
     return rows
 
 
@@ -103,7 +103,8 @@ def chosen_splits(directory: Path) -> dict[str, str]:
     import pyarrow.parquet as pq
 
     try:
-        metadata = pq.read_schema(directory / INDEX).metadata or {}
+        with (directory / INDEX).open("rb") as opened:
+            metadata = pq.read_schema(opened).metadata or {}
         return dict(json.loads(metadata.get(CHOSEN, b"{}")))
     except (pa.ArrowException, OSError, ValueError):  # the index is made anew
         return {}
@@ -126,9 +127,10 @@ def read_index(directory: Path) -> list[dict[str, Any]]:
     if not file.is_file():
         raise LogError(f"{directory}: no {INDEX}; `testbed datasets index {directory}` makes it")
     try:
-        rows: list[dict[str, Any]] = pq.read_table(file).to_pylist()
+        with file.open("rb") as opened:
+            rows: list[dict[str, Any]] = pq.read_table(opened).to_pylist()
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:300]}") from None
+        raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:200]}") from None
     if rows and (missing := [name for name in ("dataset", "split", "world") if name not in rows[0]]):
         raise LogError(f"{file}: no column {', '.join(missing)}")
     return rows

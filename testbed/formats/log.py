@@ -13,6 +13,14 @@ from slam.occupancy import OccupancyGrid
 from testbed.frame import Frame
 from testbed.frame_table import FrameTable
 
+MAX_QUOTED = 200
+"""Largest number of characters that a complaint quotes of a file."""
+
+
+def shortened(text: str) -> str:
+    """Return a text for a complaint, cut where it is long: it may be a whole file."""
+    return text if len(text) <= MAX_QUOTED else f"{text[:MAX_QUOTED]} …"
+
 
 class LogError(ValueError):
     """A log cannot be read or written; the message names the file, the place and what was expected."""

@@ -8,6 +8,9 @@ import zlib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from slam.scan import MAX_MOUNT
 from testbed.formats.carmen.reader import MESSAGES, read_carmen
 from testbed.formats.checksums import CONFIG, verify
 from testbed.formats.log import Log, LogError
@@ -40,9 +43,23 @@ def open_log(
     without scans.
     """
     log = _read(Path(path), laser_offset, range_max, heights)
+    _check_mounts(Path(path), log)
     if scans_needed and not log.scan_count:
         raise LogError("; ".join([f"{path}: no scans in this {log.format}", *log.notes]))
     return log
+
+
+def _check_mounts(path: Path, log: Log) -> None:
+    """Raise LogError for a lidar far from the robot: its map would take the memory of a map as large."""
+    places = log.table.mounts[:, :2]
+    far = np.flatnonzero(~(np.abs(places) <= MAX_MOUNT).all(axis=1))
+    if len(far):
+        name = log.table.lidars[log.table.scan_lidars[far[0]]]
+        at = ", ".join(f"{value:g}" for value in places[far[0]])
+        raise LogError(
+            f"{path}: scan {far[0] + 1}: lidar {name or 'laser'} is mounted at {at} m, expected within {MAX_MOUNT:g} m "
+            "of the robot"
+        )
 
 
 def _read(path: Path, laser_offset: float | None, range_max: float | None, heights: tuple[float, float] | None) -> Log:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from eval.files.map_server import read_map, write_map
 from testbed.formats.checksums import verify
 from testbed.formats.head import LogHead
-from testbed.formats.log import Log, LogError
+from testbed.formats.log import Log, LogError, shortened
 from testbed.formats.stamps import EXPECTED, NANOSECONDS_NOTE, column_in_seconds
 from testbed.frame_table import BeamPattern, FrameTable, Integers
 
@@ -62,13 +62,16 @@ def write_parquet(path: str | Path, blocks: Iterable[FrameTable], head: LogHead)
     path = Path(path)
     path.mkdir(parents=True)
     totals = _Totals()
-    with pq.ParquetWriter(
-        path / TABLE,
-        _schema(),
-        compression="zstd",
-        write_page_checksum=True,
-        use_dictionary=["lidar"],  # zstd finds the angles of the scan before sooner than a dictionary is made
-    ) as writer:
+    with (
+        (path / TABLE).open("wb") as opened,  # by a path, the library refuses names that are no UTF-8
+        pq.ParquetWriter(
+            opened,
+            _schema(),
+            compression="zstd",
+            write_page_checksum=True,
+            use_dictionary=["lidar"],  # zstd finds the angles of the scan before sooner than a dictionary is made
+        ) as writer,
+    ):
         for block in blocks:
             totals.add(block)
             writer.write_table(arrow_table(block))
@@ -173,7 +176,7 @@ def _read_table(file: Path) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(file, page_checksum_verification=True) as parquet:
+        with file.open("rb") as opened, pq.ParquetFile(opened, page_checksum_verification=True) as parquet:
             if parquet.metadata.num_rows > MAX_TABLE:
                 raise LogError(f"{file}: {parquet.metadata.num_rows} rows, expected at most {MAX_TABLE}")
             if missing := [name for name in _schema().names if name not in parquet.schema_arrow.names]:
@@ -182,7 +185,7 @@ def _read_table(file: Path) -> Any:
     except (pa.ArrowException, OSError, ValueError) as error:  # all mean a damaged or foreign table
         if isinstance(error, LogError):
             raise
-        raise LogError(f"{file}: damaged or unreadable table: {' '.join(str(error).split())[:300]}") from None
+        raise LogError(f"{file}: damaged or unreadable table: {shortened(' '.join(str(error).split()))}") from None
 
 
 def _frame_table(file: Path, table: Any) -> FrameTable:

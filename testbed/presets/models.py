@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Models of robots and lidars. Every number that a preset sets must name its source, or say "assumed"."""
+"""Models of robots and lidars. Every number that a preset sets names its source, or says that it is estimated."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from worlds.file_names import Name
 MAX_BEAMS = 100_000
 """Largest number of beams of one scan."""
 
+MAX_SIZE, MAX_RANGE, MAX_RATE = 100.0, 100_000.0, 10_000.0
+"""Largest length of a part of a robot [m], range of a lidar [m], and number of scans a second [Hz]."""
+
+Size = Annotated[float, Field(strict=True, gt=0.0, le=MAX_SIZE)]
 Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
@@ -31,13 +35,13 @@ class _Preset(BaseModel):
     title: str
     """Manufacturer and product."""
     sources: dict[str, str]
-    """Source of the value of each key: a document, or "assumed" with the reason."""
+    """Source of the value of each key: a document, or "estimated", the reason, and what a wrong value would change."""
 
     @model_validator(mode="after")
     def _every_number_has_a_source(self) -> Self:
         numbers = self.model_fields_set - {"name", "title", "sources"}
         if missing := sorted(numbers - self.sources.keys()):
-            raise ValueError(f"sources lacks {', '.join(missing)}: name a document or write 'assumed'")
+            raise ValueError(f"sources lacks {', '.join(missing)}: name a document or write 'estimated'")
         if unknown := sorted(self.sources.keys() - numbers):
             raise ValueError(f"sources names {', '.join(unknown)}, which the preset does not set")
         return self
@@ -74,15 +78,15 @@ class Mount(BaseModel):
 class RobotPreset(_Preset):
     """A robot with two driven wheels; its frame (base_link) lies on the floor below the centre of the axle."""
 
-    wheel_radius: Positive
+    wheel_radius: Size
     """Radius of the driven wheels [m]."""
-    track: Positive
+    track: Size
     """Distance between the contact points of the wheels [m] (wheel separation)."""
-    length: Positive
+    length: Size
     """Size of the body [m]."""
-    width: Positive
+    width: Size
     """Size of the body [m]."""
-    height: Positive
+    height: Size
     """Height of the body without its ground clearance [m]."""
     mass: Positive
     """Mass with battery [kg]."""
@@ -130,11 +134,11 @@ class LidarPreset(_Preset):
     field_of_view_deg: Annotated[float, Field(strict=True, gt=0.0, le=360.0)]
     """Angle from the first to the last beam [degrees], symmetric to the forward direction; with 360 the last beam lies
     one step before the first."""
-    scan_rate: Positive
+    scan_rate: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RATE)]
     """Scans per second [Hz]."""
     range_min: NotNegative
     """Shortest range [m]; nearer surfaces give no valid reading."""
-    range_max: Positive
+    range_max: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RANGE)]
     """Longest range [m]."""
     noise_floor: NotNegative
     """Standard deviation of short ranges [m]."""

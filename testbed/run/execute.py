@@ -7,7 +7,8 @@ import resource
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -70,7 +71,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
     started = time.perf_counter()
     watcher.stage("mapping" if job.known_map is None else "localising")
     estimation = Estimation(job.filter, job.seeds.filter, job.threads, job.known_map)
-    with view:
+    with _estimate_kept(job, directory, estimation), view:
         interrupted = _feed(job, estimation, watcher, view)
         if not len(estimation.scan_frames):
             metrics = {"outcome": "interrupted" if interrupted else "failed", "reason": "no scan", "scans": 0}
@@ -93,6 +94,19 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
     metrics = metrics_of(job, estimation, filtered, estimate, wall_seconds=wall_seconds, ended=ended)
     directory.write_metrics(metrics)
     return metrics
+
+
+@contextmanager
+def _estimate_kept(job: Job, directory: RunDirectory, estimation: Estimation) -> Iterator[None]:
+    """Write what the filter has estimated so far if an exception ends the block."""
+    try:
+        yield
+    except Exception:
+        if len(estimation.scan_frames):
+            with suppress(Exception):  # the first error is the one to report
+                filtered = estimation.filtered()
+                _write(job, directory, estimation, filtered, filtered)
+        raise
 
 
 def _feed(job: Job, estimation: Estimation, watcher: RunProgress, view: View) -> bool:

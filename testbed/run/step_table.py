@@ -116,8 +116,8 @@ class StepTable:
             name: pa.array(values, type=kinds.get(name, pa.float64()), from_pandas=True)  # from_pandas: NaN is null
             for name, values in self.columns().items()
         }
-        with atomic_write(path) as aside:
-            pq.write_table(pa.table(columns), aside)
+        with atomic_write(path) as aside, aside.open("wb") as file:
+            pq.write_table(pa.table(columns), file)
 
 
 def spread_of(poses: Pose, weights: NDArray[np.float64]) -> float:

@@ -17,6 +17,8 @@ CONTROL_STEPS = 12
 """Steps of motion between two commands and two odometry readings (20 Hz)."""
 CONTROL_PERIOD = CONTROL_STEPS / STEP_RATE
 """Time between two commands and two odometry readings [s]."""
+MAX_DURATION = 10_000_000.0
+"""Longest simulated time [s], 116 days."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +47,8 @@ class SimulationConfig:
     """Seeds of all random numbers."""
 
     def __post_init__(self) -> None:
-        if not self.duration > 0.0:
-            raise ValueError(f"duration must be positive, got {self.duration} s")
+        if not 0.0 < self.duration <= MAX_DURATION:
+            raise ValueError(f"duration must be above 0 and at most {MAX_DURATION:,.0f} s, got {self.duration:g} s")
         if len(self.further_lidars) > len(self.robot.further_lidar_mounts):
             wanted = 1 + len(self.further_lidars)
             able = [name for name in robots() if len(load_robot(name).lidar_mounts) >= wanted]

@@ -180,7 +180,8 @@ def _arrow(rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> pa.Ta
 def _write(path: Path, table: pa.Table) -> None:
     import pyarrow.parquet as pq
 
-    pq.write_table(table, path)
+    with path.open("wb") as file:  # by a path, the library refuses names that are no UTF-8
+        pq.write_table(table, file)
 
 
 def _array(values: Sequence[Any], *, is_text: bool) -> Any:

@@ -18,6 +18,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.views.map_cells import MapCells
+from worlds.file_names import readable
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 """Schemes of the addresses of Rerun's viewers and servers."""
@@ -41,6 +42,10 @@ class Scene:
     """Radius of the robot's footprint [m]."""
     motion: MotionConfig | None = None
     """The filter's motion model, to show what it predicts; None = unknown."""
+
+    def __post_init__(self) -> None:
+        for name in ("title", "settings"):  # they may hold a path
+            object.__setattr__(self, name, readable(getattr(self, name)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.scan import Scan
+from slam.scan import MAX_MOUNT, Scan
 from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
 from testbed.formats.stamps import NANOSECONDS_NOTE, StampUnit
@@ -248,6 +248,8 @@ def _robotlaser(kind: str, text: str) -> _Message:
     _expect(f"{kind} with {ranges.size} beams", rest, 14, after="after its remissions")
     laser, robot = _pose("laser", rest[0:3]), _pose("robot", rest[3:6])
     x, y, theta = se2.between(robot, laser)
+    if not max(abs(x), abs(y)) <= MAX_MOUNT:
+        raise ValueError(f"{kind}: laser {x:g}, {y:g} m from the robot, expected within {MAX_MOUNT:g} m")
     return _Message(
         kind,
         _stamp(rest[11]),
@@ -340,6 +342,8 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
         )
     no_returns, range_notes = _resolve_no_returns(content, range_max)
     offsets, offset_note = _resolve_offsets(content, laser_offset)
+    if far := [offset for offset in offsets.values() if not abs(offset) <= MAX_MOUNT]:
+        raise LogError(f"{path}: laser {far[0]:g} m along x from the robot, expected within {MAX_MOUNT:g} m")
     skipped = [f"{count} {kind[:20]}" for kind, count in content.counts.most_common() if kind not in MESSAGES]
     skipped_note = (
         f"messages left out: {', '.join(skipped[:8])}{' and others' if skipped[8:] else ''}" if skipped else ""

@@ -16,6 +16,7 @@ from typing import Self
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
 PIECE = 1 << 16
 """Bytes that are copied at a time: as much as a pipe holds."""
@@ -26,6 +27,8 @@ class RecordingFile:
 
     def __init__(self, path: Path, rec: rr.RecordingStream, blueprint: rrb.Blueprint) -> None:
         """Make or replace the file, and write the blueprint and all that was logged so far."""
+        # Rerun (0.41) keeps a stream that nobody refers to any more, with two threads and 2 MB, until this is called.
+        flush_and_cleanup_orphaned_recordings()
         self._path, self._rec = path, rec
         self._error: OSError | None = None
         self._file = path.open("wb", buffering=0)

@@ -179,3 +179,52 @@ def compare(evo_metric, statistics: Statistics) -> None:
         ("std", statistics.std),
     ):
         assert value == pytest.approx(theirs[key], abs=1e-9), key
+
+
+def test_statistics_are_those_of_their_definition():
+    found = Statistics.of(np.arange(101.0))
+    assert (found.mean, found.median, found.p95, found.max, found.count) == (50.0, 50.0, 95.0, 100.0, 101)
+    assert found.rmse == pytest.approx(np.sqrt(3350.0))
+    assert found.std == pytest.approx(np.sqrt(850.0))
+    for wrong in ([], [[1.0, 2.0]]):
+        with pytest.raises(ValueError, match=r"statistics take errors \(n,\) with n >= 1"):
+            Statistics.of(wrong)
+
+
+def test_a_heading_that_drifts_is_measured_per_metre():
+    """2 degrees of error per metre; pieces of several lengths weigh as many as they are."""
+    truth = straight(101)  # 10 m
+    turning = Trajectory(truth.stamps, truth.poses + np.outer(np.radians(2.0) * 0.1 * np.arange(101), (0.0, 0.0, 1.0)))
+    found = drift(associate(turning, truth), [1.0, 4.0])
+    assert found.rotation_deg_per_m == pytest.approx(2.0, rel=0.03)
+    assert found.lengths == (1.0, 4.0)
+
+
+@pytest.mark.parametrize("delta", [0.0, -1.0])
+def test_a_piece_has_a_length(delta):
+    matched = associate(straight(101), straight(101))
+    with pytest.raises(ValueError, match="must be positive"):
+        relative_error(matched, delta, "m")
+    assert relative_error(matched, 0.3, "s") is not None
+
+
+def test_pieces_by_rows_and_by_time_whatever_the_order():
+    path = straight(6)
+    matched = associate(path, path)
+    first, last = relative_error(matched, 2, "poses").pairs
+    assert (first.tolist(), last.tolist()) == ([0, 1, 2, 3], [2, 3, 4, 5])
+    assert relative_error(matched, 6, "poses") is None
+    order = np.array([3, 0, 5, 1, 4, 2])
+    shuffled = Trajectory(path.stamps[order], path.poses[order])
+    first, last = relative_error(associate(shuffled, shuffled), 0.2, "s").pairs
+    np.testing.assert_allclose(shuffled.stamps[last] - shuffled.stamps[first], 0.2)
+    assert len(first) == 4
+
+
+def test_stretches_of_a_round_length_are_not_one_step_too_long():
+    path = straight(1001)  # sums of steps of 0.1 m are not round
+    first, last = stretches(associate(path, path), 1.0)
+    np.testing.assert_array_equal(last - first, 10)
+    long = straight(5, step=1000.0)
+    first, last = stretches(associate(long, long), 1000.0)
+    np.testing.assert_array_equal(last - first, 1)

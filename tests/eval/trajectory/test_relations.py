@@ -101,3 +101,69 @@ def test_other_systems_score_as_by_the_independent_script(name, relations, trans
     assert f"{t.mean:.4f} ± {t.std:.4f} (max {t.max:.2f})" == translation
     assert f"{r.mean:.3f} ± {r.std:.3f}" == rotation
     assert t.count == pairs
+
+
+def line_of(stamps) -> Trajectory:
+    """One metre a second along x."""
+    return Trajectory(np.array(stamps), np.column_stack([stamps, np.zeros(len(stamps)), np.zeros(len(stamps))]))
+
+
+def test_statistics_of_pairs_are_those_of_their_definition():
+    """Three pairs with known errors: 20 s apart is still short, more than half a metre has failed."""
+    path = line_of([100.0, 101.0, 120.0, 121.5])
+    away = np.array([[1.75, 0.0, 0.0], [20.5, 0.0, 0.0], [22.5, 0.0, np.radians(10.0)]])
+    score = relation_error(path, Relations(np.full(3, 100.0), np.array([101.0, 120.0, 121.5]), away))
+    np.testing.assert_allclose(score.translation_errors, [0.75, 0.5, 1.0])
+    np.testing.assert_allclose(score.rotation_errors, [0.0, 0.0, 10.0])
+    assert (score.short.translation.count, score.loops.translation.count) == (2, 1)
+    assert score.all.failure_share == pytest.approx(2 / 3)
+    assert score.all.translation_squared.mean == pytest.approx((0.5625 + 0.25 + 1.0) / 3)
+    assert score.all.rotation_squared.mean == pytest.approx(100.0 / 3)
+    assert (score.covered, score.unmatched, score.notes) == (1.0, 0, ())
+
+
+@pytest.mark.parametrize(("off", "count"), [(0.25, 1), (0.375, 0), (-0.25, 1), (-0.375, 0)])
+def test_the_nearest_stamp_within_the_tolerance_counts(off, count):
+    path = line_of([0.0, 1.0, 2.0])
+    at = np.array([0.0, 0.0]), np.array([2.0, 1.0 + off])
+    score = relation_error(path, Relations(*at, np.array([[2.0, 0.0, 0.0], [1.0, 0.0, 0.0]])), tolerance=0.25)
+    assert score.matched.tolist() == [0, 1][: 1 + count]
+    assert score.unmatched == 1 - count
+    np.testing.assert_allclose(score.translation_errors, 0.0)
+    near_second = relation_error(
+        path, Relations(np.array([0.9]), np.array([1.6]), np.array([[1.0, 0.0, 0.0]])), tolerance=0.5
+    )
+    np.testing.assert_allclose(near_second.translation_errors, 0.0)
+
+
+@pytest.mark.parametrize(("first", "second", "covered"), [(-0.25, 2.25, True), (-0.5, 2.0, False), (0.0, 2.5, False)])
+def test_relations_within_the_span_are_covered(first, second, covered):
+    path = line_of([0.0, 1.0, 2.0])
+    at = np.array([0.0, first]), np.array([1.0, second])
+    score = relation_error(path, Relations(*at, np.ones((2, 3))), tolerance=0.25)
+    assert score.covered == (1.0 if covered else 0.5)
+
+
+def test_repeated_stamps_say_how_far_their_poses_are_apart():
+    path = Trajectory(np.array([0.0, 1.0, 1.0, 2.0]), np.array([[0.0, 0, 0], [1.0, 0, 0], [4.0, 4.0, 0], [2.0, 0, 0]]))
+    score = relation_error(path, Relations(np.zeros(1), np.ones(1), np.array([[1.0, 0.0, 0.0]])))
+    assert score.notes == ("1 repeated stamps: the first pose of each counts, the others are up to 5.000 m off",)
+    assert score.translation_errors.tolist() == [0.0]
+
+
+def test_messages_of_relations_name_the_numbers(tmp_path):
+    path = tmp_path / "pairs.relations"
+    for line, expected in (
+        ("0 1 0 0 0 0 0 6.3", r":1: .*got 6\.3 \(degrees\?\)"),
+        ("0 1 0 0 0 0.002 0.0 0", r":1: .*got 0\.002, 0\.0"),
+        ("0 1 0 0 0 0 -0.002 0", r":1: .*got 0\.0, -0\.002"),
+        ("0 1 0 0 0 0 0 " + "z" * 100, rf"got '0 1 0 0 0 0 0 {'z' * 66}'"),
+    ):
+        path.write_text(line)
+        with pytest.raises(RelationsError, match=expected):
+            read_relations(path)
+    path.write_text("0 1 0 0 0 0.001 -0.001 6.28\n")
+    assert read_relations(path).poses[0, 2] == 6.28
+    apart = Relations(np.array([10.0]), np.array([12.5]), np.zeros((1, 3)))
+    with pytest.raises(RelationsError, match=r"\(10\.000000 to 12\.500000 s\).*\(0\.000000 to 2\.000000 s\) within"):
+        relation_error(line_of([0.0, 1.0, 2.0]), apart)

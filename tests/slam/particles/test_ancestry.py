@@ -78,3 +78,34 @@ def test_a_single_particle_never_coalesces():
 def test_a_tree_without_generations_has_empty_paths(particles):
     tree = Ancestry(particles)
     assert tree.path(particles - 1).shape == (0, 3)
+
+
+@given(st.integers(1, 6), st.integers(1, 40), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
+@settings(deadline=None)
+def test_the_state_is_a_tree_of_the_poses_and_nothing_else(particles, generations, resample_share, seed):
+    """Roots have the parent -1, also after dead branches were dropped; each parent comes before its children."""
+    tree, histories, _ = grown(particles, generations, resample_share, seed)
+    state = tree.state()
+    parents, poses = state["tree_parents"], state["tree_poses"]
+    assert len(parents) == len(poses) >= generations
+    for leaf, history in zip(state["tree_leaves"].tolist(), histories, strict=True):
+        node, walked = leaf, []
+        while node != -1:
+            assert parents[node] < node
+            walked.append(poses[node])
+            node = parents[node]
+        np.testing.assert_array_equal(walked[::-1], history)
+
+
+def test_a_tree_without_poses_has_no_nodes():
+    state = Ancestry(3).state()
+    assert (len(state["tree_parents"]), state["tree_leaves"].tolist()) == (0, [-1, -1, -1])
+
+
+def test_room_is_made_when_it_is_needed_and_for_as_much_again():
+    tree = Ancestry(2)
+    for _ in range(4):
+        tree.add(np.zeros((2, 3)))
+    assert len(tree._parents) == len(tree._poses) == 8
+    tree.add(np.zeros((2, 3)))
+    assert len(tree._parents) == len(tree._poses) == 2 * 8 + 4 * 2

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slam.particles.resampling import SCHEMES, stratified, systematic
+from slam.config import ResampleConfig
+from slam.particles.resampling import SCHEMES, resampling_is_due, stratified, systematic
 from tests.slam.strategies import weights
 
 ALMOST_ONE = float(np.nextafter(1.0, 0.0))
@@ -91,3 +92,17 @@ def test_any_number_of_offspring_has_the_shares_of_the_weights(scheme, count):
         assert len(ancestors) == count
         total += np.bincount(ancestors, minlength=4)
     np.testing.assert_allclose(total / (2000 * count), w, atol=0.035)
+
+
+@pytest.mark.parametrize(
+    ("when", "ess", "due"),
+    [
+        ("always", 10.0, True),
+        ("never", 0.1, False),
+        ("ess", 4.9, True),
+        ("ess", 5.0, False),  # at the threshold they are kept
+        ("ess", 9.0, False),
+    ],
+)
+def test_resampling_is_due_below_the_threshold(when, ess, due):
+    assert resampling_is_due(ResampleConfig(when=when, threshold=0.5), ess, 10) is due

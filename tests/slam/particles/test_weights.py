@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slam.particles.weights import Weights
+from slam.particles.weights import Weights, pose_covariance
 
 GAINS = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30)
 
@@ -77,3 +77,22 @@ def test_where_nobody_has_a_gain_all_stays_as_it_was(gain):
 def test_effective_sample_size_of_k_equal_weights_is_k():
     gains = np.where(np.arange(10) < 4, 0.0, -np.inf)
     assert Weights.uniform(10).times(gains)[0].ess == pytest.approx(4.0)
+
+
+def test_values_cannot_be_changed():
+    with pytest.raises(ValueError, match="read-only"):
+        Weights.uniform(3).values[0] = 1.0
+
+
+@given(st.integers(1, 8), st.integers(0, 2**32 - 1), st.floats(-7.0, 7.0))
+@settings(deadline=None)
+def test_the_covariance_of_a_mixture_is_within_plus_between(count, seed, heading):
+    """Headings on both sides of half a turn are near each other."""
+    rng = np.random.default_rng(seed)
+    poses = rng.normal(size=(count, 3)) * (2.0, 1.0, 0.4) + (5.0, -3.0, heading)
+    factors = rng.normal(size=(count, 3, 3))
+    spread = factors @ factors.transpose(0, 2, 1)
+    weights = rng.dirichlet(np.ones(count))
+    expected = np.einsum("i,iab->ab", weights, spread) + np.cov(poses.T, aweights=weights, ddof=0).reshape(3, 3)
+    turned = poses + np.outer(rng.integers(-1, 2, count), (0.0, 0.0, 2.0 * np.pi))
+    np.testing.assert_allclose(pose_covariance(turned, weights, spread), expected, atol=1e-9)

@@ -184,6 +184,36 @@ def mapped(tmp_path_factory) -> Path:
     return folder
 
 
+KILLED_WHILE_THE_REPORT_IS_WRITTEN = """
+import os, pathlib, sys
+write = pathlib.Path.write_text
+def write_half(self, text, **settings):
+    if "report.html" in self.name:
+        write(self, text[:1000], **settings)
+        os.kill(os.getpid(), 9)
+    return write(self, text, **settings)
+pathlib.Path.write_text = write_half
+from testbed.cli import main
+main(["slam", "room.log", "--particles", "3", "--out", "run"])
+"""
+
+
+def test_a_run_killed_during_its_report_gets_it_later(here, capsys):
+    room_log(here / "room.log")
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED_WHILE_THE_REPORT_IS_WRITTEN], capture_output=True, check=False
+    )
+    assert killed.returncode == -signal.SIGKILL
+    assert not Path("run/report.html").exists()
+    assert len(list(Path("run").glob(".report.html.*"))) == 1
+    assert call("report", "run") == 0
+    assert "run had no report" in capsys.readouterr().err
+    assert "</html>" in Path("run/report.html").read_text()
+    assert not list(Path("run").glob(".report.html.*"))
+    assert call("report", "run") == 0
+    assert "had no report" not in capsys.readouterr().err
+
+
 def metrics_of(run: Path) -> dict:
     return json.loads((run / "metrics.json").read_text())
 
@@ -343,3 +373,16 @@ def test_presets_are_listed_shown_and_driven_round_the_square(capsys):
     good, typical, poor = map(float, capsys.readouterr().out.split()[-3:])
     assert good < typical < poor
     assert call("presets", "umbmark", "burger", "--runs", "0") == 2
+
+
+@pytest.mark.parametrize("name", [b"dr\xc3\xbcben", b"x\xffy"], ids=["umlaut", "no UTF-8"])
+def test_any_file_name_works_under_an_ascii_locale(tmp_path, name):
+    folder = tmp_path / os.fsdecode(name)
+    folder.mkdir()
+    room_log(folder / "room.log")
+    ascii_locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = ["slam", folder / "room.log", "--particles", "2", "--out", folder / "run"]
+    done = subprocess.run([*TESTBED, *words], capture_output=True, env=os.environ | ascii_locale, check=False)
+    assert done.returncode == 0, done.stderr
+    assert tomllib.loads((folder / "run" / "config.toml").read_text(encoding="utf-8"))
+    assert json.loads((folder / "run" / "metrics.json").read_text(encoding="utf-8"))["outcome"] == "ok"

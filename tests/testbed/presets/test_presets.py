@@ -2,6 +2,7 @@
 """Presets: every number has a source, and wrong files get one clear line."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -120,8 +121,12 @@ def test_bad_files_are_explained_in_one_line(tmp_path, old, new, message):
 
 
 @pytest.mark.parametrize("preset", [*map(load_lidar, lidars()), *map(load_robot, robots())], ids=lambda p: p.name)
-def test_an_assumed_number_has_a_reason_or_says_what_it_changes(preset):
-    assert [key for key, source in preset.sources.items() if source.strip() == "assumed"] == []
+def test_an_estimate_has_a_reason_and_says_what_it_changes(preset):
+    """estimated: REASON; WHAT A WRONG VALUE WOULD CHANGE."""
+    estimated = {key: source for key, source in preset.sources.items() if "estimated" in source or "assumed" in source}
+    assert [
+        key for key, source in estimated.items() if not re.match(r"estimated(:| from) .{10,}; .{20,}", source)
+    ] == []
 
 
 def test_unknown_names_get_the_nearest_ones(tmp_path):

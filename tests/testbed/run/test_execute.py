@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from slam.config import FilterConfig, ProposalConfig
 from testbed.cli.shared.console import progress_line
 from testbed.frame import Frame
+from testbed.run.estimation import Estimation
 from testbed.run.execute import execute_job
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.run_directory import RunDirectory
@@ -81,3 +84,19 @@ def test_the_motion_model_as_proposal_shows_no_samples(tmp_path: Path) -> None:
     shown = watched(tmp_path, config, seconds=1.0)
     assert any(s.step is not None and s.step.proposed is not None for s in shown)
     assert all(s.proposal is None for s in shown)
+
+
+def test_an_error_after_the_mapping_keeps_what_was_estimated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise OverflowError("cannot convert float infinity to integer")
+
+    monkeypatch.setattr(Estimation, "refined", fail)
+    frames = [Frame(stamp=s.stamp, odometry=s.odometry, scan=s.scan, truth=s.truth) for s in snapshots(1.0)]
+    seeds, config = RunSeeds.from_seed(0), FilterConfig(particles=2)
+    job = Job(source=RecordedFrames(frames), document={}, seeds=seeds, filter=config, refine=True)
+    with progress_line() as watcher, pytest.raises(OverflowError):
+        execute_job(job, RunDirectory.create(tmp_path / "run"), watcher)
+    metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert (metrics["outcome"], metrics["reason"]) == ("failed", "cannot convert float infinity to integer")
+    for name in ("estimate.tum", "odometry.tum", "map.pgm", "steps.parquet"):
+        assert (tmp_path / "run" / name).is_file(), name

@@ -18,7 +18,7 @@ import numpy as np
 
 from slam.occupancy import OccupancyGrid
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
-from testbed.formats.log import Log, LogError
+from testbed.formats.log import Log, LogError, shortened
 from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.reading.clouds import peek_clouds, read_clouds
 from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage
@@ -81,7 +81,7 @@ def _complaints(path: Path, content: BagContent) -> Iterator[None]:
     except LogError:
         raise
     except Exception as error:  # struct, SQLite, YAML, codecs, message definitions: all mean a damaged bag
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = shortened(" ".join(str(error).split())) or type(error).__name__
         raise LogError(f"{path}: damaged or unreadable bag, after {content.messages} messages: {reason}") from None
 
 
