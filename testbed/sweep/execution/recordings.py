@@ -80,7 +80,8 @@ def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds, perturb: s
     source = RecordedFrames(frames, drive.ended)
     lidars = lidar_views(frames)
     if not lidars:
-        raise SweepError(f"{loaded.name}: the drive ends before the first scan, expected a longer duration")
+        why = f"{perturb} leaves no scan" if perturb else "the drive ends before the first scan"
+        raise SweepError(f"{loaded.name}: {why}, expected a longer duration")
     path = _true_path(frames)
     return Recording(
         source=source,
