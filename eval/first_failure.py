@@ -15,7 +15,7 @@ from eval.trajectory.association import Association, AssociationError, associate
 from eval.trajectory.errors import pair_errors, stretches
 from eval.trajectory.relations import Relations, relation_error
 from eval.trajectory.trajectory import Trajectory
-from eval.wording import length
+from eval.wording import length, up_to_a_tenth
 from slam.se2 import Pose, between, compose
 
 Rows = NDArray[np.intp]
@@ -34,7 +34,9 @@ HEAL_PATH = 3.0
 MIN_HEAL_PATH = 1.0
 """Less path is enough if the next excursion begins after it, but no less than this [m]."""
 SHOWN_S = 3.0
-"""The scan that shows a failure was taken within this time after its moment [s], at which the error is still small."""
+"""The scan that shows a failure was taken within this time after its moment [s], at which the error is still small …"""
+CLEAR_SEVERITY = 2.0
+"""… unless it is already this large at the moment, in units of what makes a metre bad."""
 BAD_MATCHED_SHARE = 0.5
 """Without truth: a scan is bad if less than this part of the run's usual share of beams met the map's walls …"""
 BAD_FAILURE_SHARE = 0.5
@@ -86,11 +88,11 @@ class Failure:
     def time_to_watch(self, stamps: NDArray[np.float64]) -> float | None:
         """Time since the first scan at which a viewer shows the failure [s]; None where its scan is not among them.
 
-        stamps (n,) of all scans [s]. Rounded up to a tenth, as it is printed: rounded down it may show the scan before.
+        stamps (n,) of all scans [s].
         """
         if self.shown_scan >= len(stamps):
             return None
-        return float(np.ceil(10.0 * (stamps[self.shown_scan] - stamps[0]) - 1e-6) / 10.0)
+        return up_to_a_tenth(float(stamps[self.shown_scan] - stamps[0]))
 
 
 def find_failure(
@@ -103,19 +105,25 @@ def find_failure(
 ) -> Failure | None:
     """Find the first failure by the truth, else by relations (scored on `dense`), else by how the scans fitted the map.
 
-    estimate: a pose per scan. Relations are used only if they show a failure: the worst of good ones does not mark
-    a place. Returns None if there is nothing to judge by.
+    estimate: a pose per scan. By the truth it is judged at the updates of the filter, where `steps` names them: the
+    poses between two updates are interpolated, and nobody has estimated them. Relations are used only if they show a
+    failure: the worst of good ones does not mark a place. Returns None if there is nothing to judge by.
     """
     if truth is not None:
-        return first_bad_stretch(estimate, truth)
+        estimated = None if steps is None else updates(steps)
+        return first_bad_stretch(estimate, truth, estimated)
     found = None if relations is None else first_bad_relation(estimate, dense or estimate, relations)
     if found is None and steps is not None:
         found = first_bad_match(estimate, steps)
     return found
 
 
-def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None:
+def first_bad_stretch(
+    estimate: Trajectory, truth: Trajectory, estimated: NDArray[np.bool_] | None = None
+) -> Failure | None:
     """Find the first moment from which the estimate does not come back to the truth.
+
+    estimated (n,): which poses are the filter's own, and not interpolated between two of them; None = all.
 
     A metre of path is bad if the estimate's motion over it is wrong by more than `BAD_M` or `BAD_DEG`. Bad metres that
     touch are one excursion; after it the estimate has come back if it fits the truth again as it did before it, or as
@@ -123,9 +131,10 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
     worst metre, which is not bad. None for paths shorter than a metre, or without a common time.
     """
     try:
-        matched = associate(estimate, truth)
+        everything = associate(estimate, truth)
     except AssociationError:
         return None
+    matched = _at_updates(everything, estimated)
     first, last = stretches(matched, 1.0)
     if len(first) == 0:
         return None
@@ -160,14 +169,26 @@ def first_bad_stretch(estimate: Trajectory, truth: Trajectory) -> Failure | None
         back, stamps = returned, matched.estimate.stamps
         excursions.append((begin, moment, back))
         blips.append(Blip(float(stamps[moment]), float(stamps[back]), *worst))
-    loop = _open_loop(matched)
+    loop = _open_loop(everything)
     if loop is not None:
-        return _failure_of_loop(matched, *loop, excursions, blips)
+        visits = np.searchsorted(matched.rows, everything.rows[list(loop)])
+        before, now = np.minimum(visits, len(matched.rows) - 1).tolist()
+        return _failure_of_loop(matched, before, now, excursions, blips)
     worst_piece = int(np.argmax(severity))
     begin, moment = int(first[worst_piece]), int(last[worst_piece])
     amount = _amount(translation[worst_piece], rotation[worst_piece])
     reason = f"no lasting error; over the worst metre of path the estimate is wrong by {amount}"
     return _failure(matched, begin, moment, reason, bad=False, blips=blips)
+
+
+def _at_updates(matched: Association, estimated: NDArray[np.bool_] | None) -> Association:
+    """The pairs whose pose was estimated, see `first_bad_stretch`; all pairs where that is known of fewer than two."""
+    if estimated is None or len(estimated) != matched.total:
+        return matched
+    kept = np.flatnonzero(estimated[matched.rows])
+    if len(kept) < 2:
+        return matched
+    return replace(matched, estimate=matched.estimate[kept], reference=matched.reference[kept], rows=matched.rows[kept])
 
 
 def _excursions(first: Rows, last: Rows, bad: NDArray[np.bool_]) -> list[Rows]:
@@ -309,20 +330,28 @@ def _failure_of_loop(
 
 
 def _shown(matched: Association, begin: int, moment: int) -> int:
-    """The row up to `SHOWN_S` after a moment at which the motion since the row `begin` is most wrong."""
+    """The row that shows a moment best: the moment itself where the motion since the row `begin` is then clearly wrong,
+    else the row up to `SHOWN_S` after it at which it is most wrong."""
     stamps = matched.estimate.stamps
     rows = moment + np.flatnonzero(np.abs(stamps[moment:] - stamps[moment]) <= SHOWN_S)
     pairs = np.full(len(rows), begin), rows
     translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, pairs)
-    return int(rows[np.argmax(np.maximum(translation / BAD_M, rotation / BAD_DEG))])
+    severity = np.maximum(translation / BAD_M, rotation / BAD_DEG)
+    return moment if severity[0] >= CLEAR_SEVERITY else int(rows[np.argmax(severity)])
 
 
 def _soon_after(matched: Association, begin: int, moment: int) -> str:
-    """How wrong the estimate is soon after a moment, aligned to the truth at the row `begin`."""
-    shown, stamps = _shown(matched, begin, moment), matched.estimate.stamps
-    rows = np.array([begin]), np.array([shown])
-    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
-    return f"{stamps[shown] - stamps[moment]:.1f} s later it is off by {_amount(translation[0], rotation[0])}"
+    """How the estimate is wrong at a moment or soon after it: by a jump, or since the row `begin`."""
+    estimated, true, stamps = matched.estimate.poses, matched.reference.poses, matched.estimate.stamps
+    step = np.array([max(moment - 1, 0)]), np.array([moment])
+    translation, rotation = pair_errors(estimated, true, step)
+    if translation[0] > BAD_M or rotation[0] > BAD_DEG:
+        jump, driven = (between(poses[step[0][0]], poses[moment]) for poses in (estimated, true))
+        return f"with this one update it moves by {_motion(jump)}, the robot by {_motion(driven)}"
+    shown = _shown(matched, begin, moment)
+    translation, rotation = pair_errors(estimated, true, (np.array([begin]), np.array([shown])))
+    when = "here" if shown == moment else f"{stamps[shown] - stamps[moment]:.1f} s later"
+    return f"{when} it is off by {_amount(translation[0], rotation[0])}"
 
 
 def _failure(matched: Association, begin: int, moment: int, reason: str, *, bad: bool, blips: list[Blip]) -> Failure:
@@ -400,6 +429,10 @@ def first_bad_match(estimate: Trajectory, steps: Columns) -> Failure | None:
 def _nearest(trajectory: Trajectory, stamp: float) -> int:
     """Row of the first of the nearest stamps."""
     return int(np.argmin(np.abs(trajectory.stamps - stamp)))
+
+
+def _motion(motion: Pose) -> str:
+    return _amount(float(np.hypot(motion[0], motion[1])), abs(float(np.degrees(motion[2]))))
 
 
 def _amount(metres: float | NDArray[np.float64], degrees: float | NDArray[np.float64]) -> str:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 def length(metres: float) -> str:
     """Format a length: 3.2 cm, 45 cm, 1.23 m."""
@@ -11,6 +13,16 @@ def length(metres: float) -> str:
     if abs(metres) < 0.995:
         return f"{100.0 * metres:.0f}\N{NO-BREAK SPACE}cm"
     return f"{metres:.2f}\N{NO-BREAK SPACE}m"
+
+
+def up_to_a_tenth(seconds: float) -> float:
+    """Round a time up to a tenth of a second, as it is printed: a viewer that goes to the time shows what was at it."""
+    return math.ceil(10.0 * seconds - 1e-6) / 10.0
+
+
+def at_time(seconds: float) -> str:
+    """Format the time of an event since the start of a run, as in the recording's event log: 282.6 s."""
+    return f"{up_to_a_tenth(seconds):.1f} s"
 
 
 def share(value: float) -> str:

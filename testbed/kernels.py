@@ -12,7 +12,10 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,17 +44,39 @@ def is_compiled() -> bool:
     return all(mark is None or mark.exists() for mark in marks)
 
 
-def compile_kernels() -> float:
+def compile_kernels(news: Callable[[int, int], None] | None = None) -> float:
     """Compile all kernels, unless they are on disk already; returns the time it took [s].
+
+    news: called about once a second with the number of kernels that were compiled, and of all
 
     Raises OSError, with the last line of what that process said, where it fails, such as on a full disk.
     """
-    start = time.perf_counter()
-    done = subprocess.run([sys.executable, "-m", "testbed.kernels"], stderr=subprocess.PIPE, text=True, check=False)
-    if done.returncode != 0:
-        reason = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        raise OSError(f"the kernels could not be compiled: {reason}")
+    start, since = time.perf_counter(), time.time()
+    with tempfile.TemporaryFile("w+") as said:
+        process = subprocess.Popen([sys.executable, "-m", "testbed.kernels"], stderr=said)
+        try:
+            while process.poll() is None:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(1.0)
+                if news is not None:
+                    news(*_compiled_since(since))
+        finally:
+            process.kill()
+            process.wait()
+        said.seek(0)
+        lines = said.read().strip().splitlines()
+    if process.returncode != 0:
+        raise OSError(f"the kernels could not be compiled: {(lines or [f'exit status {process.returncode}'])[-1]}")
     return time.perf_counter() - start
+
+
+def _compiled_since(since: float) -> tuple[int, int]:
+    """How many kernels were written to the disk after a time [s since 1970], and how many there are."""
+    sources = [source.read_text(encoding="utf-8") for package in PACKAGES for source in kernel_files(package)]
+    total = sum(f"\n{text}".count("\n@kernel\n") for text in sources)
+    folders = filter(None, map(cache_folder, PACKAGES))
+    fresh = sum(file.stat().st_mtime >= since for folder in folders for file in folder.rglob("*.nbi"))
+    return min(fresh, total), total
 
 
 def exercise_kernels() -> None:

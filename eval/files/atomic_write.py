@@ -106,8 +106,8 @@ def _is_running(process: int) -> bool:
 def _name_target(error: BaseException, temporary: Path, path: Path) -> None:
     """Let the message of an error name the file that was asked for, not the temporary one."""
     if isinstance(error, OSError) and error.errno is not None:
-        if error.filename is None or str(error.filename) == str(temporary):
-            error.filename = str(path)
+        named = str(path) if error.filename is None else str(error.filename)
+        error.filename = named.replace(str(temporary), str(path))
     else:
         error.args = tuple(
             argument.replace(str(temporary), str(path)) if isinstance(argument, str) else argument

@@ -42,8 +42,6 @@ def write_map(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
     shade = np.rint(exact)
     pixels[grid.known] = np.where(shade == UNKNOWN_PIXEL, nearer, shade)
     image = path.with_suffix(".pgm")
-    with atomic_write(image) as temporary:
-        Image.fromarray(np.flipud(pixels)).save(temporary, format="PPM")
     document = {
         "image": image.name,
         "mode": "trinary",
@@ -54,8 +52,9 @@ def write_map(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
         "free_thresh": OccupancyGrid.FREE,
         "unknown_pixel": UNKNOWN_PIXEL,
     }
-    with atomic_write(path) as temporary:
-        temporary.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    with atomic_write(image) as picture, atomic_write(path) as text:  # both, or neither
+        Image.fromarray(np.flipud(pixels)).save(picture, format="PPM")
+        text.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None), encoding="utf-8")
 
 
 def read_map(path: str | os.PathLike[str], *, max_pixels: int = MAX_PIXELS, inside: bool = False) -> OccupancyGrid:

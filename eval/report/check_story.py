@@ -11,10 +11,11 @@ import numpy as np
 from eval.filter.step_table import Columns, column, updates
 from eval.loss_watch import Spell, spells
 from eval.report.report_context import ReportContext
+from eval.wording import at_time
 from slam.se2 import transform_points
 
-LOST = 2.0
-"""The verdict `lost` in the column `self_check`."""
+DOUBTFUL, LOST = 1.0, 2.0
+"""The verdicts `doubtful` and `lost` in the column `self_check`."""
 MAX_SPELLS = 6
 """More times are counted only."""
 
@@ -46,11 +47,16 @@ def self_check_story(context: ReportContext) -> str:
     first = None if check.get("time_s") is None else context.start + check["time_s"]
     sure = [spell for spell in found if first is not None and spell.start >= first - 1e-6]
     if sure and check["verdict"] == "lost":
-        story += f"; while driving the check was certain from {sure[0].start - context.start:.1f} s on"
+        story += f"; while driving the check was certain from {at_time(sure[0].start - context.start)} on"
         found = [spell for spell in found if spell.start < sure[0].start]
     story += f"{': ' if first is None else '. It saw this: '}{check['reason']}."
-    if found:
-        story += f" While driving it had also said lost {times_in_words(found, context.start)}."
+    before = [(found[0].start, f"said lost {times_in_words(found, context.start)}")] if found else []
+    doubtful = None if run.steps is None else _first_doubt(run.steps)
+    if doubtful is not None and (first is None or doubtful < first):
+        before.append((doubtful, f"was doubtful from {at_time(doubtful - context.start)} on"))
+    if before:
+        when = "While driving" if first is None else "Before that, while driving,"
+        story += f" {when} it {' and '.join(words for _, words in sorted(before))}."
     return story
 
 
@@ -68,10 +74,19 @@ def called_lost(steps: Columns) -> list[Spell]:
     ]
 
 
+def _first_doubt(steps: Columns) -> float | None:
+    """Stamp of the first update at which the check was `doubtful` [s]; None where it never was."""
+    if "self_check" not in steps:
+        return None
+    rows = updates(steps)
+    doubts = np.flatnonzero(column(steps, "self_check")[rows] == DOUBTFUL)
+    return float(column(steps, "stamp")[rows][doubts[0]]) if len(doubts) else None
+
+
 def times_in_words(found: Sequence[Spell], start: float) -> str:
     """Times since the start [s] in words."""
     times = [
-        f"from {spell.start - start:.1f} s " + ("on" if spell.end is None else f"to {spell.end - start:.1f} s")
+        f"from {at_time(spell.start - start)} " + ("on" if spell.end is None else f"to {at_time(spell.end - start)}")
         for spell in found[:MAX_SPELLS]
     ]
     more = f", and {len(found) - MAX_SPELLS} times more" if len(found) > MAX_SPELLS else ""
@@ -82,7 +97,8 @@ def _first_sign(check: Mapping[str, Any], where: str) -> str:
     """Time and place of the first sign; empty where there is none."""
     if check.get("time_s") is None:
         return ""
-    return f"; its first sign is at {check['time_s']:.1f} s" + (f", at {where}" if where else "")
+    sign = "the sign of the lasting loss" if check["verdict"] == "lost" else "its first sign"
+    return f"; {sign} is at {at_time(check['time_s'])}" + (f", at {where}" if where else "")
 
 
 def _shown_place(context: ReportContext, check: Mapping[str, Any]) -> Sequence[float]:
@@ -108,4 +124,4 @@ def _moments(context: ReportContext) -> list[float]:
 
 def _lead(seconds: float, moment: float) -> str:
     """How a first sign lies to a moment of failure [s]."""
-    return f"{abs(seconds):.1f} s {'before' if seconds >= 0.0 else 'after'} the truth shows a loss ({moment:.1f} s)"
+    return f"{abs(seconds):.1f} s {'before' if seconds >= 0.0 else 'after'} the truth shows a loss ({at_time(moment)})"

@@ -13,6 +13,7 @@ from eval.report import plots
 from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext, positions_in
+from eval.wording import at_time
 from slam.se2 import compose, inverse
 
 CROPS = (1.5, 2.5, 4.0, 6.0)
@@ -42,7 +43,8 @@ def map_plots(context: ReportContext) -> Iterator[Plot]:
         truth = draw_map(run.truth_grid, around, np.zeros(3))
         yield Plot("True map", truth.data_uri, "The map that a perfect mapper would make of this world.", True)
         difference = draw_difference(run.grid, run.truth_grid, around, T)
-        yield Plot("Difference", difference.data_uri, pixelated=True, key=DIFFERENCE_KEY)
+        caption = "After alignment of the path over all poses, as all measures of the map." if context.errors else ""
+        yield Plot("Difference", difference.data_uri, caption, pixelated=True, key=DIFFERENCE_KEY)
 
 
 def path_plots(context: ReportContext) -> Iterator[Plot]:
@@ -50,19 +52,20 @@ def path_plots(context: ReportContext) -> Iterator[Plot]:
     run = context.run
     if run.estimate is None:
         return
-    background, estimate = _background(context), positions_in(context.T_frame_estimate, run.estimate)
+    background, estimate = _background(context), positions_in(context.T_frame_start, run.estimate)
     curves: list[plots.Series] = []
     if run.odometry is not None:
         curves.append(("odometry", positions_in(context.T_frame_odometry, run.odometry), plots.ODOMETRY))
     if run.truth is not None:
         curves.append(("truth", run.truth.poses[:, :2], plots.TRUTH))
     curves.append(("estimate", estimate, plots.ESTIMATE))
-    how = "aligned to the truth over all poses" if context.errors else "odometry starts at the estimate's first pose"
+    how = "aligned at the first scan" if context.errors else "odometry starts at the estimate's first pose"
     source = plots.paths(curves, background=background)
     yield Plot("Trajectories", source, f"Seen from above over the estimated map; {how}.")
     if context.errors is not None:
-        source = plots.error_by_place(estimate[context.rows], context.errors.translation_errors, background=background)
-        yield Plot("Error by place", source, "Colour: distance of the estimated path from the true one at that time.")
+        source = plots.error_by_place(estimate[context.rows], context.errors_from_start()[0], background=background)
+        caption = "Colour: distance of the final path from the true one at that time, aligned at the first scan."
+        yield Plot("Error by place", source, caption)
 
 
 def loop_plots(context: ReportContext) -> Iterator[Plot]:
@@ -71,7 +74,7 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
     found = run.metric("loops.list")
     if not found or run.estimate is None:
         return
-    path, stamps = positions_in(context.T_frame_estimate, run.estimate), run.estimate.stamps
+    path, stamps = positions_in(context.T_frame_start, run.estimate), run.estimate.stamps
     times: dict[tuple[str, str], list[tuple[float, float]]] = {
         ("closed by the filter", plots.GOOD): [],
         ("left open by the filter", plots.ESTIMATE): [],
@@ -95,7 +98,7 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
 
 
 def _background(context: ReportContext) -> Picture | None:
-    run, T = context.run, context.T_frame_estimate
+    run, T = context.run, context.T_frame_start
     if run.grid is None or not run.grid.known.any():
         return None
     positions = [] if run.estimate is None else [positions_in(T, run.estimate)]
@@ -130,7 +133,7 @@ def failure_plot(context: ReportContext) -> Plot | None:
     window = _window(failure, points, background)
     source = plots.scan_over_map(seen, curves, background=background, window=window)
     time = run.estimate.stamps[failure.shown_scan] - context.start
-    return Plot(f"Around scan {failure.shown_scan}, {time:.1f} s", source, caption)
+    return Plot(f"Around scan {failure.shown_scan}, {at_time(time)}", source, caption)
 
 
 def _window(failure: Failure, points: NDArray[np.float64], background: Picture | None) -> Extent:

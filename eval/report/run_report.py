@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-import math
+import base64
 import os
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ import numpy as np
 
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
-from eval.filter.step_table import column
+from eval.filter.closing_loop import largest_closing_loop
+from eval.filter.step_table import column, updates
 from eval.loss_watch import Spell, spells
 from eval.report import plots
 from eval.report.check_story import times_in_words
@@ -22,23 +24,28 @@ from eval.report.page import Plot, flat, render
 from eval.report.report_context import ReportContext
 from eval.report.time_plots import error_plots, filter_plots, moment_plots
 from eval.report.verdict import verdict
-from eval.wording import length
+from eval.wording import at_time, length, up_to_a_tenth
+
+DrawMoment = Callable[[float], bytes]
+"""Draws a moment of a run, in seconds since its first scan, as a PNG."""
 
 
-def write_report(run_directory: str | os.PathLike[str]) -> Path:
+def write_report(run_directory: str | os.PathLike[str], draw_moment: DrawMoment | None = None) -> Path:
     """Write `report.html` into a run directory, from its other files, and return its path.
+
+    draw_moment: draws the moments that the report names; None = they are named only
 
     Raises RunFilesError for a directory that holds no run, ValueError for damaged files in it.
     """
     run = read_run(run_directory)
-    page = render("report.html.j2", **_template_values(run))
+    page = render("report.html.j2", **_template_values(run, draw_moment))
     path = run.path / "report.html"
     with atomic_write(path) as aside:
         aside.write_text(page, encoding="utf-8")
     return path
 
 
-def _template_values(run: RunFiles) -> dict[str, Any]:
+def _template_values(run: RunFiles, draw_moment: DrawMoment | None) -> dict[str, Any]:
     context = ReportContext.of(run)
     failure = context.failure
     return {
@@ -49,7 +56,7 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "metrics": run.metrics,
         "command": run.config.get("command", ""),
         "failure": failure,
-        "failure_time": failure.stamp - context.start if failure else None,
+        "failure_time": up_to_a_tenth(failure.stamp - context.start) if failure else None,
         "shown_time": failure.time_to_watch(context.run.estimate.stamps) if failure and context.run.estimate else None,
         "drift_before": _drift_before(context),
         "lost_while_driving": _lost_while_driving(context),
@@ -65,6 +72,9 @@ def _template_values(run: RunFiles) -> dict[str, Any]:
         "filter_plots": list(filter_plots(context)),
         "rpe": {_spaced(key): row for key, row in (run.metric("trajectory.rpe") or {}).items()},
         "relations": _relation_rows(run),
+        "loops": _loop_rows(run, context.start),
+        "loop_pictures": _loop_pictures(context, draw_moment),
+        "failure_picture": _failure_picture(context, draw_moment),
         "calibration": _calibration_plot(run),
         "provenance": {key: dict(flat(run.config.get(key, {}))) for key in ("versions", "machine", "inputs")},
         "settings": dict(flat(run.config.get("settings", {}))),
@@ -88,7 +98,7 @@ def _earlier_loss(context: ReportContext) -> float | None:
     if context.run.steps is None or context.failure is None or not context.failure.bad:
         return None
     found = [spell for spell in spells(context.run.steps, "lost") if (spell.end or np.inf) < context.failure.stamp]
-    return math.ceil(10.0 * (found[0].start - context.start) - 1e-6) / 10.0 if found else None
+    return up_to_a_tenth(found[0].start - context.start) if found else None
 
 
 def _drift_before(context: ReportContext) -> str:
@@ -143,6 +153,59 @@ def _calibration_plot(run: RunFiles) -> Plot | None:
         plots.calibration(stated, observed, cells),
         "Cells are grouped by the probability that the map states. Vertical: the share of them that is truly occupied.",
     )
+
+
+def _loop_rows(run: RunFiles, start: float) -> list[dict[str, str]]:
+    """The loops that the final pass found, in words, in the order of time."""
+    rows = []
+    for loop in sorted(run.metric("loops.list") or [], key=lambda loop: loop["stamp"]):
+        decision = "closed by the filter" if loop["closed_by_filter"] else "left open by the filter, closed now"
+        rows.append(
+            {
+                "time": at_time(loop["stamp"] - start),
+                "before": at_time(loop["seen_before_stamp"] - start),
+                "driven": length(loop["length_m"]),
+                "gap": f"{length(loop['gap_m'])}, {loop['gap_deg']:.1f}°",
+                "decision": decision if loop["accepted"] else "rejected",
+            }
+        )
+    return rows
+
+
+def _loop_pictures(context: ReportContext, draw_moment: DrawMoment | None) -> list[Plot]:
+    """The largest loop closure before it and after it; nothing where none was seen, or nothing can be drawn."""
+    steps = context.run.steps
+    if draw_moment is None or steps is None:
+        return []
+    lost = spells(steps, "lost")
+    loop = largest_closing_loop(steps, lost[0].start if lost else np.inf)
+    if loop is None:
+        return []
+    settled = loop.stamp if lost or loop.least_spread is None else max(loop.least_spread[1], loop.stamp)
+    moments = (("The largest loop, as it begins to close", loop.began), ("The same loop, closed", settled))
+    return [_moment_picture(name, up_to_a_tenth(stamp - context.start), draw_moment) for name, stamp in moments]
+
+
+def _failure_picture(context: ReportContext, draw_moment: DrawMoment | None) -> Plot | None:
+    """The moment that shows a failure, or the pose while driving at its worst; None where nothing can be drawn."""
+    run, failure = context.run, context.failure
+    if draw_moment is None or run.estimate is None:
+        return None
+    if failure is not None and failure.bad:
+        time = failure.time_to_watch(run.estimate.stamps)
+        return None if time is None else _moment_picture("The run where it went wrong", time, draw_moment)
+    if run.steps is None or "error_m" not in run.steps:
+        return None
+    errors = np.where(updates(run.steps), column(run.steps, "error_m"), np.nan)
+    if not np.isfinite(errors).any():
+        return None
+    worst = column(run.steps, "stamp")[np.nanargmax(errors)] - context.start
+    return _moment_picture("The largest error while driving", up_to_a_tenth(worst), draw_moment)
+
+
+def _moment_picture(name: str, time: float, draw_moment: DrawMoment) -> Plot:
+    source = "data:image/png;base64," + base64.b64encode(draw_moment(time)).decode()
+    return Plot(f"{name}, {at_time(time)}", source)
 
 
 def _relation_rows(run: RunFiles) -> list[tuple[str, dict[str, Any]]]:

@@ -13,13 +13,15 @@ from eval.filter.step_table import Columns, column, updates
 from eval.report import plots
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext
-from eval.trajectory.association import associate
-from eval.trajectory.errors import AbsoluteError, absolute_error
-from eval.trajectory.trajectory import Trajectory
+from eval.wording import length, share
 
 ONLINE = "#a5b8cf"
 """Colour of the errors while driving."""
 LOOPS = "#2b8a3e"
+FROM_START = "Both paths are aligned at the first scan, as in the recording and in its event log."
+"""How the errors over time are measured, in all plots of a report and in the recording."""
+MAX_CM = 1.0
+"""Larger errors are drawn in metres [m]."""
 AROUND_S = 15.0
 """Errors around the moment of a failure are drawn from this long before it to this long after it [s]."""
 MIN_NEES = 1e-3
@@ -28,25 +30,32 @@ MIN_NEES = 1e-3
 
 def error_plots(context: ReportContext) -> Iterator[Plot]:
     """Position and heading error over time, while driving and in the end; nothing without truth."""
-    run, errors = context.run, context.errors
-    if errors is None or run.estimate is None:
+    run = context.run
+    if context.errors is None or run.estimate is None:
         return
     time = run.estimate.stamps[context.rows] - context.start
-    position: list[plots.Series] = [("final", 100.0 * errors.translation_errors, plots.ESTIMATE)]
-    heading: list[plots.Series] = [("final", errors.rotation_errors, plots.ESTIMATE)]
-    live = _online_errors(context)
-    if live is not None and len(live.translation_errors) == len(time):
-        position.insert(0, ("while driving", 100.0 * live.translation_errors, ONLINE))
-        heading.insert(0, ("while driving", live.rotation_errors, ONLINE))
-    aligned = "After SE(2) alignment of all poses."
-    caption = f"{aligned} “While driving”: the best particle at that moment. “Final”: the path estimated in the end."
+    metres, degrees = context.errors_from_start()
+    curves: list[tuple[str, NDArray[np.float64], NDArray[np.float64], str]] = []
+    if run.steps is not None and "error_m" in run.steps and len(column(run.steps, "error_m")) == len(run.estimate):
+        live_metres, live_degrees = (column(run.steps, name)[context.rows] for name in ("error_m", "error_deg"))
+        curves.append(("while driving", live_metres, live_degrees, ONLINE))
+    curves.append(("final", metres, degrees, plots.ESTIMATE))
+    unit, scale = ("m", 1.0) if np.nanmax([np.nanmax(curve[1]) for curve in curves]) > MAX_CM else ("cm", 100.0)
+    position: list[plots.Series] = [(name, scale * metres, colour) for name, metres, _, colour in curves]
+    heading: list[plots.Series] = [(name, degrees, colour) for name, _, degrees, colour in curves]
+    caption = FROM_START
+    if len(curves) > 1:
+        caption += " “While driving”: the best particle at that moment. “Final”: the path estimated in the end."
+    ate = run.metric("trajectory.ate_rmse_m")
+    if ate is not None:
+        caption += (
+            f" The trajectory error (ATE, {length(ate)}) is that of the final path after alignment over all poses: an "
+            "error of the first heading does not count there; here it turns the whole path, and 1° is 17 cm after 10 m."
+        )
     cursor, marks = context.failure_time, {} if run.steps is None else _event_marks(run.steps, context.start)
-    yield Plot(
-        "Position error",
-        plots.over_time(time, position, "error [cm]", marks=marks, cursor=cursor),
-        caption if live is not None else aligned,
-    )
-    yield Plot("Heading error", plots.over_time(time, heading, "error [deg]", cursor=cursor), aligned)
+    source = plots.over_time(time, position, f"error [{unit}]", marks=marks, cursor=cursor)
+    yield Plot("Position error", source, caption)
+    yield Plot("Heading error", plots.over_time(time, heading, "error [deg]", cursor=cursor), FROM_START)
 
 
 def moment_plots(context: ReportContext) -> Iterator[Plot]:
@@ -60,24 +69,12 @@ def moment_plots(context: ReportContext) -> Iterator[Plot]:
         return
     around = {name: np.asarray(values)[near] for name, values in steps.items()}
     time, cursor = stamps[near] - context.start, context.failure_time
-    caption = "Of the pose while driving, with both paths aligned at the first scan."
+    caption = f"Of the pose while driving. {FROM_START}"
     for name, key, unit in (("Position", "error_m", "m"), ("Heading", "error_deg", "deg")):
         curve: list[plots.Series] = [("while driving", column(around, key), plots.ESTIMATE)]
         marks = _event_marks(around, context.start)
         source = plots.over_time(time, curve, f"error [{unit}]", marks=marks, cursor=cursor)
         yield Plot(f"{name} error around the moment", source, caption)
-
-
-def _online_errors(context: ReportContext) -> AbsoluteError | None:
-    """Errors of the poses that the filter reported scan by scan; None where they are unknown."""
-    run, steps = context.run, context.run.steps
-    if steps is None or run.truth is None or run.estimate is None:
-        return None
-    poses = np.column_stack([column(steps, name) for name in ("x", "y", "theta")])
-    online = Trajectory(column(steps, "stamp"), poses)
-    if not np.array_equal(online.stamps, run.estimate.stamps):
-        return None
-    return absolute_error(associate(online[context.rows], run.truth), "se2")
 
 
 def _event_marks(steps: Columns, start: float) -> dict[str, tuple[NDArray[np.float64], str]]:
@@ -95,9 +92,15 @@ def filter_plots(context: ReportContext) -> Iterator[Plot]:
     if steps is None or not updates(steps).any():
         return
     start, cursor = context.start, context.failure_time
-    yield _sample_size_plot(steps, start, cursor)
-    yield _ancestry_plot(steps, start, cursor)
-    for plot in (_matching_plot(steps, start, cursor), _stages_plot(steps, start), _nees_plot(steps, start)):
+    if np.nanmax(_at_updates(steps, "particles")) > 1.0:  # there is nothing to choose among one
+        yield _sample_size_plot(steps, start, cursor)
+        yield _ancestry_plot(steps, start, cursor)
+    for plot in (
+        _spread_plot(steps, start, cursor),
+        _matching_plot(steps, start, cursor),
+        _stages_plot(steps, start),
+        _nees_plot(steps, start),
+    ):
         if plot is not None:
             yield plot
 
@@ -129,6 +132,22 @@ def _ancestry_plot(steps: Columns, start: float, cursor: float | None) -> Plot:
     )
 
 
+def _spread_plot(steps: Columns, start: float, cursor: float | None) -> Plot | None:
+    """Spread of the particles; None with a single one, or in tables of older releases."""
+    if "spread_m" not in steps or not np.nanmax(_at_updates(steps, "particles")) > 1.0:
+        return None
+    curves: list[plots.Series] = [("spread", 100.0 * _at_updates(steps, "spread_m"), plots.ESTIMATE)]
+    if not np.isfinite(np.asarray(curves[0][1])).any():
+        return None
+    marks = _event_marks(steps, start)
+    return Plot(
+        "Spread of the particles",
+        plots.over_time(_at_updates(steps, "stamp") - start, curves, "spread [cm]", marks=marks, cursor=cursor),
+        "Standard deviation of their positions. It grows while the robot sees new places, and falls when walls come "
+        "back into view and the particles whose maps do not fit them die.",
+    )
+
+
 def _matching_plot(steps: Columns, start: float, cursor: float | None) -> Plot | None:
     """Shares of matched beams and failed particles; None for the motion proposal, which matches nothing."""
     share = 100.0 * _at_updates(steps, "matched_share")
@@ -157,7 +176,13 @@ def _stages_plot(steps: Columns, start: float) -> Plot | None:
         return None
     source = plots.stacked_over_time(_at_updates(steps, "stamp") - start, parts, "time per update [ms]")
     particles = _at_updates(steps, "particles")[-1]
-    return Plot("Where the time goes", source, f"Time of all {particles:.0f} particles together.")
+    return Plot("Where the time goes", source, "" if particles == 1.0 else f"All {particles:.0f} particles together.")
+
+
+def _inside_in_words(inside: float) -> str:
+    """A sentence on the share of the updates at which the truth lay within the ellipsoid of the level `LEVEL`."""
+    said = "as it should" if inside >= LEVEL - 0.05 else "the covariance is too small, as in most particle filters"
+    return f"The truth lay within the {share(LEVEL)} ellipsoid at {share(inside)} of the updates: {said}."
 
 
 def _nees_plot(steps: Columns, start: float) -> Plot | None:
@@ -172,5 +197,5 @@ def _nees_plot(steps: Columns, start: float) -> Plot | None:
         "Consistency (NEES)",
         plots.over_time(time, curves, "NEES", band=(low, high), log=True),
         "Squared error divided by the stated covariance. Green band: the covariance is right. Above the band: the "
-        "filter underestimates its error.",
+        f"filter underestimates its error. {_inside_in_words(float(np.mean(values <= chi_square(LEVEL, 3))))}",
     )

@@ -12,7 +12,7 @@ from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
 from eval.loss_watch import spells
 from eval.report.check_story import self_check_story
 from eval.report.report_context import ReportContext
-from eval.wording import length, share, spread
+from eval.wording import at_time, length, share, spread, up_to_a_tenth
 
 Severity = Literal["good", "fair", "bad", "none"]
 OUTCOME_SENTENCES: dict[str, tuple[str, Severity]] = {
@@ -35,6 +35,8 @@ UNJUDGED_LEADS: dict[str, tuple[str, Severity]] = {
 """First sentence and severity of an unjudged run for each verdict of its own check."""
 
 
+SMALL_ERROR_M = 0.05
+"""An error below the side of a cell of the map is not seen in it [m]."""
 SOON_S = 20.0
 """A loss within this time after a loop closure is said with it [s]."""
 
@@ -128,7 +130,7 @@ def _moment_and_cause(run: RunFiles, start: float, duration: float) -> str:
         return ""
     failure = run.failure.failure
     cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
-    return f" It is wrong from {failure.stamp - start:.1f} s of {duration:.0f} s on{cause}."
+    return f" It is wrong from {at_time(failure.stamp - start)} of {duration:.0f} s on{cause}."
 
 
 def _path_sentence(run: RunFiles) -> str:
@@ -179,10 +181,10 @@ def _closed_loops_sentence(run: RunFiles) -> str:
     text = f"The final pass found {len(accepted)} {'loop' if len(accepted) == 1 else 'loops'}"
     if gaps:
         widest = max(gaps, key=lambda loop: loop["gap_m"])
-        time = widest["stamp"] - float(run.estimate.stamps[0])
+        time = at_time(widest["stamp"] - float(run.estimate.stamps[0]))
         text += (
             f", of which the filter had left {len(gaps)} open: the widest gap, {length(widest['gap_m'])}, "
-            f"at {time:.1f} s, is closed now"
+            f"at {time}, is closed now"
         )
     elif accepted:
         text += ", which the filter had closed" if len(accepted) == 1 else ", all of which the filter had closed"
@@ -203,21 +205,22 @@ def _loop(context: ReportContext) -> Loop:
     if loop is None:
         return Loop("")
     start = context.start
-    times = f"closed at {loop.stamp - start:.1f} s"
+    times = f"closed at {at_time(loop.stamp - start)}"
     if loop.began < loop.stamp:
-        times = f"closed from {loop.began - start:.1f} s to {loop.stamp - start:.1f} s"
+        times = f"closed from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
     before = " before the estimate was lost" if lost else ""
     text = f"The largest loop closure{before}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
     if loop.errors is not None:
+        error_before, error_after = loop.errors
         text += (
-            f" With both paths aligned at the first scan, the error of the pose while driving was "
-            f"{length(loop.errors[0])} before it and {length(loop.errors[1])} at {loop.stamp - start:.1f} s."
+            f" The position error while driving, aligned at the first scan as in the plot below and in the recording, "
+            f"was {length(error_before)} before it and {length(error_after)} at {at_time(loop.stamp - start)}"
         )
+        text += ": little had to be corrected." if max(error_before, error_after) < SMALL_ERROR_M else "."
     if lost and first_loss - loop.stamp <= SOON_S:
         text += f" The estimate was lost {first_loss - loop.stamp:.1f} s later."
     watch = loop.stamp if loop.most_died is None else loop.most_died
-    # Rounded up to a tenth, as it is printed: rounded down it may show the scan before.
-    return Loop(text, math.ceil(10.0 * (watch - start) - 1e-6) / 10.0)
+    return Loop(text, up_to_a_tenth(watch - start))
 
 
 def _particles_in(loop: ClosingLoop, start: float) -> str:
@@ -228,10 +231,10 @@ def _particles_in(loop: ClosingLoop, start: float) -> str:
         return ""
     text, when = " No particle died", "at" if loop.resamplings == 1 else "most at"
     if loop.most_died is not None:
-        text = f" {loop.died} of {loop.particles} particles died ({when} {loop.most_died - start:.1f} s)"
+        text = f" {loop.died} of {loop.particles} particles died ({when} {at_time(loop.most_died - start)})"
     if loop.spread is not None and loop.least_spread is not None:
         least, stamp = loop.least_spread
-        text += f", and their spread went from {length(loop.spread)} to {length(least)} (at {stamp - start:.1f} s)"
+        text += f", and their spread went from {length(loop.spread)} to {length(least)} (at {at_time(stamp - start)})"
     return f"{text}."
 
 

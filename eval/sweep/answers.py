@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from eval.sweep.decision import Decision, Kind, State
 from eval.sweep.look_schedule import fewest_seeds_to_go_on, looks_for
+from eval.sweep.margin import share_words
 from eval.sweep.measure import Unit
 from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.results import SweepTable
@@ -44,7 +45,9 @@ class Answer:
     needs: str = ""
     """How many seeds would tell, where the answer is open."""
     today: str = ""
-    """What to take as long as the answer is open."""
+    """What to take as long as the answer is open: `take 30 for now`."""
+    medians: str = ""
+    """The medians so far, where the answer is open."""
 
     @property
     def mark(self) -> str:
@@ -55,7 +58,8 @@ class Answer:
     def sentence(self) -> str:
         """All of it: `office, 10 routes: 5 particles are enough (2.4 cm; 30 give 2.2 cm).`"""
         more = "; ".join(filter(None, (self.detail, self.difference if self.kind == "undecided" else "", self.needs)))
-        return f"{self.name}: {self.headline}{f' ({more})' if more else ''}."
+        said = f"{self.headline}{f'; {self.today}' if self.today else ''}"
+        return f"{self.name}: {said}{f' ({more})' if more else ''}."
 
     @property
     def name(self) -> str:
@@ -141,7 +145,7 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
 
 def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
     decision, count, largest = case.decision, case.decision.count, case.largest
-    risk = difference = needs = panel = today = ""
+    risk = difference = needs = panel = today = medians = ""
     if decision.kind == "enough":
         assert count is not None
         short, are = str(count), "is" if count == 1 else "are"
@@ -161,9 +165,10 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         detail = f"{largest} {_fail(largest)} in {failures} of {runs} runs"
     else:
         short, headline = "undecided", _undecided(case)
-        detail, needs, today = _what_is_open(case), _needs(case), _until_known(case)
+        detail, needs = _what_is_open(case), _needs(case)
         if decision.largest_open is not None:
             difference = _difference(case, decision.largest_open)
+            today, medians = _until_known(case), _medians(case)
     return Answer(
         place=place,
         line=line,
@@ -177,6 +182,7 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         risk=risk,
         needs=needs,
         today=today,
+        medians=medians,
     )
 
 
@@ -194,24 +200,24 @@ def _cannot_tell(case: _Case) -> bool:
 
 
 def _until_known(case: _Case) -> str:
-    """What to take as long as the answer is open, and how much the counts differ so far."""
+    """What to take as long as the answer is open: `take 30 for now; 5 will probably do`."""
+    good = _in_state(case, "good")
+    return f"take {case.largest} for now" + (f"; {good[-1]} will probably do" if good else "")
+
+
+def _medians(case: _Case) -> str:
+    """The medians of all counts, in the order of the counts; empty where one has no result."""
     counts = case.table.counts
     values = [case.median(count) for count in counts]
-    if case.decision.largest_open is None or not all(map(math.isfinite, values)):
+    if not all(map(math.isfinite, values)):
         return ""
     unit = case.table.measure.unit(max(values))
     first, *others = texts = [unit.text(value) for value in values]
     if len(set(texts)) == 1:
-        medians = f"{first} {unit.name}".rstrip() + f" with {counts[0]} to {counts[-1]}"
-    else:  # in the order of the counts: a range would be read as that of the first count to that of the last
-        named = [f"{first} {unit.name}".rstrip(), *others]
-        medians = ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
-    largest_open = counts[case.decision.largest_open]
-    good = [str(count) for count, own in zip(counts, case.decision.states, strict=False) if own == "good"]
-    advice = f"Take {counts[-1]} until {largest_open} is decided"
-    if good:
-        advice = f"{counts[-1]} is the safe choice until {largest_open} is decided; {good[-1]} will probably do"
-    return f"{advice}. Medians so far: {medians}"
+        return f"{first} {unit.name}".rstrip() + f" with {counts[0]} to {counts[-1]}"
+    # in the order of the counts: a range would be read as that of the first count to that of the last
+    named = [f"{first} {unit.name}".rstrip(), *others]
+    return ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
@@ -229,7 +235,8 @@ def particles(count: int) -> str:
 def _difference(case: _Case, c: int) -> str:
     """How a count compares with the largest one, with the interval that decides and the margin; c: its index.
 
-    `15 particles are 0.66 cm worse than 30 [0.76 better to 1.29 worse; 99 % interval]; up to 0.5 cm would not matter`
+    `15 particles are 0.66 cm worse than 30 [0.76 better to 1.29 worse; 99 % interval]; up to 0.5 cm (23 % of the error)
+    would not matter`
     """
     difference, count = case.decision.differences[c], case.table.counts[c]
     if not difference.count:
@@ -293,11 +300,11 @@ def difference_words(difference: Interval, unit: Unit) -> str:
 
 
 def _margin_length(case: _Case) -> str:
-    """The margin that counts here: `0.5 cm`, `1.2 cm (10 %)`."""
-    limit, margin, unit = case.decision.limit, case.table.margin, case.shown_in
+    """The margin that counts here, with its share of the largest count's error: `0.5 cm (23 % of the error)`."""
+    limit, unit = case.decision.limit, case.shown_in
     shown = f"{unit.factor * limit:.2g}" if unit.factor * limit < 100.0 else f"{unit.factor * limit:.0f}"
-    text = f"{shown} {unit.name}".strip()
-    return f"{text} ({100.0 * margin.share:g} %)" if limit > margin.floor else text
+    share = share_words(limit, case.median(case.largest))
+    return f"{shown} {unit.name}".strip() + (f" ({share} of the error)" if share else "")
 
 
 def _what_is_open(case: _Case) -> str:
@@ -309,7 +316,10 @@ def _what_is_open(case: _Case) -> str:
     if not _cannot_tell(case):
         parts.append(", ".join(filter(None, (_state_words(case, state) for state in ("good", "worse", "open")))))
     if "good" in states:
-        parts.append("counts are tested from the largest down, so that several tests err together in 5 % at most")
+        parts.append(
+            f"{_in_state(case, 'good')[-1]} counts only when {counts[c]} does: the counts are tested from the largest "
+            "down, so that all tests together are wrong in at most 5 % of cases"
+        )
     if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
         (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)
         parts.append(f"{counts[c]} failed in {failed} of {runs} runs, {case.largest} in {base} of {of}")
@@ -318,13 +328,17 @@ def _what_is_open(case: _Case) -> str:
 
 def _state_words(case: _Case, state: State) -> str:
     """`5 is shown to be as good as 30`, `1 and 15 are open`; empty if no count is in this state."""
-    states = case.decision.states
-    found = [str(count) for count, own in zip(case.table.counts, states, strict=False) if own == state]
+    found = _in_state(case, state)
     if not found:
         return ""
     names = found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
     is_what = {"good": f"shown to be as good as {case.largest}", "worse": "shown to be worse", "open": "open"}[state]
     return f"{names} {'is' if len(found) == 1 else 'are'} {is_what}"
+
+
+def _in_state(case: _Case, state: State) -> list[str]:
+    """The counts in this state, as text."""
+    return [str(count) for count, own in zip(case.table.counts, case.decision.states, strict=False) if own == state]
 
 
 def _needs(case: _Case) -> str:

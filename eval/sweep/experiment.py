@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -59,6 +60,12 @@ class HeldOut:
     needed_predicted: int | None
     """Smallest tested count that is predicted to be as good as the largest; None = not even the largest one holds."""
     needed_observed: int | None
+
+    @property
+    def is_too_small(self) -> bool:
+        """Whether fewer particles are predicted than were needed."""
+        predicted, observed = (math.inf if n is None else n for n in (self.needed_predicted, self.needed_observed))
+        return predicted < observed
 
 
 def predict_held_out(runs: Runs, places: Sequence[str]) -> list[HeldOut]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -35,6 +36,14 @@ class Margin:
 
 
 MARGIN = Margin()
+
+
+def share_words(margin: float, error: float) -> str:
+    """A margin as a share of an error, in words: `23 %`; empty if the error is unknown or not positive."""
+    if not (math.isfinite(margin) and error > 0.0):
+        return ""
+    share = 100.0 * margin / error
+    return f"{share:.0f} %" if share >= 1.0 else f"{share:.2g} %"
 
 
 def parse_margin(text: str) -> Margin:

@@ -151,6 +151,14 @@ class NeededCount:
         beyond = (predictors < self.low - 0.1) | (predictors > self.high + 0.1)
         return [predictor for predictor, out in zip(PREDICTORS, beyond, strict=True) if out]
 
+    @property
+    def record(self) -> str:
+        """How the expected counts did in worlds that were held out, in words; empty if that was not tested."""
+        held_out = self.provenance.get("held_out")
+        if held_out is None:
+            return ""
+        return f"the expected count was too small in {held_out['too_small']} of {held_out['worlds']} held-out worlds"
+
     def document(self) -> dict[str, Any]:
         """The model as plain data for JSON."""
         arrays = {name: getattr(self, name).round(5).tolist() for name in _ARRAYS}

@@ -13,7 +13,7 @@ from eval.sweep.answers import difference_words
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
-from eval.sweep.remarks import described, look_rule, margin_choice, margin_words
+from eval.sweep.remarks import after_final_pass, described, look_rule, margin_choice, margin_words
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
@@ -53,7 +53,8 @@ def _parts(summary: SweepSummary) -> list[_Part]:
     table, shown = summary.table, panels(summary)
     lines, several = range(len(table.lines)), len(table.lines) > 1
     names = list(table.lines) if several else ["error"]
-    against = f"against {table.counts[-1]} [{100.0 * table.level:.3g} %]"
+    bracket = f"{100.0 * table.level:.3g} %" if summary.has_intervals else "range"
+    against = f"against {table.counts[-1]} [{bracket}]"
     errors = _Part([*_HEAD, *names], [_rows(summary, p, lambda p, c: _errors(summary, p, c, lines)) for p in shown])
     if len(table.counts) < 2:
         return [errors]
@@ -75,7 +76,7 @@ def _rows(summary: SweepSummary, panel: Panel, cells: Callable[[Panel, int], lis
     """The rows of a world: one per count, and one for the answers."""
     place = panel.answer.place
     rows = [
-        [place, str(count), _marked_runs(panel.runs[:, c]), *cells(panel, c)]
+        [place, str(count), _marked_runs(summary, panel.runs[:, c]), *cells(panel, c)]
         for c, count in enumerate(summary.table.counts)
     ]
     return [*rows, [place, "enough", "", *panel.enough]]
@@ -121,32 +122,35 @@ def _caption(summary: SweepSummary) -> str:
     if table.family_names():
         over += ", over the worlds for a kind of building"
     few, runs = min_values(), [int(n) for n in table.ran.sum(axis=-1).ravel()]
-    brackets = "95 % bootstrap interval" if max(runs, default=0) >= few else "range"
+    brackets = "95 % bootstrap interval" if summary.has_intervals else "smallest and largest run"
     sentences = [
         f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
         f"{brackets} in brackets, failed runs in parentheses where there are any.",
     ]
-    enough_runs = max(runs, default=0) >= few
     if len(table.counts) > 1:
         decides = f"median of the differences to the runs with {largest} particles on the same data, with its "
         decides += f"{100.0 * table.level:.3g} % interval, which decides; the intervals of the errors do not."
         ranges = f"the differences to the runs with {largest} particles on the same data."
         sentences += [
-            f"Against {largest}: {decides if enough_runs else ranges}",
+            f"Against {largest}: {decides if summary.has_intervals else ranges}",
             f"Enough: with 95 % confidence at most {margin_words(summary)} worse than {largest} particles, as all "
             "larger counts are.",
         ]
     sentences += [look_rule(table), margin_choice(table)]
     if min(runs, default=0) < few:
+        marked = f"{MARK} Too few runs for an interval: the brackets hold the smallest and the largest run. "
         sentences.append(
-            f"{MARK} Fewer than {few} runs: the brackets hold the smallest and the largest run. At least "
-            f"{fewest_seeds_to_go_on(table.level)} are needed to show that a count is enough."
+            f"{marked if summary.has_intervals else ''}At least {fewest_seeds_to_go_on(table.level)} runs are needed "
+            "to show that a count is enough."
         )
+    final_pass = after_final_pass(summary)
+    sentences.append(f"After the final pass, which is no part of the filter, {final_pass}" if final_pass else "")
     return " ".join(filter(None, [*sentences, described(table)]))
 
 
-def _marked_runs(runs: NDArray[np.int64]) -> str:
-    return runs_text(runs) + (f" {MARK}" if int(np.min(runs)) < min_values() else "")
+def _marked_runs(summary: SweepSummary, runs: NDArray[np.int64]) -> str:
+    """Number of runs, marked where they are too few for an interval and others are not."""
+    return runs_text(runs) + (f" {MARK}" if summary.has_intervals and int(np.min(runs)) < min_values() else "")
 
 
 def runs_text(runs: NDArray[np.int64]) -> str:

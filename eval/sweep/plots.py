@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from eval.report.comparison_plots import COLOURS
 from eval.report.plots import BAD, GOOD, QUIET, STYLE
 from eval.sweep.answers import Answer
-from eval.sweep.decision import median_over_last
+from eval.sweep.decision import State, median_over_last
 from eval.sweep.margin import Margin
 from eval.sweep.panels import Panel, panels
 from eval.sweep.results import CURVE_GRID, SweepTable
@@ -59,6 +59,7 @@ def accuracy(summary: SweepSummary) -> Figure:
     """Error against particle count: medians, intervals as bands, the zone in which differences do not matter."""
     table, unit = summary.table, summary.unit
     shown = panels(summary)
+    states = _states_of(shown)
     base = table.lines.index(table.baseline)
     drawn = [_medians_and_ends(panel.error) for panel in shown]
     drawn += [median_over_last(panel.refined[base]) for panel in shown]
@@ -77,18 +78,19 @@ def accuracy(summary: SweepSummary) -> Figure:
         if there.any():
             (line_after,) = ax.plot(_shifted(table, base)[there], refined[there], "s:", label="after the final pass")
             line_after.set(markersize=3.5, linewidth=1.0, markerfacecolor="white", color=_paler(_colour(base)))
-        _name_markers(ax, table)
+        _name_markers(ax, table, states)
         _count_axis(ax, table)
         _error_axis(ax, limits)
 
     words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
-    return _figure(table, shown, draw, "particles", words, entries=5 + len(table.lines))
+    return _figure(table, shown, draw, "particles", words, entries=2 + len(states) + len(table.lines))
 
 
 def differences(summary: SweepSummary) -> Figure:
     """Paired differences to the largest count with the intervals that decide, and the margin."""
     table, unit = summary.table, summary.unit
     shown = panels(summary)
+    states = _states_of(shown)
     limits = _difference_limits(shown, unit.factor)
     moved = [[number + 0.16 * (k - 0.5 * (len(table.lines) - 1)) for k in range(len(table.lines))]
              for number in range(len(table.counts) - 1)]  # fmt: skip
@@ -109,13 +111,14 @@ def differences(summary: SweepSummary) -> Figure:
         if len(table.lines) > 1:
             for k, line in enumerate(table.lines):
                 ax.plot([], [], "-", lw=1.6, color=_colour(k), label=line)
-        _name_markers(ax, table)
+        _name_markers(ax, table, states)
         ax.set_xlim(-0.5, len(table.counts) - 1.5)
         ax.set_xticks(range(len(table.counts) - 1), [str(count) for count in table.counts[:-1]])
         ax.set_ylim(*limits)
 
     words = f"error above that with {table.counts[-1]}" + (f" [{unit.name}]" if unit.name else "")
-    return _figure(table, shown, draw, "particles", words, entries=4 + len(table.lines) * (len(table.lines) > 1))
+    lines = len(table.lines) if len(table.lines) > 1 else 0
+    return _figure(table, shown, draw, "particles", words, entries=1 + len(states) + lines)
 
 
 def _difference_limits(shown: Sequence[Panel], factor: float) -> tuple[float, float]:
@@ -371,13 +374,22 @@ def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], c
     ax.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
 
 
-def _name_markers(ax: Axes, table: SweepTable) -> None:
-    """Entries of the legend that say what the markers mean."""
-    if len(table.counts) > 1:
-        look: dict[str, Any] = {"ls": "", "ms": 4.5, "mew": 1.2, "color": QUIET}
-        ax.plot([], [], "o", label=f"shown to be as good as {table.counts[-1]}", **look)
-        ax.plot([], [], "o", mfc="white", label="not known yet", **look)
-        ax.plot([], [], "x", label="shown to be worse", **look)
+def _states_of(shown: Sequence[Panel]) -> frozenset[State]:
+    """The verdicts on single counts that occur in any panel."""
+    return frozenset(state for panel in shown for decision in panel.decisions for state in decision.states)
+
+
+def _name_markers(ax: Axes, table: SweepTable, states: frozenset[State]) -> None:
+    """Entries of the legend that say what the markers of these verdicts mean."""
+    look: dict[str, Any] = {"ls": "", "ms": 4.5, "mew": 1.2, "color": QUIET}
+    words: dict[State, tuple[str, dict[str, Any]]] = {
+        "good": (f"shown to be as good as {table.counts[-1]}", {"marker": "o"}),
+        "open": ("not known yet", {"marker": "o", "mfc": "white"}),
+        "worse": ("shown to be worse", {"marker": "x"}),
+    }
+    for state, (label, marker) in words.items():
+        if state in states:
+            ax.plot([], [], label=label, **marker, **look)
 
 
 def _draw_states(

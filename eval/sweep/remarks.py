@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.answers import particles
-from eval.sweep.margin import Margin, parse_margin
+from eval.sweep.margin import Margin, parse_margin, share_words
 from eval.sweep.needed_count import PREDICTORS, NeededCount, predictors_of, shipped_model
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL
@@ -82,19 +82,29 @@ def overconfidence(summary: SweepSummary) -> str:
 
 
 def margin_words(summary: SweepSummary) -> str:
-    """The margin that counts in each world: `5 mm`, or with the worlds where the share of the error is larger."""
+    """The margin that counts in each world, and which share of the error a length is there.
+
+    `5 mm (loop 23 %, apartment 30 % of the error with 30)`; where the share is larger it stands alone: `museum 10 %`.
+    """
     table = summary.table
-    decisions = {place: summary.decision(place, table.baseline) for place in table.places}
-    shares = [place for place, d in decisions.items() if np.isfinite(d.limit) and d.limit > table.margin.floor]
-    share = f"{100.0 * table.margin.share:g} %"
-    if not table.margin.floor or len(shares) == len(decisions):
-        return share
+    limits = {place: summary.decision(place, table.baseline).limit for place in table.places}
+    limits = {place: limit for place, limit in limits.items() if np.isfinite(limit)}
+    is_share = [limit > table.margin.floor for limit in limits.values()]
+    if not table.margin.floor or (is_share and all(is_share)):
+        return f"{100.0 * table.margin.share:g} %"
     floor = Margin(0.0, table.margin.floor).words(is_length=table.measure.key.endswith("_m"))
-    if not table.margin.share or not shares:
-        return floor
-    return (
-        f"{floor} ({share} where that is more: {', '.join(shares)})" if len(shares) <= MAX_NAMED else table.margin_words
-    )
+    largest = table.counts[-1]
+    shares = {
+        place: share_words(limit, float(summary.group(place, table.baseline, largest).median.value))
+        for place, limit in limits.items()
+    }
+    named = [f"{place} {share}" for place, share in shares.items() if share]
+    more = f"{100.0 * table.margin.share:g} % where that is more" if any(is_share) else ""
+    if len(named) > MAX_NAMED:
+        return f"{floor} ({more})" if more else floor
+    of_error = f"{', '.join(named)} of the error with {largest}" if named else ""
+    known = "; ".join(filter(None, (more, of_error)))
+    return f"{floor} ({known})" if known else floor
 
 
 def look_rule(table: SweepTable) -> str:
@@ -195,16 +205,18 @@ def suggested_counts(table: SweepTable) -> str:
         if len(drives):
             names = [predictor.name for predictor in PREDICTORS]
             features = dict(zip(names, np.median(drives, axis=0).tolist(), strict=True))
-            found.append(f"{place} {_suggested(model, predictors_of(features))}")
-    return ", ".join(found) if 0 < len(found) <= MAX_NAMED else ""
+            found.append(f"{place}: {_suggested(model, predictors_of(features))}")
+    return "; ".join(found) if 0 < len(found) <= MAX_NAMED else ""
 
 
 def _suggested(model: NeededCount, at: NDArray[np.float64]) -> str:
-    """`7 (95 % interval 5 to 10)`."""
+    """`start with 10 (7 expected, 95 % interval 4 to 10)`."""
     low, high = (f"more than {model.max_count}" if end is None else str(end) for end in model.interval(at))
     needed = model.needed(at)
     count = f"more than {model.max_count}" if needed is None else str(needed)
-    return f"{count} (95 % interval {low} to {high}{', outside of what was tested' if model.outside(at) else ''})"
+    first = model.interval(at)[1] or model.max_count
+    unlike = "; this drive is unlike those of the experiment, so little is known" if model.outside(at) else ""
+    return f"start with {first} ({count} expected, 95 % interval {low} to {high}{unlike})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

@@ -55,19 +55,24 @@ class Drawing:
     title: str
     draw: Draw
     caption: str
+    caption_of_few: str = ""
+    """Caption where no count has enough runs for an interval; empty = `caption`."""
     is_first: bool = False
     """Whether it stands directly below the answers."""
 
 
+_ZONE_AND_PASS = (
+    "Green zone: the margin around the largest count, within which more particles do not matter. "
+    "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter."
+)
 DRAWINGS = (
     Drawing(
         "accuracy",
         "Accuracy against particle count",
         sweep_plots.accuracy,
-        "Line: median. Band: 95 % interval of the median (none for fewer than 6 runs), which does not decide: the next "
-        "figure shows what does. Faint dots: single runs (triangle: above the axis). "
-        "Green zone: the margin around the largest count, within which more particles do not matter. "
-        "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter.",
+        "Line: median. Band: 95 % interval of the median (none where there are too few runs), which does not decide: "
+        f"the next figure shows what does. Faint dots: single runs (triangle: above the axis). {_ZONE_AND_PASS}",
+        f"Line: median. Dots: single runs (triangle: above the axis). {_ZONE_AND_PASS}",
         is_first=True,
     ),
     Drawing(
@@ -78,6 +83,9 @@ DRAWINGS = (
         "interval that decides. A count is shown to be as good (filled) where the whole interval lies below the dashed "
         "margin, and to be worse (cross) where it lies above; otherwise it is not known yet (hollow). With few runs, "
         "as with 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the margin.",
+        "How much worse each count is than the largest one on the same data: dots for the runs, a circle for their "
+        f"median. These runs are too few for the interval that decides: with {fewest_seeds_to_go_on(LEVEL)} seeds it "
+        "is drawn, and where it lies below the dashed margin the count is as good as the largest.",
         is_first=True,
     ),
     Drawing(
@@ -124,6 +132,7 @@ class ShownFigure:
     """A figure on the page."""
 
     drawing: Drawing
+    caption: str
     source: str
     """`data:` address."""
     width: int
@@ -171,9 +180,9 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
         "ess": of_line,
         "ancestors": of_line,
     }
-    return ShownFigure(
-        drawing, source, round(PIXELS_PER_INCH * float(figure.get_figwidth())), notes.get(drawing.name, "")
-    )
+    caption = drawing.caption if summary.has_intervals else drawing.caption_of_few or drawing.caption
+    width = round(PIXELS_PER_INCH * float(figure.get_figwidth()))
+    return ShownFigure(drawing, caption, source, width, notes.get(drawing.name, ""))
 
 
 def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
@@ -198,6 +207,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "final_pass": after_final_pass(summary),
         "suggested": suggested_counts(table),
         "largest_predicted": shipped_model().max_count,
+        "record": shipped_model().record,
         "look_rule": look_rule(table),
         "margin_choice": margin_choice(table),
         "advice": advice(summary, str(folder), os.cpu_count() or 1),
@@ -209,8 +219,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
         "level": LEVEL,
         "power": POWER,
-        "min_seeds": min_values(table.level) if enough_runs else fewest_seeds_to_go_on(table.level),
-        "fewest": min_values(),
+        "needed_seeds": None if enough_runs else fewest_seeds_to_go_on(table.level),
         "confidence": overconfidence(summary),
     }
 

@@ -14,6 +14,7 @@ from eval.sweep.results import SweepTable
 from eval.sweep.statistics import (
     Interval,
     bootstrap_interval,
+    min_values,
     minimum_detectable_effect,
     paired_difference,
     wilson_interval,
@@ -98,6 +99,11 @@ class SweepSummary:
             if name == family
         ]
         return _median(np.array(medians))
+
+    @property
+    def has_intervals(self) -> bool:
+        """Whether any group has enough runs for an interval."""
+        return any(group.median.count >= min_values() for group in self.groups)
 
     @property
     def unit(self) -> Unit:

@@ -8,6 +8,7 @@ from pathlib import Path
 from eval.report.comparison import write_comparison
 from eval.report.run_report import write_report
 from testbed.cli.shared.console import results
+from testbed.views import moments_for_report
 
 
 def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
@@ -20,5 +21,5 @@ def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
     out
         File for the comparison.
     """
-    written = write_report(runs[0]) if len(runs) == 1 else write_comparison(runs, out)
+    written = write_report(runs[0], moments_for_report(runs[0])) if len(runs) == 1 else write_comparison(runs, out)
     results.print(f"report: {written.resolve()}")

@@ -16,7 +16,7 @@ from eval.files.tum import read_tum
 from testbed.cli.shared.console import console
 from testbed.datasets import open_dataset
 from testbed.formats import open_log
-from testbed.views import Scene, open_run, record_frames, record_side_by_side, recording_of
+from testbed.views import Scene, moments_of, open_run, record_frames, record_side_by_side, recording_of
 
 
 def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False, save: Path | None = None) -> None:
@@ -32,12 +32,13 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
         Directories of runs or sweeps, datasets, or recorded logs.
     time
         Open the window at this time, in seconds since the first scan. A saved recording begins at its start and a web
-        page stands at its end: the time to move the cursor to is printed. In a picture: the scan that is drawn.
+        page stands at its end: the time to move the cursor to is printed. A picture (--save x.png) shows this time.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     save
-        Write to this file instead of showing it, to send it: a recording (`.rrd`), which `rerun FILE` opens, or, of one
-        dataset or log, a picture (`.png`) of the map, the paths and one scan.
+        Write to this file instead of showing it, to send it: a recording (`.rrd`), which `rerun FILE` opens, or a
+        picture (`.png`). The picture of a run shows the map, the particles and the proposal at --time; that of one
+        dataset or log shows the map, the paths and one scan.
     """
     if save is not None and (save.suffix not in (".rrd", ".png") or save.exists()):
         raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd or .png'}")
@@ -63,11 +64,19 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
 
 
 def _draw(paths: list[Path], picture: Path, time: float | None) -> None:
-    """Draw one dataset or log."""
+    """Draw a moment of one run, or one dataset or log."""
     from testbed.datasets.picture import draw_drive  # here, for a window to open without matplotlib
 
-    if len(paths) != 1 or recording_of(paths[0]) is not None:
-        raise ValueError(f"{picture}: a picture is made of one dataset or log; a run has a report.html")
+    if len(paths) != 1 or (paths[0] / "sweep.toml").is_file():
+        raise ValueError(f"{picture}: a picture is made of one run, dataset or log")
+    draw_moment = moments_of(paths[0])
+    if draw_moment is not None:
+        if time is None:
+            time = _moment_of_failure(paths[0])
+        with atomic_write(picture) as temporary:
+            temporary.write_bytes(draw_moment(math.inf if time is None else time))
+        console.print(f"{picture}: written", soft_wrap=True)
+        return
     draw_drive(open_dataset(paths[0]), picture, _title_of_drive(paths[0]), time)
     console.print(f"{picture}: written", soft_wrap=True)
 

@@ -100,7 +100,7 @@ def probed_times(cells: Sequence[Cell], costs: Costs, workers: int) -> JobTimes 
         job = pace.fixed + pace.particle * Costs.filter_work(cell) + final_pass
         return costs.length(cell) * (pace.simulation / jobs_of_drive.get(cell.place, 1) + job)
 
-    return JobTimes(seconds_of, "from the beginning of a run")
+    return JobTimes(seconds_of, "estimated from the beginning of a run")
 
 
 def measure_pace(cells: Sequence[Cell], costs: Costs, workers: int) -> dict[str, Pace] | None:

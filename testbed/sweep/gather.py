@@ -19,6 +19,7 @@ from eval.files.atomic_write import atomic_write
 from eval.report.page import flat
 from eval.sweep.results import SweepTable, judged_seeds, sweep_table
 from eval.sweep.statistics import LEVEL
+from testbed.sweep.column_words import described
 from testbed.sweep.result import CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.command import command_of
@@ -29,30 +30,8 @@ from worlds import family
 if TYPE_CHECKING:
     import pyarrow as pa
 
-DESCRIPTIONS = {
-    "place": "name of the world or log",
-    "family": "kind of building that the world is a sample of, such as rooms; null for single worlds and logs",
-    "line": "name of the combination of settings",
-    "particles": "particle count",
-    "seed": "seed of the simulation and of the filter",
-    "status": "done, failed (no result), missing (not computed yet), or with --until: later (needed if the next look "
-    "leaves the answer open), not needed (the answer is known without it), given up (the answer is open, and it would "
-    "hardly be found with it)",
-    "reason": "why there is no result",
-    "key": "hash of everything that decides the result; joins sweep, curves and timings",
-    "in_report": "whether answers, tables and figures rest on this run: all counts of its seed were computed, "
-    "and with --until its seed belongs to the last complete look",
-    "share": "share of the updates that are done, 0 to 1",
-    "ess": "effective sample size as a share of the particles",
-    "unique_ancestors": "unique ancestors as a share of the particles",
-    "founders": "the same as unique_ancestors, for readers of versions up to 0.1",
-    "nees": "normalised estimation error squared",
-    "cell_s": "time of the whole job [s]",
-    "wall_s": "time of filter and final pass [s]",
-    "filter_s": "time of the filter alone, without the final pass [s]",
-    "realtime_factor": "duration of the drive by wall_s, so with the final pass; duration_s / filter_s is the filter's",
-}
-"""What the columns hold that are no settings (`setting.NAME`), features (`features.NAME`) or measures."""
+_TEXTS = ("family", "reason")
+"""Columns of texts that may all be null."""
 TABLES = ("sweep.parquet", "curves.parquet", "timings.parquet")
 
 
@@ -192,8 +171,8 @@ def _arrow(rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]) -> pa.Ta
 
     names = list(dict.fromkeys(name for row in rows for name in row))
     columns = {name: [row.get(name) for row in rows] for name in names}
-    arrays = {name: _array(values) for name, values in columns.items()}
-    fields = [pa.field(name, array.type, metadata=_description(name)) for name, array in arrays.items()]
+    arrays = {name: _array(values, is_text=name in _TEXTS) for name, values in columns.items()}
+    fields = [pa.field(name, array.type, metadata={"description": described(name)}) for name, array in arrays.items()]
     schema = pa.schema(fields, metadata={"sweep": json.dumps(about, sort_keys=True)})
     return pa.table(list(arrays.values()), schema=schema)
 
@@ -204,24 +183,14 @@ def _write(path: Path, table: pa.Table) -> None:
     pq.write_table(table, path)
 
 
-def _description(name: str) -> dict[str, str]:
-    """Metadata of a column: what it holds."""
-    head, _, rest = name.partition(".")
-    if head == "setting":
-        return {"description": f"setting {rest}; null = default"}
-    if head == "features":
-        return {"description": f"{rest.replace('_', ' ')}, a feature of world, route and sensors (docs/sweep.md)"}
-    return {"description": DESCRIPTIONS.get(name, f"{name} of metrics.json (docs/metrics.md)")}
-
-
-def _array(values: Sequence[Any]) -> Any:
-    """Return a column of one type: float if any value is a float, string if any value is a string."""
+def _array(values: Sequence[Any], *, is_text: bool) -> Any:
+    """Return a column of one type: float if any value is a float, string if any value is a string or `is_text`."""
     import pyarrow as pa
 
     kinds = {type(value) for value in values if value is not None}
     for kind, arrow in ((bool, pa.bool_()), (int, pa.int64()), (str, pa.string())):
         if kinds == {kind}:
             return pa.array(values, type=arrow)
-    if kinds <= {int, float}:
+    if kinds <= {int, float} and not is_text:
         return pa.array(values, type=pa.float64())
     return pa.array([None if value is None else str(value) for value in values], type=pa.string())

@@ -24,7 +24,7 @@ from testbed.sweep.spec.settings import RunSettings
 from testbed.sweep.store import SweepDirectory
 from testbed.systems.entrant import Entrant
 from testbed.systems.execute import execute_system
-from testbed.views import Scene, ViewOptions, open_view
+from testbed.views import Scene, ViewOptions, moments_for_report, open_view
 
 
 def is_recorded(directory: SweepDirectory, cell: Cell) -> bool:
@@ -51,7 +51,7 @@ def rerun(directory: SweepDirectory, cell: Cell, watcher: RunProgress) -> bool:
         true_map=job.truth_map,
     )
     metrics = execute_job(job, run, watcher, open_view(run / "recording.rrd", scene, ViewOptions()))
-    write_report(folder)
+    write_report(folder, moments_for_report(folder))
     swept = directory.result(cell.key)
     return swept is not None and metrics["result_hash"] == swept.metrics["result_hash"]
 

@@ -237,26 +237,54 @@ _LISTS = ("worlds", "logs", "seeds", "particles")
 
 
 def _shown(value: Any) -> str:
-    """A part of a specification in a message: `0 to 39` for a list of seeds, `none` for a part that is missing."""
+    """A part of a specification in a message: `0 to 39` for seeds, `the default` for a part that is missing."""
     if value is None:
-        return "none"
+        return "the default"
     if isinstance(value, list) and len(value) > 2 and value == list(range(len(value))):
         return f"0 to {len(value) - 1}"
-    return str(value)
+    if isinstance(value, list):
+        return ", ".join(str(entry.get("log", entry)) if isinstance(entry, dict) else str(entry) for entry in value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """What keeps one specification from being extended to another, each with what can be done about it."""
+    found = []
+    for key in {**old, **new}:
+        there, requested = old.get(key), new.get(key)
+        if key in _LISTS:
+            missing = [entry for entry in there or () if entry not in (requested or ())]
+            if missing:
+                found.append(
+                    f"{key} {_shown(there)} are there, {_shown(requested)} requested: {_cannot_shrink(key, old)}"
+                )
+        elif key == "settings" and there != requested:
+            names = {**(there or {}), **(requested or {})}
+            changed = [name for name in names if (there or {}).get(name) != (requested or {}).get(name)]
+            found += [
+                f"setting {name} is {_shown((there or {}).get(name))} there, {_shown((requested or {}).get(name))} "
+                "requested: all runs of a sweep share their settings"
+                for name in changed
+            ]
+        elif key not in _QUESTIONS and there != requested:
+            found.append(f"{key} is {_shown(there)} there, {_shown(requested)} requested")
+    return found
+
+
+def _cannot_shrink(key: str, there: Mapping[str, Any]) -> str:
+    """Why a list of a sweep only grows, and what to do instead."""
+    if key == "seeds" and there.get("until"):
+        return "the upper bound decides the level of the intervals, so it can be raised only (or leave out --seeds)"
+    way = "; --give-up leaves a world" if key in ("worlds", "logs") and there.get("until") else ""
+    return f"a sweep can grow only, so name all of them and more (or leave out --{key}){way}"
 
 
 def check_extends(path: Path, there: Manifest, requested: Manifest) -> None:
     """Raise SweepError with the difference if a directory holds another sweep, or more than the requested one."""
     old, new = there.spec.document(), requested.spec.document()
-    differing = [
-        key
-        for key in {**old, **new}
-        if (key not in _QUESTIONS + _LISTS and old.get(key) != new.get(key))
-        or (key in _LISTS and any(entry not in new.get(key, ()) for entry in old.get(key, ())))
-    ]
+    differing = _differences(old, new)
     if differing:
-        words = "; ".join(f"{key}: {_shown(old.get(key))} there, {_shown(new.get(key))} requested" for key in differing)
-        raise SweepError(f"{path}: holds another sweep ({words}); choose another --out")
+        raise SweepError(f"{path}: holds another sweep: {'; '.join(differing)}. Or choose another --out")
     for file in sorted(there.inputs.keys() & requested.inputs.keys()):
         if there.inputs[file] != requested.inputs[file]:
             raise SweepError(f"{file}: has changed since the sweep in {path} was started; choose another --out")

@@ -56,6 +56,8 @@ class Suggestion:
     reasons: tuple[Reason, ...]
     outside: tuple[Predictor, ...]
     """Predictors outside of what the experiment covered."""
+    record: str
+    """How the expected counts did in worlds that were held out, in words; may be empty."""
 
 
 def suggest(name: str, features: Mapping[str, Any], model: NeededCount) -> Suggestion:
@@ -73,6 +75,7 @@ def suggest(name: str, features: Mapping[str, Any], model: NeededCount) -> Sugge
         largest_holds=largest_holds,
         reasons=tuple(_reason(model, at, k) for k in range(len(PREDICTORS))),
         outside=tuple(model.outside(at)),
+        record=model.record,
     )
 
 

@@ -1,7 +1,16 @@
 # SPDX-License-Identifier: MIT
 """Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
 
-from testbed.views.opening import OpenedRun, open_run, open_view, record_frames, record_side_by_side, recording_of
+from testbed.views.opening import (
+    OpenedRun,
+    moments_for_report,
+    moments_of,
+    open_run,
+    open_view,
+    record_frames,
+    record_side_by_side,
+    recording_of,
+)
 from testbed.views.view import FinalLoop, NullView, Proposal, Scene, Snapshot, View, ViewOptions
 
 __all__ = [
@@ -13,6 +22,8 @@ __all__ = [
     "Snapshot",
     "View",
     "ViewOptions",
+    "moments_for_report",
+    "moments_of",
     "open_run",
     "open_view",
     "record_frames",

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import os
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,6 +70,30 @@ def record_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> No
     from testbed.views.rerun.side_by_side import write_side_by_side
 
     write_side_by_side(recording, runs)
+
+
+def moments_of(run: Path) -> Callable[[float], bytes] | None:
+    """What draws a moment of a run, in seconds since its first scan, as a PNG; None where it has no recording.
+
+    run: a directory, or a recording
+
+    Raises ValueError where the recording is damaged, or none of a run.
+    """
+    recording = recording_of(run)
+    if recording is None:
+        return None
+    from testbed.views.rerun.moment_picture import MomentPictures
+
+    return MomentPictures(recording).png
+
+
+def moments_for_report(run: Path) -> Callable[[float], bytes] | None:
+    """The same as `moments_of` for a report, which does without pictures where the recording cannot be read."""
+    try:
+        return moments_of(run)
+    except ValueError as error:
+        logger.warning("the report has no pictures of moments: %s", error)
+        return None
 
 
 def open_run(run: Path, *more: Path, serve: bool = False, moment: float | None = None) -> OpenedRun:

@@ -37,6 +37,20 @@ def test_the_moment_is_the_jump_from_which_nothing_comes_back(motion):
     np.testing.assert_allclose(failure.true_pose, truth.poses[failure.shown_scan])
 
 
+def test_a_jump_spread_over_the_poses_between_updates_is_one_update():
+    """Poses between two updates are interpolated; the moment, its size and what shows it are those of the update."""
+    truth = straight()
+    updated = np.arange(len(truth)) % 5 == 0
+    poses = jumped(truth, 120, [0.0, 0.8, 0.0])
+    poses[116:120, 1] = [0.16, 0.32, 0.48, 0.64]
+    estimate, steps = Trajectory(truth.stamps, poses), {"updated": updated.astype(float)}
+    assert find_failure(estimate, truth=truth).scan < 120
+    failure = find_failure(estimate, truth=truth, steps=steps)
+    assert (failure.scan, failure.shown_scan) == (120, 120)
+    assert "with this one update it moves by 94\N{NO-BREAK SPACE}cm and 0.0 degrees, the robot by 50" in failure.reason
+    np.testing.assert_allclose(failure.estimated, [12.0, 0.8, 0.0], atol=1e-9)
+
+
 def test_a_blip_that_heals_is_listed_and_the_loss_after_it_is_the_moment():
     truth = straight()
     poses = jumped(truth, 200, [0.0, 0.0, 1.3])

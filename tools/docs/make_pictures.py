@@ -4,7 +4,7 @@
     python -m tools.docs.make_pictures               # runs `testbed run office` and a run that ends lost, draws both
     python -m tools.docs.make_pictures --only lost
 
-Writes: docs/pictures/office.png, docs/pictures/office.gif, docs/pictures/lost.png
+Writes: docs/pictures/office.png, docs/pictures/office.gif, docs/pictures/moment.png, docs/pictures/lost.png
 
 The native viewer draws them without a display or a graphics card (Debian: apt-get install mesa-vulkan-drivers).
 """
@@ -21,7 +21,10 @@ from pathlib import Path
 from PIL import Image
 
 from eval.files.failure_json import read_failure
+from eval.files.run_reader import read_run
 from eval.files.tum import read_tum
+from eval.report.verdict import verdict
+from testbed.views import moments_of
 from tools.headless_viewer import HeadlessViewer, headless_viewer
 
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
@@ -50,8 +53,12 @@ def main() -> None:
 
 
 def draw_office(viewer: HeadlessViewer, run: Path) -> None:
-    """Run the office into a directory, and draw it as a picture and as an animation."""
+    """Run the office into a directory, and draw it as a picture, as an animation, and its largest loop closure."""
     testbed("run office", run)
+    moment, draw_moment = verdict(read_run(run)).loop.time, moments_of(run)
+    if moment is None or draw_moment is None:
+        raise RuntimeError("testbed run office: it closes no loop any more, or has no recording")
+    (PICTURES / "moment.png").write_bytes(draw_moment(moment))
     end = viewer.open(run / "recording.rrd")
     (PICTURES / "office.png").write_bytes(viewer.picture(0.72 * end, largest=1400))
     save_animation(viewer, end, PICTURES / "office.gif")

@@ -150,7 +150,7 @@ def judge(frames: list[Frame], fault: str, at: float) -> tuple[bool, bool, bool,
     truth, odometry = (estimation.trajectory_at_scans(name) for name in ("truth", "odometry"))
     steps = estimation.steps.columns()
     estimate = estimation.filtered().at_scans
-    failure = find_failure(estimate, truth=truth)
+    failure = find_failure(estimate, truth=truth, steps=steps)
     if failure is None or not failure.bad or truth is None:
         return False, False, False, "did not fail"
     cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps, estimate=estimate) or ""

@@ -52,8 +52,10 @@ def main() -> None:
         "drives": len(np.unique(runs.drive)),
         "worlds": len(np.unique(runs.world)),
     }
+    held_out = predict_held_out(runs, table.places)
+    provenance["held_out"] = {"worlds": len(held_out), "too_small": sum(world.is_too_small for world in held_out)}
     model = fit(runs, provenance)
-    text = page(table, model, runs.predictors, predict_held_out(runs, table.places))
+    text = page(table, model, runs.predictors, held_out)
     if arguments.print:
         print(text)
         return

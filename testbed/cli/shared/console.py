@@ -22,17 +22,30 @@ results = Console(highlight=False, soft_wrap=True)
 """Console for results."""
 
 
+COMPILATION_PERIOD = 20.0
+"""Time between two lines about the kernels where stderr is no terminal [s]."""
+
+
 def announce_compilation() -> None:
     """Compile the kernels if they are not compiled yet, and say so, because it takes a while."""
     if is_compiled():
         return
     words = "Compiling the kernels: once per version, one to three minutes"
+    said = time.perf_counter()
     if not console.is_terminal:
         console.print(f"{words} …")
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        progress.add_task(words, total=None)
-        seconds = compile_kernels()
+        task = progress.add_task(words, total=None)
+
+        def show(done: int, total: int) -> None:
+            nonlocal said
+            progress.update(task, description=f"{words}: {done} of {total}")
+            if not console.is_terminal and time.perf_counter() - said > COMPILATION_PERIOD:
+                said = time.perf_counter()
+                console.print(f"kernel {done} of {total} …")
+
+        seconds = compile_kernels(show)
     console.print(f"The kernels were compiled in {seconds:.0f} s and are kept on disk.")
 
 

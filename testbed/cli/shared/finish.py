@@ -12,7 +12,7 @@ from testbed.cli.shared.summary import headline_table
 from testbed.run.execute import execute_job
 from testbed.run.job import Job
 from testbed.run.run_directory import RunDirectory
-from testbed.views import Scene, open_view
+from testbed.views import Scene, moments_for_report, open_view
 
 
 def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: OutputOptions) -> int:
@@ -32,7 +32,7 @@ def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: Outp
             return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED
         watcher.stage("report")
         with directory.marked(metrics):
-            report = write_report(directory.path)
+            report = write_report(directory.path, moments_for_report(directory.path))
     results.print(headline_table(metrics))
     broken = check(metrics, output.limits)
     for sentence in broken:

@@ -15,6 +15,7 @@ from eval.sweep.job_times import duration_words
 from eval.sweep.margin import parse_margin
 from eval.sweep.measure import Measure
 from eval.sweep.planning import foresight
+from eval.sweep.remarks import margin_words
 from eval.sweep.results import SweepTable, SweepTableError, read_sweep
 from eval.sweep.statistics import min_values
 from eval.sweep.summary import summarise
@@ -81,6 +82,7 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
         say(_expected(work, times, execution))
     if work.spec.names_systems:
         return times  # the question is not how many particles are enough
+    say(_margin(work))
     answered = _answers_so_far(work)
     for sentence in answered or _foresight(work, times, execution):
         say(sentence)
@@ -126,6 +128,15 @@ def _expected(work: Work, times: JobTimes | None, execution: Execution) -> str:
     looks = sum(look > work.next_look for look in work.spec.looks)
     further = f"{looks} more look{'s' if looks > 1 else ''}"
     return f"Expected: about {first} to that look; with up to {further} at most about {most} in all, {by}."
+
+
+def _margin(work: Work) -> str:
+    """How large a difference is taken for none: it decides what the sweep can show, and is chosen beforehand."""
+    said = "The margin: an error that is larger by up to {} counts as equal."
+    if work.done is not None and work.done.ran.all(axis=2).any():
+        return said.format(margin_words(summarise(work.done.judged())))
+    words = parse_margin(work.spec.margin).words(is_length=work.spec.key_measure.endswith("_m"))
+    return f"{said.format(words)} Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
 
 
 def _answers_so_far(work: Work) -> list[str]:

@@ -110,16 +110,20 @@ class SweepOptions:
         return flags
 
     def specification(self, file: Path | None, out: Path | None) -> SweepSpec:
-        """The specification of a file, a preset or flags; without any of them that of the sweep in `out`."""
+        """The specification of a file, a preset or flags; without file and preset, flags change that of the sweep in
+        `out`, if there is one."""
         if file is not None and self.preset is not None:
             raise SweepError(f"{file} and --preset {self.preset}: expected one of the two")
         if file is not None:
             return self._with_flags(read_document(file), str(file), file.parent)
         if self.preset is not None:
             return self._with_flags(read_preset(self.preset), f"preset {self.preset}", Path())
-        if self.worlds is None and out is not None and (self == SweepOptions() or (out / MANIFEST).is_file()):
+        if out is not None and (self == SweepOptions() or (out / MANIFEST).is_file()):
             document = SweepDirectory.open(out).manifest.spec.document()
-            return self._with_flags(document, str(out / MANIFEST), out, is_new=False)
+            return self._with_flags(document, str(out / MANIFEST), Path(), is_new=False)
+        if self.worlds is None:
+            wanted = "expected --worlds, a file, --preset, or --out with the directory of a sweep"
+            raise SweepError(wanted if out is None else f"{wanted}; {out} is none")
         return self._with_flags({}, "command line", Path())
 
     def own_settings(self) -> dict[str, Any]:

@@ -71,8 +71,8 @@ def sentences(suggestion: Suggestion) -> list[str]:
     else:
         lines = [
             f"{suggestion.name}: start with {particles(suggestion.interval[1] or suggestion.largest)} "
-            f"(expected are {suggestion.needed}, 95 % interval {low} to {high}; the expected number was too small in "
-            "7 of the 15 worlds on which the forecast was tested)",
+            f"({suggestion.needed} expected, 95 % interval {low} to {high}"
+            f"{f'; {suggestion.record}' if suggestion.record else ''})",
             f"Expected with {suggestion.needed}: an error at most a tenth above that with {suggestion.largest}, and "
             f"{100.0 * suggestion.holds:.0f} % of the runs hold, that is, do not end lost or with a broken loop "
             f"({100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}).",
@@ -85,7 +85,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
         needed = f"more than {suggestion.largest}" if reason.needed_if_usual is None else str(reason.needed_if_usual)
         lines.append(f"  {reason.words} (a world with {reason.usual}, the middle of those tested, would need {needed})")
     lines += [
-        f"  outside of the experiment, so the suggestion is uncertain: {predictor.words}"
+        f"  unlike the drives of the experiment, so little is known: {predictor.words}"
         for predictor in suggestion.outside
     ]
     return lines

@@ -194,7 +194,7 @@ class SweepSpec(BaseModel):
         """Raise ValueError if worlds that get no more seeds are named wrongly, or without `until`."""
         places = [*map(label, self.worlds), *(log.name for log in self.logs)]
         if self.give_up and not self.until:
-            raise ValueError("give_up: expected with until only, which adds seeds")
+            raise ValueError("give_up: expected with --until decided only, which adds seeds")
         if unknown := [name for name in self.give_up if name not in places]:
             raise ValueError(f"give_up: {unknown[0]!r}: no such world or log here, expected one of {', '.join(places)}")
 

@@ -18,6 +18,7 @@ from testbed.views.rerun.archetypes import grid_map, pose_transform
 from testbed.views.rerun.blueprints import legend_view, map_view
 from testbed.views.rerun.columns import Columns, line_columns, poses, scans
 from testbed.views.rerun.layers.path_blocks import GrowingPath
+from testbed.views.rerun.recording_file import RecordingFile
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.legend import Entry, legend_image
 from testbed.views.rerun.scene.robot_model import log_robot
@@ -45,9 +46,16 @@ def write_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> None
     """
     rec = rr.RecordingStream(entities.APPLICATION)
     rec.set_log_time_enabled(False)
-    rec.save(recording, default_blueprint=_blueprint(scene))
-    rec.send_recording_name(scene.title)
-    columns, first = Columns(rec), None
+    with RecordingFile(recording, rec, _blueprint(scene)) as file:
+        rec.send_recording_name(scene.title)
+        count = _add_frames(rec, frames, scene, file)
+    if count == 0:
+        raise ValueError(f"{scene.title}: no scan in it, expected frames with scans")
+
+
+def _add_frames(rec: rr.RecordingStream, frames: Iterable[Frame], scene: Scene, file: RecordingFile) -> int:
+    """Add all frames that have a scan; returns their number."""
+    columns, first, number = Columns(rec), None, 0
     paths: dict[str, GrowingPath] = {}
     for number, frame in enumerate(f for f in frames if f.scan is not None):
         if first is None:
@@ -72,13 +80,11 @@ def write_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> None
                 _add_blocks(rec, columns, path, grown)
         if number % 500 == 499:
             columns.send()
+            file.check()
     for path, grown in paths.items():
         _add_blocks(rec, columns, path, grown)
     columns.send()
-    rec.flush()
-    rec.disconnect()
-    if first is None:
-        raise ValueError(f"{scene.title}: no scan in it, expected frames with scans")
+    return 0 if first is None else number + 1
 
 
 def _log_static(rec: rr.RecordingStream, scene: Scene, truth: bool) -> None:

@@ -10,14 +10,10 @@ float32: the files of the run directory are the source of truth.
 
 from __future__ import annotations
 
-import errno
 import math
-import os
-import shutil
 import time
 import uuid
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
@@ -42,6 +38,7 @@ from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
 from testbed.views.rerun.layers.prediction import Predictions
+from testbed.views.rerun.recording_file import RecordingFile
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
 from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN
@@ -65,8 +62,6 @@ FILE_PERIOD = 0.5
 
 MIN_STEP_M = 0.03
 """Another particle that becomes the best is marked if it moves the estimate by more than this [m]."""
-MIN_SPACE = 1 << 16
-"""Bytes; with less than this left a disk counts as full."""
 
 
 class RerunView:
@@ -107,9 +102,7 @@ class RerunView:
         batches.flush_tick = timedelta(seconds=FILE_PERIOD)
         self._rec = rr.RecordingStream(entities.APPLICATION, recording_id=run, batcher_config=batches)
         self._rec.set_log_time_enabled(False)
-        self._recording = recording
-        with self._file_errors():
-            self._rec.set_sinks(rr.FileSink(recording), default_blueprint=blueprint(self._scenery(None)))
+        self._file = RecordingFile(recording, self._rec, blueprint(self._scenery(None)))
         self._rec.send_recording_name(scene.title)
         self._columns = Columns(self._rec)
         self._arrows = arrow_columns(ARROW * scene.robot_radius)
@@ -129,13 +122,16 @@ class RerunView:
         step = snapshot.step if snapshot.step is not None and snapshot.step.updated else None
         next_step = self._advance(snapshot)
         self._set_time(snapshot)
-        if self._schedule.frame_due(snapshot.stamp, step is not None):
+        frame_due = self._schedule.frame_due(snapshot.stamp, step is not None)
+        if frame_due:
             self._add_frame(snapshot)
         died = 0 if step is None else self._add_update(snapshot, step)
         self._log_events(snapshot, died)
         at_once = step is not None and (step.resampled or step.loop_closed)
         if self._pending and (at_once or self._schedule.map_due(snapshot.stamp, self._travelled, next_step)):
             self._add_map_and_paths(snapshot)
+        if frame_due:
+            self._add_newest(snapshot)
         if step is not None and self._schedule.comparison_due(snapshot.stamp, at_once):
             self._add_comparison(snapshot)
         period = LIVE_PERIOD if self._viewers else SEND_PERIOD
@@ -195,16 +191,15 @@ class RerunView:
 
     def close(self) -> None:
         """Log the last map, complete the file, and let the viewers have the rest."""
-        last = self._last
-        if last is not None:
-            self._close_run(last)
-            if last.map is not None and not self._refined:
-                self._fit_view(last.map(None))
-            self._last = None
-        self._send()
-        with self._file_errors():
-            self._rec.flush()
-        self._rec.disconnect()
+        last, self._last = self._last, None
+        try:
+            if last is not None:
+                self._close_run(last)
+                if last.map is not None and not self._refined:
+                    self._fit_view(last.map(None))
+            self._send()
+        finally:
+            self._file.close()
 
     def _close_run(self, last: Snapshot) -> None:
         """Log the state after the last snapshot, in full."""
@@ -213,19 +208,10 @@ class RerunView:
         self._set_time(last)
         self._add_frame(last)
         self._add_map_and_paths(last, everything=True)
+        self._add_newest(last)
         self._add_comparison(last, everything=True)
         for level, text in self._loops.end(self._events.lost):
             self._columns.add_event(text, level)
-
-    @contextmanager
-    def _file_errors(self) -> Iterator[None]:
-        """Raise what the recording's writer reports, such as a full disk, as an OSError that names the file."""
-        try:
-            yield
-        except RuntimeError as error:
-            full = shutil.disk_usage(self._recording.parent).free < MIN_SPACE
-            reason = os.strerror(errno.ENOSPC) if full else " ".join(f"{error}".split())
-            raise OSError(errno.ENOSPC if full else errno.EIO, reason, str(self._recording)) from error
 
     def wait(self) -> None:
         """Serve the web page until Ctrl-C; returns at once where none is served."""
@@ -280,6 +266,7 @@ class RerunView:
                 self._columns.add_event(disagreement, "WARN", at=at)
         self._columns.send()
         self._images.clear()
+        self._file.check()
         for viewer in self._viewers:
             viewer.check()
 
@@ -292,17 +279,21 @@ class RerunView:
         self._hits = None if snapshot.scan is None else drawing.thinned_hits(snapshot.scan, MAX_POINTS)
         if self._hits is not None:
             add(entities.SCAN, *self._hits)
-        poses = {entities.PATH: snapshot.estimate, entities.ODOMETRY_PATH: snapshot.odometry}
-        if snapshot.truth is not None:
-            poses[entities.TRUE_PATH] = snapshot.truth
-        for entity, pose in poses.items():
-            if entity in self._ends:
-                add(f"{entity}/newest", np.array([self._ends[entity], pose]), build=self._newest[entity])
         if snapshot.truth is None:
             return
         add(entities.TRUE_ROBOT, snapshot.truth)
         for entity, build in zip((entities.POSITION_ERROR, entities.HEADING_ERROR), self._errors, strict=True):
             add(entity, snapshot.truth, snapshot.estimate, snapshot.odometry, build=build)
+
+    def _add_newest(self, snapshot: Snapshot) -> None:
+        """Add the lines from the ends of the paths, as far as they were sent, to the poses."""
+        poses = {entities.PATH: snapshot.estimate, entities.ODOMETRY_PATH: snapshot.odometry}
+        if snapshot.truth is not None:
+            poses[entities.TRUE_PATH] = snapshot.truth
+        for entity, pose in poses.items():
+            if entity in self._ends:
+                line = np.array([self._ends[entity], pose])
+                self._columns.add(f"{entity}/newest", line, build=self._newest[entity])
 
     def _log_events(self, snapshot: Snapshot, died: int) -> None:
         step, loops = snapshot.step, []
@@ -408,7 +399,8 @@ class RerunView:
             else:
                 self._add_path(entities.PATH, self._path.extended(np.array(self._since)))
             self._since = []
-            self._ends[entities.PATH] = snapshot.estimate
+            if self._path.end is not None:  # the last update: the pose of this scan may be later
+                self._ends[entities.PATH] = self._path.end
         for entity, visited in self._visited.items():
             self._add_path(entity, visited.changes())
             if len(visited.poses):

@@ -16,6 +16,7 @@ from testbed.views.rerun import entities
 from testbed.views.rerun.blueprints import WHOLE_RUN, eye, eye_above, legend_view, top_view
 from testbed.views.rerun.drawing import Extent
 from testbed.views.rerun.layers.map_tiles import SQUARE
+from testbed.views.rerun.recording_file import RecordingFile
 from testbed.views.rerun.scene import styles
 
 MAX_RUNS = 9
@@ -64,18 +65,16 @@ def write_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> Non
             curves.append((errors[-1], number, title))
         if any(chunk.entity_path == f"{root}{entities.ESTIMATE_STATE}" for chunk in of_run):
             lanes.append(f"{root}{entities.ESTIMATE_STATE}")
-    rec.set_sinks(rr.FileSink(recording), default_blueprint=_blueprint(views, errors, lanes))
-    rec.send_recording_name("side by side")
-    for entity, number, title in curves:
-        colour = COLOURS[number - 1]
-        faint = tuple((value + 2 * 200) // 3 for value in colour)
-        names = [f"{number}: {title}", f"{number}: odometry"]
-        rec.log(entity, rr.SeriesLines(names=names, colors=[colour, faint], widths=[1.8, 0.8]), static=True)
-    image = rr.EncodedImage(contents=styles.legend_of_maps(), media_type="image/png")
-    rec.log(f"{entities.LEGEND}/map", image, static=True)
-    rec.send_chunks(rr.chunk.LazyChunkStream.from_iter(iter(chunks)))
-    rec.flush()
-    rec.disconnect()
+    with RecordingFile(recording, rec, _blueprint(views, errors, lanes)):
+        rec.send_recording_name("side by side")
+        for entity, number, title in curves:
+            colour = COLOURS[number - 1]
+            faint = tuple((value + 2 * 200) // 3 for value in colour)
+            names = [f"{number}: {title}", f"{number}: odometry"]
+            rec.log(entity, rr.SeriesLines(names=names, colors=[colour, faint], widths=[1.8, 0.8]), static=True)
+        image = rr.EncodedImage(contents=styles.legend_of_maps(), media_type="image/png")
+        rec.log(f"{entities.LEGEND}/map", image, static=True)
+        rec.send_chunks(rr.chunk.LazyChunkStream.from_iter(iter(chunks)))
 
 
 def _chunks(path: Path, root: str) -> Iterator[rr.chunk.Chunk]:

@@ -118,14 +118,14 @@ def test_loops_of_the_final_pass_are_said(tmp_path, last, said):
 
 
 @pytest.mark.parametrize(
-    ("word", "severity", "lead"),
+    ("word", "severity", "lead", "sign"),
     [
-        ("plausible", "none", "finds it plausible"),
-        ("doubtful", "fair", "has doubts"),
-        ("lost", "bad", "lost the robot"),
+        ("plausible", "none", "finds it plausible", "its first sign"),
+        ("doubtful", "fair", "has doubts", "its first sign"),
+        ("lost", "bad", "lost the robot", "the sign of the lasting loss"),
     ],
 )
-def test_an_unjudged_run_is_led_by_its_own_check(tmp_path, word, severity, lead):
+def test_an_unjudged_run_is_led_by_its_own_check(tmp_path, word, severity, lead, sign):
     run = write_run(tmp_path / "run")
     metrics = json.loads((run / "metrics.json").read_text())
     check = {"verdict": word, "reason": "because", "stamp": 112.5, "time_s": 12.5, "place": [1.0, -2.0, 0.0]}
@@ -133,9 +133,7 @@ def test_an_unjudged_run_is_led_by_its_own_check(tmp_path, word, severity, lead)
     found = verdict(read_run(run))
     assert lead in found.lead
     assert found.severity == severity
-    assert found.sentences[0].startswith(
-        f"The run's own check, without any truth: {word}; its first sign is at 12.5 s, "
-    )
+    assert found.sentences[0].startswith(f"The run's own check, without any truth: {word}; {sign} is at 12.5 s, ")
     assert found.sentences[0].endswith("m in the plots below. It saw this: because.")
 
 
@@ -171,4 +169,4 @@ def test_the_check_and_the_headline_tell_one_story(tmp_path):
     x, y = files.truth.poses[round(10 * first), :2]
     assert f"is at {first:.1f} s, at ({x:.1f}, {y:.1f}) m in the plots below, 1.5 s before the truth shows" in sentence
     assert f"while driving the check was certain from {moment + 2.0:.1f} s on" in sentence
-    assert sentence.endswith("While driving it had also said lost from 10.0 s to 15.0 s.")
+    assert sentence.endswith("it said lost from 10.0 s to 15.0 s and was doubtful from 15.0 s on.")

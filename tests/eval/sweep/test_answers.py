@@ -34,12 +34,14 @@ def test_more_and_undecided_are_different_answers(tmp_path):
         "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a, 1 route: 3 seeds cannot tell: at least 8 are needed (5 particles were between 0.06 cm better and 0.04 "
-        "cm worse than 20 in 3 runs; up to 0.5 cm would not matter; whether 8 will do cannot be said from 3 seeds)."
+        "hall_a, 1 route: 3 seeds cannot tell: at least 8 are needed; take 20 for now (5 particles were between 0.06 "
+        "cm better and 0.04 cm worse than 20 in 3 runs; up to 0.5 cm (25 % of the error) would not matter; whether 8 "
+        "will do cannot be said from 3 seeds)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a, 1 route: 1 seed cannot tell: at least 8 are needed (5 particles were 0.04 cm worse than 20 in one "
-        "run; up to 0.5 cm would not matter; whether 8 will do cannot be said from 1 seed)."
+        "hall_a, 1 route: 1 seed cannot tell: at least 8 are needed; take 20 for now (5 particles were 0.04 cm worse "
+        "than 20 in one run; up to 0.5 cm (25 % of the error) would not matter; whether 8 will do cannot be said from "
+        "1 seed)."
     )
 
 
@@ -50,15 +52,14 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
     assert answer.headline == "undecided with 10 seeds"
     assert answer.detail == (
-        "1 is shown to be as good as 20, 5 is open; counts are tested from the largest down, so that several tests err "
-        "together in 5 % at most"
+        "1 is shown to be as good as 20, 5 is open; 1 counts only when 5 does: the counts are tested from the largest "
+        "down, so that all tests together are wrong in at most 5 % of cases"
     )
-    assert answer.today == (
-        "20 is the safe choice until 5 is decided; 1 will probably do. Medians so far: 10.2 cm with 1 to 20"
-    )
+    assert answer.today == "take 20 for now; 1 will probably do"
+    assert answer.medians == "10.2 cm with 1 to 20"
     words = (
         r"5 particles are \d\.\d\d cm (better|worse) than 20 \[\d\.\d\d better to \d\.\d\d worse; 95 % interval\]; "
-        r"up to 1 cm \(10 %\) would not matter"
+        r"up to 1 cm \(10 % of the error\) would not matter"
     )
     assert re.fullmatch(words, answer.difference)
     summary = summarise(read_sweep(tmp_path))
@@ -73,7 +74,7 @@ def test_medians_stand_in_the_order_of_the_counts(tmp_path):
         return (0.033, 0.028 + 0.012 * (s % 5 - 2), 0.022)[c]
 
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=falling))), "improved")
-    assert answer.today.endswith("Medians so far: 3.3 cm with 1, 2.8 with 5, 2.2 with 20")
+    assert answer.medians == "3.3 cm with 1, 2.8 with 5, 2.2 with 20"
 
 
 def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
@@ -84,7 +85,7 @@ def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
     write_sweep(tmp_path, error=noisy, seeds=40, missing=missing, about={"level": 0.99})
     summary = summarise(read_sweep(tmp_path).judged())
     (answer, _) = answers(summary, "improved")
-    assert "; 99 % interval]; up to 0.5 cm would not matter" in answer.difference
+    assert "; 99 % interval]; up to 0.5 cm (25 % of the error) would not matter" in answer.difference
     outlook = summary.decision("hall_a", "improved").outlook
     assert answer.needs == chance_sentence(outlook, [16, 24, 32, 40])
 
@@ -94,7 +95,7 @@ def test_a_difference_says_which_side_is_better(tmp_path):
     write_sweep(tmp_path / "worse", error=lambda p, k, c, s: 0.02 + (0.001 + 0.0001 * s) * (c < 2))
     (answer, _) = answers(summarise(read_sweep(tmp_path / "worse")), "improved")
     assert answer.difference.startswith("1 particle is 0.14 cm worse than 20 [0.1")
-    assert " worse; 95 % interval]; up to 0.5 cm does not matter" in answer.difference
+    assert " worse; 95 % interval]; up to 0.5 cm (25 % of the error) does not matter" in answer.difference
     assert "better" not in answer.difference
     write_sweep(tmp_path / "same", error=lambda p, k, c, s: 0.02)
     (answer, _) = answers(summarise(read_sweep(tmp_path / "same")), "improved")
@@ -136,9 +137,9 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
         "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office, 1 route: 2 seeds cannot tell: at least 8 are needed (5 particles were between 0.06 cm better and "
-        "0.04 cm worse than 20 in 2 runs; up to 0.5 cm would not matter; whether 8 will do cannot be said from 2 "
-        "seeds).",
+        "office, 1 route: 2 seeds cannot tell: at least 8 are needed; take 20 for now (5 particles were between 0.06 "
+        "cm better and 0.04 cm worse than 20 in 2 runs; up to 0.5 cm (25 % of the error) would not matter; whether 8 "
+        "will do cannot be said from 2 seeds).",
     ]
     assert len(COUNTS) == 3
 
@@ -159,10 +160,12 @@ def test_a_smaller_margin_changes_the_answer_and_stands_with_it(tmp_path):
     summary = summarise(read_sweep(tmp_path / "small"))
     answer = answers(summary, summary.table.baseline)[0]
     assert answer.headline == "5 particles are enough"
-    assert answer.difference.endswith("; up to 0.2 cm does not matter")
+    assert answer.difference.endswith("; up to 0.2 cm (9 % of the error) does not matter")
     write_sweep(tmp_path / "share", error=errors, about={"margin": "20%"})
     summary = summarise(read_sweep(tmp_path / "share"))
-    assert answers(summary, summary.table.baseline)[0].difference.endswith("; up to 0.44 cm (20 %) does not matter")
+    assert answers(summary, summary.table.baseline)[0].difference.endswith(
+        "; up to 0.44 cm (20 % of the error) does not matter"
+    )
 
 
 def test_what_enough_promises_stands_with_it(tmp_path):

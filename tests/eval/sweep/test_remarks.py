@@ -49,9 +49,14 @@ def test_what_seeds_change_is_said(tmp_path):
 
 def test_the_margin_that_counts_is_named_where_the_worlds_differ(tmp_path):
     # 2 cm in hall_a, where 10 % are less than 5 mm; 4 cm in cave; ten times as much below
-    assert margin_words(summarise(read_sweep(write_sweep(tmp_path / "a")))) == "5 mm"
+    assert (
+        margin_words(summarise(read_sweep(write_sweep(tmp_path / "a"))))
+        == "5 mm (hall_a 25 %, cave 13 % of the error with 20)"
+    )
     larger = write_sweep(tmp_path / "b", error=lambda p, k, c, s: (0.02, 0.4)[p])
-    assert margin_words(summarise(read_sweep(larger))) == "5 mm (10 % where that is more: cave)"
+    assert margin_words(summarise(read_sweep(larger))) == (
+        "5 mm (10 % where that is more; hall_a 25 %, cave 10 % of the error with 20)"
+    )
     largest = write_sweep(tmp_path / "c", error=lambda p, k, c, s: 0.4)
     assert margin_words(summarise(read_sweep(largest))) == "10 %"
 
@@ -90,5 +95,5 @@ def test_the_forecast_of_a_count_needs_features_and_the_default_filter(tmp_path,
     table.columns.update({f"features.{name}": np.full(table.shape, value) for name, value in values.items()})
     model = shipped_model()
     low, high = model.interval(predictors_of(values))
-    words = f"{model.needed(predictors_of(values))} (95 % interval {low} to {high})"
-    assert suggested_counts(table) == f"hall_a {words}, cave {words}"
+    words = f"start with {high} ({model.needed(predictors_of(values))} expected, 95 % interval {low} to {high})"
+    assert suggested_counts(table) == f"hall_a: {words}; cave: {words}"

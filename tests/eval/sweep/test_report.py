@@ -173,10 +173,11 @@ def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path)
     assert "| hall_a | 20 | 3 * |" in table
     assert "| hall_a | 5 | 10 |" in table
     assert "| cave | 20 | 10 |" in table
-    assert "at most 2 mm worse than 20 particles, as all larger counts are." in table
-    assert "* Fewer than 6 runs" in table
+    assert "at most 2 mm (hall_a 10 %, cave 5 % of the error with 20) worse than 20 particles, as all larger" in table
+    assert "* Too few runs for an interval: the brackets hold the smallest and the largest run. At least 8" in table
+    assert "After the final pass, which is no part of the filter, the count " in table
     assert "Each seed drives another route through the whole world. Robot create3, lidar lds01." in table
-    assert "Fewer than" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
+    assert "Too few" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex (Debian: texlive-latex-recommended)")
@@ -294,7 +295,8 @@ def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_pat
     found = advised(tmp_path / "usual", **at_limit)
     assert [item.title for item in found] == [f"{place} without further seeds" for place in PLACES]
     said = re.fullmatch(
-        r"Report the interval, as the tables below have it: 5 particles are (.*); up to 0.5 cm would not matter."
+        r"Report the interval, as the tables below have it: 5 particles are (.*); up to 0.5 cm "
+        r"\(12 % of the error\) would not matter."
         r" Or report what these seeds do decide: with a margin of (.*) cm \((\d+) % of the error with 20\) 5 particles "
         r"are enough here. Say that this margin was chosen after 10 seeds.",
         found[0].text,
@@ -328,7 +330,9 @@ def test_few_runs_have_a_range_instead_of_a_band_and_an_interval(tmp_path):
     table = markdown_table(few)
     errors = [errors_of(0, 0, 0, s) for s in range(5)]
     assert f"[{100 * min(errors):.2f}, {100 * max(errors):.2f}]" in table
-    assert "range in brackets" in table
+    assert "smallest and largest run in brackets" in table
+    assert "against 20 [range]" in markdown_table(few) or len(few.table.lines) > 1
+    assert "*" not in table  # all are too few: a mark would tell nothing
     assert "95 % bootstrap interval" not in table
     bands = {}
     for seeds in (5, 6):

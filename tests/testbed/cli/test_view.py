@@ -46,6 +46,26 @@ def test_a_run_that_went_wrong_opens_at_its_moment(tmp_path: Path, moments: list
     assert moments[-1] == 12.5
 
 
+def test_a_moment_of_a_run_is_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The moment of the failure where no time is given; nothing is written where the recording is damaged."""
+    run = write_run(tmp_path / "run", broken=True)
+    (run / "recording.rrd").touch()
+    with pytest.raises(ValueError, match=r"recording\.rrd: expected"):
+        command.view([run], time=12.5, save=tmp_path / "damaged.png")
+    assert not list(tmp_path.glob("*.png"))
+    asked: list[float] = []
+    monkeypatch.setattr(command, "moments_of", lambda path: lambda time: asked.append(time) or b"picture")
+    command.view([run], time=12.5, save=tmp_path / "one.png")
+    command.view([run], save=tmp_path / "two.png")
+    found, estimate = read_run(run).failure, read_run(run).estimate
+    assert found is not None
+    assert estimate is not None
+    assert asked == [12.5, found.failure.time_to_watch(estimate.stamps)]
+    assert (tmp_path / "one.png").read_bytes() == b"picture"
+    with pytest.raises(ValueError, match="one run, dataset or log"):
+        command.view([run, run], save=tmp_path / "three.png")
+
+
 def test_a_web_page_and_a_file_say_where_to_move_the_cursor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

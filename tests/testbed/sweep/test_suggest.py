@@ -40,7 +40,7 @@ def test_what_the_experiment_did_not_cover_is_named():
     inside, outside = (suggest("x", EASY | {"odometry_deg_per_m": e}, model()) for e in (1.0, 30.0))
     assert inside.outside == ()
     assert [predictor.name for predictor in outside.outside] == ["odometry_deg_per_m"]
-    assert any("outside of the experiment" in line for line in sentences(outside))
+    assert any("unlike the drives of the experiment" in line for line in sentences(outside))
 
 
 def test_hopeless_drives_get_no_count():

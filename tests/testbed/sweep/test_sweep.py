@@ -82,15 +82,19 @@ def test_every_cell_is_a_row_and_nothing_is_left_over(swept):
 
 
 def test_every_column_says_what_it_holds(swept):
+    columns = {}
     for name in ("sweep", "curves", "timings"):
         schema = pq.read_schema(swept / f"{name}.parquet")
-        assert all(field.metadata[b"description"] for field in schema)
-    described = {
-        field.name: field.metadata[b"description"].decode() for field in pq.read_schema(swept / "sweep.parquet")
+        columns |= {field.name: field.metadata[b"description"].decode() for field in schema}
+        assert str(schema.field("key").type) == "string"
+    assert [name for name, words in columns.items() if words.startswith("The key ") or not words.endswith(".")] == []
+    # a column in metres says so
+    lengths = [name for name in columns if name.endswith("_m") and "_per_m" not in name]
+    assert len(lengths) > 50
+    assert [name for name in lengths if "[m]" not in columns[name]] == []
+    assert {str(pq.read_schema(swept / "sweep.parquet").field(name).type) for name in ("family", "reason")} == {
+        "string"
     }
-    assert described["place"] == "name of the world or log"
-    assert described["setting.refine"] == "setting refine; null = default"
-    assert described["trajectory_filter.ate_rmse_m"].endswith("of metrics.json (docs/metrics.md)")
 
 
 def test_features_of_world_and_sensors_are_columns(swept):
@@ -166,7 +170,7 @@ def test_jobs_over_the_limit_fail_and_are_tried_again(swept, copied, capsys):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([], "command line: expected either worlds or logs"),
+        ([], "expected --worlds, a file, --preset, or --out with the directory of a sweep"),
         (["--worlds", "ofice"], "office"),
         (["--worlds", "office", "--particles", "1,many"], "--particles 1,many: expected whole numbers"),
         (["--worlds", "office", "--axis", "robt=burger"], "robt: unknown setting, expected such as robot"),
@@ -193,7 +197,11 @@ def test_bad_usage_is_one_line_and_leaves_no_directory(tmp_path, monkeypatch, ca
 
 def test_another_sweep_in_the_directory_is_shown_as_a_difference(copied, world, capsys):
     less = [*changed_grid(world, particles="1,5"), "--out", copied]
-    assert_refused(capsys, "particles: [1, 3] there, [1, 5] requested", *less)
+    words = "particles 1, 3 are there, 1, 5 requested: a sweep can grow only, so name all of them and more"
+    assert_refused(capsys, words, *less)
+    other = ["sweep", "--out", copied, "--set", "lidar=lds01"]
+    assert_refused(capsys, "setting lidar is the default there, lds01 requested: all runs of a sweep share", *other)
+    assert_refused(capsys, "worlds", "sweep", "--out", copied, "--worlds", "apartment")
     (copied / "sweep.toml").unlink()
     assert_refused(capsys, "is not empty and holds no sweep", *room_sweep(world), "--out", copied)
 
@@ -260,7 +268,8 @@ def test_a_larger_plan_is_measured(capsys):
     said = capsys.readouterr().out
     assert re.search(
         r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\n"
-        r"Expected: about \d+ (s|minutes) with 2 workers, from the beginning of a run\.\n"
+        r"Expected: about \d+ (s|minutes) with 2 workers, estimated from the beginning of a run\.\n"
+        r"The margin: an error that is larger by up to 5 mm \(10 % where that is more\) counts as equal\. .*\n"
         r"By a rule of thumb .* 8 seeds show differences from about \d+ % of the error on.* --until decided looks",
         said,
     )
@@ -293,7 +302,9 @@ def test_each_look_writes_the_page_and_says_what_it_has_shown(world, tmp_path, m
     said = " ".join(printed.err.split())
     assert written == [out]
     assert "  room, 16 routes: undecided with 16 seeds" in printed.out  # at the end
-    assert re.search(r"room, 8 routes: undecided with 8 seeds \(.*2 particles are \d\.\d\d cm \w+ than 3 \[", said)
+    assert re.search(
+        r"room, 8 routes: undecided with 8 seeds; take 3 for now.* \(.*2 particles are \d\.\d\d cm \w+ than 3 \[", said
+    )
     assert re.search(r"Next look with 16 seeds, 16 jobs, in about \d+ s; at most 16 jobs and about \d+ s in all", said)
     assert said.count("Looked at the results") == 1  # after the last look the page of the whole sweep follows
 
@@ -430,12 +441,20 @@ def test_a_directory_alone_says_which_sweep_gets_more_seeds(copied):
     assert {row["line"] for row in rows} == {"improved", "motion"}
 
 
+def test_flags_that_are_left_out_are_as_in_the_directory(world, copied):
+    request = SweepOptions(worlds=f"{world},apartment")
+    spec = request.specification(None, copied)
+    assert spec.particles == (1, 3)
+    assert len(spec.seeds) == 2
+    assert spec.worlds[1] == "apartment"
+
+
 def test_another_margin_is_another_question_to_the_same_runs(copied):
     before = {cell.name: (cell / "timing.json").read_bytes() for cell in (copied / "cells").iterdir()}
     assert call("sweep", "--out", copied, "--margin", "2mm", "--no-worst") == 0
     assert {cell.name: (cell / "timing.json").read_bytes() for cell in (copied / "cells").iterdir()} == before
     table = markdown_table(summarise(read_sweep(copied)))
-    assert "at most 2 mm worse than 3 particles" in table
+    assert "at most 2 mm (room " in table
     assert "Each seed drives another route" in table
     assert "Robot create3, lidar" in table
 

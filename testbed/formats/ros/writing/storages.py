@@ -4,6 +4,9 @@ messages: names, definitions, quality of service, metadata.yaml, index."""
 
 from __future__ import annotations
 
+import errno
+import os
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,14 +48,19 @@ def new_bag(path: Path, storage: Storage, *, compressed: bool = False) -> Iterat
     """Write a new bag while the block runs; bags without check sums of their own get a seal as the last message.
 
     compressed: pack MCAP chunks with zstd, ROS 1 chunks with LZ4
+    Raises OSError that names `path` where it cannot be written, the data base included.
     """
-    if storage == "rosbag1":
-        bag: _Rosbag1 | _Mcap | _Sqlite = _Rosbag1(path, compressed)
-    else:
-        bag = _Mcap(path, compressed) if storage == "mcap" else _Sqlite(path)
-    with bag.writer:
-        yield bag
-        bag.seal()
+    try:
+        if storage == "rosbag1":
+            bag: _Rosbag1 | _Mcap | _Sqlite = _Rosbag1(path, compressed)
+        else:
+            bag = _Mcap(path, compressed) if storage == "mcap" else _Sqlite(path)
+        with bag.writer:
+            yield bag
+            bag.seal()
+    except sqlite3.Error as error:
+        number = errno.ENOSPC if error.sqlite_errorcode == sqlite3.SQLITE_FULL else errno.EIO
+        raise OSError(number, f"{os.strerror(number)} ({error})", str(path)) from error
 
 
 class _Rosbag2:

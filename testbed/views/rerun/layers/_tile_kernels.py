@@ -74,16 +74,17 @@ def look(table, tiles, grey, touched, since, offset, coarse, looks):
             bottom, left = pixels - 1 - at_row % small * side, at_column % small * side
             differ, of_other_kind, seen = 0, 0, 0
             for row in range(side):
+                line = image[bottom - row, left : left + side]
+                other = 0
                 for column in range(side):
                     if coarse == 1:
                         now[column] = grey[tile[row * SIDE + column]]
                     else:
                         now[column] = pixel_of(tile, grey, (row * SIDE + column) * coarse, coarse)
-                line = image[bottom - row, left : left + side]
-                first = 0
-                while first < side and now[first] == line[first]:  # most rows look as before
-                    first += 1
-                for column in range(first, side):
+                    other |= now[column] ^ line[column]
+                if other == 0:  # most rows look as before
+                    continue
+                for column in range(side):
                     level, before = now[column], line[column]
                     line[column] = level
                     differ += level != before

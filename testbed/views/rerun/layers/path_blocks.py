@@ -22,6 +22,11 @@ class PathBlocks:
         """Nothing was sent yet."""
         self._sent = np.zeros((0, 3))
 
+    @property
+    def end(self) -> Pose | None:
+        """The last pose that was sent, (3,); None before the first."""
+        return self._sent[-1] if len(self._sent) else None
+
     def changes(self, path: Pose) -> list[tuple[int, Pose]]:
         """Number and poses (n, 3) of the blocks that have changed; empty ones are gone.
 

@@ -19,6 +19,10 @@ TRUTH, ODOMETRY, ESTIMATE = (30, 150, 70), (235, 130, 10), (40, 90, 210)
 SCAN, COVARIANCE, PROPOSAL, FAN = (220, 40, 140), (120, 40, 200), (0, 150, 160), (120, 140, 190)
 FREE, WALL, UNSEEN = (255, 255, 255), (0, 0, 0), (205, 205, 205)
 RED, GREY = (210, 50, 50), (150, 160, 170)
+DEAD = (95, 95, 95)
+"""Of histories that ended: no shade of the weights, so that nobody takes them for heavy particles."""
+LABEL = (70, 130, 235)
+"""Of labels: it can be read on the dark ground of the native viewer and on the light one of the web page."""
 Z_TRUE_WALLS, Z_TRUTH, Z_ODOMETRY, Z_FAN, Z_ESTIMATE, Z_TOP = 0.01, 0.02, 0.03, 0.035, 0.04, 0.06
 """Heights at which things are drawn [m], so that they do not fight for the same pixels."""
 STATES = {
@@ -30,7 +34,7 @@ STATES = {
 }
 LINES = {
     entities.PARTICLE_PATHS: (FAN, 0.5),
-    entities.DEAD_BRANCHES: (RED, 1.5),
+    entities.DEAD_BRANCHES: (DEAD, 1.5),
 }
 """Colour and half the width in points of the screen."""
 PATHS = {
@@ -69,8 +73,8 @@ def legend(truth: bool, particles: bool) -> tuple[tuple[Entry, ...], ...]:
     of_particles: tuple[Entry, ...] = (
         ("arrow", (drawing.LIGHT, drawing.HEAVY), "particles, light to heavy"),
         ("thin", (FAN,), "their histories"),
-        ("band", (RED,), "histories that ended at the last resampling"),
-        ("ellipse", (COVARIANCE,), "95 % of the filter's position"),
+        ("band", (DEAD,), "histories that ended at the last resampling"),
+        ("ellipse", (COVARIANCE,), "95 % by the filter's own covariance"),
     )
     return (on_all, of_particles) if particles else (on_all,)
 
@@ -154,7 +158,7 @@ def log_shapes(rec: rr.RecordingStream) -> None:
     for entity, size in ((entities.PARTICLE_DOTS, 2.5), (entities.PROPOSAL_SAMPLES, 3.5)):
         rec.log(entity, rr.Points3D.from_fields(radii=rr.Radius.ui_points(size)), static=True)
     for rank in entities.RANKS:
-        mark = rr.Points3D([[0, 0, Z_TOP]], colors=(255, 255, 255), radii=rr.Radius.ui_points(4.0))
+        mark = rr.Points3D([[0, 0, Z_TOP]], colors=LABEL, radii=rr.Radius.ui_points(4.0))
         rec.log(f"{entities.COMPARE}/{rank}/robot/label", mark, static=True)
     rec.log(entities.PARTICLES, rr.Arrows3D.from_fields(radii=rr.Radius.ui_points(1.0)), static=True)
     for entity, colour in (
@@ -172,9 +176,11 @@ def log_plots(rec: rr.RecordingStream) -> None:
     """Log names and colours of curves and states."""
     for entity, (names, colours) in SERIES.items():
         rec.log(entity, rr.SeriesLines(names=names, colors=colours, widths=[1.5]), static=True)
-    marks = rr.SeriesPoints(names="resampled", colors=RED, markers="diamond", marker_sizes=4.0)
+    marks = rr.SeriesPoints(names="resampled", colors=ODOMETRY, markers="diamond", marker_sizes=4.0)
     rec.log(entities.ESS_RESAMPLED, marks, static=True)
-    marks = rr.SeriesPoints(names="another particle became the best", colors=RED, markers="diamond", marker_sizes=3.0)
+    marks = rr.SeriesPoints(
+        names="another particle became the best", colors=PROPOSAL, markers="diamond", marker_sizes=3.0
+    )
     rec.log(entities.ANOTHER_BEST, marks, static=True)
     for lane, states in STATES.items():
         rec.log(lane, rr.StateConfiguration(values=list(states), colors=list(states.values())), static=True)

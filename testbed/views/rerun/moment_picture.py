@@ -1,0 +1,360 @@
+# SPDX-License-Identifier: MIT
+"""One moment of a run as a picture: the map so far, the robot with its particles and the proposal close up, and curves.
+
+It shows what the viewer shows at that time, and needs no display.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+from slam.se2 import Pose
+from testbed.views.rerun import entities
+from testbed.views.rerun.recorded import (
+    TIME,
+    Ellipse,
+    GridImage,
+    Recorded,
+    colours,
+    ellipse,
+    grid_image,
+    joined,
+    points,
+    pose,
+    strips,
+)
+from testbed.views.rerun.scene import styles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SIZE, DOTS_PER_INCH = (13.0, 8.6), 100
+"""Width and height [inch], and resolution."""
+MIN_REACH, MAX_REACH = 0.3, 4.0
+"""The close view shows at least and at most so much around the robot [m]: its particles, and the true robot."""
+MIN_PROPOSAL_REACH = 0.02
+"""So does the view of the proposal, at least."""
+MAX_PRIOR_REACH = 8.0
+"""Where the prior lies far away, it is shown up to so many times what the samples take."""
+MARGIN = 1.25
+"""Both show so much more than what has to be seen."""
+LEVELS = ("INFO", "WARN", "ERROR")
+"""Of several events at one time the one of the highest level is printed."""
+RECENT_EVENT_S = 20.0
+"""The last event is printed for this long [s]."""
+UNSEEN = tuple(part / 255.0 for part in styles.UNSEEN)
+
+
+class MomentPictures:
+    """Draws moments of one run from its recording. Times are seconds since the first scan."""
+
+    def __init__(self, recording: Path) -> None:
+        """Read the recording; raises ValueError that names it where it is none of a run."""
+        self._recorded = Recorded(recording)
+        if self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf) is None:
+            raise ValueError(f"{recording}: expected the recording of a run, with an estimated pose")
+        self._T_world_map = pose(self._recorded.fixed(entities.SLAM))
+        self._T_world_odom = pose(self._recorded.fixed(entities.ODOMETRY))
+        self._end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]
+
+    def png(self, time: float) -> bytes:
+        """Draw the moment as a PNG; a time before the first scan or after the last one shows that scan."""
+        from matplotlib import rc_context
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        time = min(max(time, 0.0), self._end)
+        look: dict[Any, Any] = {
+            "font.size": 9.0,
+            "axes.titlesize": 10.0,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+        }
+        with rc_context(look):
+            figure = Figure(figsize=SIZE, layout="constrained")
+            self._fill(figure, time)
+            out = io.BytesIO()
+            FigureCanvasAgg(figure).print_figure(out, dpi=DOTS_PER_INCH, format="png")
+        return _with_palette(out.getvalue())
+
+    def _fill(self, figure: Figure, time: float) -> None:
+        scan = self._recorded.latest(entities.ESTIMATED_ROBOT, time)
+        assert scan is not None
+        robot = se2.compose(self._T_world_map, pose(scan))
+        figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
+        curves, shown = self._curves(), self._map(time)
+        parts: Any = figure.subfigures(2, 1, height_ratios=[4.6, 1.0])
+        above, below = parts
+        left, right = above.subfigures(1, 2, width_ratios=[1.35, 1.0])
+        overview, around, close = left.add_subplot(), right.add_subplot(2, 1, 1), right.add_subplot(2, 1, 2)
+        for axes, title in (
+            (overview, "Map so far"),
+            (around, "Around the robot: the particles"),
+            (close, "The proposal of the best particle"),
+        ):
+            axes.set(title=title, aspect="equal", facecolor=UNSEEN)
+            axes.title.set_horizontalalignment("left")
+            axes.title.set_x(0.0)
+            self._draw_map(axes, shown)
+        self._draw_world(overview, time, robot)
+        self._draw_around(around, time, robot)
+        self._draw_proposal(close, time)
+        self._show_all_of_the_map(overview)
+        handles: dict[str, Any] = {}
+        for axes in (overview, around, close):
+            handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+        for axes, (name, unit, times, values, colour) in zip(
+            np.atleast_1d(below.subplots(1, len(curves))) if curves else (), curves, strict=True
+        ):
+            axes.plot(times, values, color=colour, lw=1.1)
+            axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
+            axes.set(title=f"{name}{f' [{unit}]' if unit else ''}, line: now", xlim=(0.0, self._end), ylim=(0.0, None))
+            axes.set_xlabel("time since the first scan [s]")
+            axes.margins(y=0.1)
+        figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=8.5)
+
+    def _headline(self, time: float) -> str:
+        """The moment in figures, and the last event."""
+        found = []
+        for entity, words, scale, unit in (
+            (entities.POSITION_ERROR, "position error", 100.0, " cm"),
+            (entities.HEADING_ERROR, "heading error", 1.0, "°"),
+            (entities.SPREAD, "spread of the particles", 1.0, " cm"),
+            (entities.ESS_VALUE, "effective sample size", 1.0, ""),
+        ):
+            row = self._recorded.latest(entity, time)
+            if row is not None:
+                found.append(f"{words} {scale * row['Scalars:scalars'].as_py()[0]:.1f}{unit}")
+        for lane, words in ((entities.ESTIMATE_STATE, "estimate:"), (entities.SELF_CHECK_STATE, "self-check:")):
+            row = self._recorded.latest(lane, time)
+            if row is not None:
+                found.append(f"{words} {row['StateChange:state'].as_py()[0]}")
+        lines = [f"{self._recorded.name or 'run'} at {time:.1f} s", ";  ".join(found)]
+        past = [event for event in self._recorded.events() if time - RECENT_EVENT_S <= event.time <= time + 1e-6]
+        if past:
+            last = max(past, key=lambda event: (event.time, LEVELS.index(event.level)))
+            lines.append(textwrap.shorten(f"last event, {last.time:.1f} s: {last.text}", 150, placeholder=" …"))
+        return "\n".join(lines)
+
+    def _curves(self) -> list[tuple[str, str, NDArray[np.float64], NDArray[np.float64], Any]]:
+        """Name, unit, times, values and colour of the curves below the maps; those that the run does not have are left
+        out."""
+        found = []
+        for entity, name, unit, colour in (
+            (entities.POSITION_ERROR, "Position error", "m", styles.ESTIMATE),
+            (entities.SPREAD, "Spread of the particles", "cm", styles.COVARIANCE),
+            (entities.ESS_VALUE, "Effective sample size", "", styles.ESTIMATE),
+            (entities.MATCHED, "Share of beams on known walls", "", styles.ESTIMATE),
+        ):
+            times, values = self._recorded.series(entity)
+            single = entity == entities.ESS_VALUE and len(values) > 0 and float(values.max()) <= 1.0
+            small = unit == "m" and len(values) > 0 and float(values.max()) < 1.0
+            if len(times) and not single:
+                shown = ("cm", times, 100.0 * values) if small else (unit, times, values)
+                found.append((name, *shown, _rgb(colour)))
+        return found[:3]
+
+    # --- what is on the maps
+
+    def _map(self, time: float) -> GridImage | None:
+        """The map as one picture; None where nothing was mapped."""
+        names = [entities.MAP, *self._recorded.names(entities.MAP)]
+        found = [(name, self._recorded.latest(name, time)) for name in names]
+        return joined([grid_image(self._recorded.fixed(name) | row) for name, row in found if row is not None])
+
+    def _draw_map(self, axes: Axes, shown: GridImage | None) -> None:
+        """Draw the map in the world's frame, and the true walls."""
+        from matplotlib.transforms import Affine2D
+
+        if shown is not None:
+            x, y, theta = se2.compose(self._T_world_map, shown.pose).tolist()
+            rows, columns = shown.image.shape
+            extent = (0.0, columns * shown.cell, 0.0, rows * shown.cell)
+            image = axes.imshow(shown.image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
+            image.set_transform(Affine2D().rotate(theta).translate(x, y) + axes.transData)
+        walls = self._recorded.fixed(entities.TRUE_WALLS)
+        if walls:
+            _lines(axes, strips(walls["LineStrips3D:strips"]), styles.TRUTH, 0.6)
+
+    def _draw_world(self, axes: Axes, time: float, robot: Pose, reach: float = math.inf) -> None:
+        """Draw paths, robots and scan in the world's frame; reach: how far around the robot is shown [m]."""
+        for entity, T, width, label in (
+            (entities.TRUE_PATH, np.zeros(3), 3.6, "truth: path, robot, thin walls"),
+            (entities.ODOMETRY_PATH, self._T_world_odom, 1.2, "odometry alone"),
+            (entities.PATH, self._T_world_map, 1.6, "estimate: path, robot"),
+        ):
+            pieces = [name for name in self._recorded.names(entity) if self._recorded.latest(name, time) is not None]
+            for name in pieces:
+                row = self._recorded.latest(name, time)
+                assert row is not None
+                parts = [se2.transform_points(T, strip) for strip in strips(row["LineStrips3D:strips"]) if len(strip)]
+                _lines(axes, parts, styles.PATHS[entity][0], width, label)
+        true = self._recorded.latest(entities.TRUE_ROBOT, time)
+        if true is not None:
+            self._draw_robot(axes, entities.TRUE_ROBOT, pose(true), styles.TRUTH)
+        self._draw_robot(axes, entities.ESTIMATED_ROBOT, robot, styles.ESTIMATE)
+        scan = self._recorded.latest(entities.SCAN, time)
+        if scan is not None:
+            ends = se2.transform_points(robot, points(scan["Points3D:positions"]))
+            near = np.hypot(*(ends - robot[:2]).T) <= 2.0 * reach
+            _dots(axes, ends[near], styles.SCAN, "scan, from the estimated pose")
+
+    def _draw_robot(self, axes: Axes, entity: str, at: Pose, colour: tuple[int, int, int]) -> None:
+        """Draw the footprint of a robot at a pose (3,)."""
+        for part in ("outline", "heading"):
+            shape = self._recorded.fixed(f"{entity}/{part}")
+            if shape:
+                lines = [se2.transform_points(at, line) for line in strips(shape["LineStrips3D:strips"])]
+                _lines(axes, lines, colour, 1.6)
+
+    def _draw_around(self, axes: Axes, time: float, robot: Pose) -> None:
+        """Draw the particles, their histories and the filter's ellipse, and all else, close up."""
+        T, places = self._T_world_map, [robot[:2]]
+        particles = self._recorded.latest(entities.PARTICLES, time)
+        origins = np.zeros((0, 2)) if particles is None else points(particles["Arrows3D:origins"])
+        origins = se2.transform_points(T, origins)
+        places += list(origins)
+        true = self._recorded.latest(entities.TRUE_ROBOT, time)
+        if true is not None:
+            places.append(pose(true)[:2])
+        far = max(float(np.hypot(*(place - robot[:2]))) for place in places)
+        reach = float(np.clip(MARGIN * far, MIN_REACH, MAX_REACH))
+        for entity, colour, width, label in (
+            (entities.DEAD_BRANCHES, styles.DEAD, 3.0, "histories that ended at the last resampling"),
+            (entities.PARTICLE_PATHS, styles.FAN, 0.8, "histories of the particles"),
+        ):
+            row = self._recorded.latest(entity, time)
+            if row is not None and len(origins) > 1:
+                lines = [se2.transform_points(T, line) for line in strips(row["LineStrips3D:strips"]) if len(line)]
+                _lines(axes, lines, colour, width, label)
+        self._draw_world(axes, time, robot, reach)
+        spread = self._recorded.latest(entities.COVARIANCE, time)
+        if spread is not None:
+            _ellipse(axes, _moved(T, ellipse(spread)), styles.COVARIANCE, "95 % by the filter's own covariance")
+        if particles is not None:
+            turned = se2.transform_points([0.0, 0.0, T[2]], points(particles["Arrows3D:vectors"]))
+            turned *= 0.25 * reach / np.maximum(np.hypot(*turned.T), 1e-9)[:, None]
+            shades = colours(particles["Arrows3D:colors"])
+            axes.quiver(
+                *origins.T,
+                *turned.T,
+                color=shades,
+                angles="xy",
+                scale_units="xy",
+                scale=1.0,
+                width=0.004,
+                zorder=6,
+                label="particles: light blue to red, the heaviest",
+            )
+            axes.scatter(origins[:, 0], origins[:, 1], s=12, color=shades, zorder=7)
+        _frame(axes, robot[:2], reach)
+
+    def _draw_proposal(self, axes: Axes, time: float) -> None:
+        """Draw how the best particle's new pose was found."""
+        T = self._T_world_map
+        names = (entities.PROPOSAL_PRIOR, entities.PROPOSAL_SAMPLES, entities.PROPOSAL_GAUSSIAN)
+        prior, samples, gaussian = (self._recorded.latest(name, time) for name in names)
+        optimum, scan = (
+            self._recorded.latest(name, time) for name in (entities.PROPOSAL_OPTIMUM, entities.PROPOSAL_SCAN)
+        )
+        found = np.zeros((0, 2)) if samples is None else points(samples["Points3D:positions"])
+        if gaussian is None or samples is None or len(found) == 0:
+            axes.set_axis_off()
+            axes.text(0.5, 0.5, "no proposal at this time", ha="center", va="center", transform=axes.transAxes)
+            return
+        fitted, found = _moved(T, ellipse(gaussian)), se2.transform_points(T, found)
+        if scan is not None and optimum is not None:
+            ends = se2.transform_points(se2.compose(T, pose(optimum)), points(scan["Points3D:positions"]))
+            _dots(axes, ends, styles.SCAN)
+        shades = colours(samples["Points3D:colors"])
+        axes.scatter(found[:, 0], found[:, 1], s=26, color=shades, zorder=6, label="samples, by weight")
+        _ellipse(axes, fitted, styles.PROPOSAL, "Gaussian fitted to the samples, 95 %")
+        far = float(np.hypot(*(found - fitted.centre).T).max())
+        reach = max(MARGIN * max(far, float(fitted.half.max())), MIN_PROPOSAL_REACH)
+        if prior is not None:
+            around = _moved(T, ellipse(prior))
+            _ellipse(axes, around, styles.ODOMETRY, "prior: odometry's prediction, 95 %")
+            off = float(np.hypot(*(around.centre - fitted.centre)))
+            reach = min(max(reach, MARGIN * (off + float(around.half.max()))), MAX_PRIOR_REACH * reach)
+        _frame(axes, fitted.centre, reach)
+
+    def _show_all_of_the_map(self, axes: Axes) -> None:
+        """Show the whole extent of the walls, or of what was mapped in the end, whatever the time."""
+        walls = self._recorded.fixed(entities.TRUE_WALLS)
+        if walls:
+            ends = np.concatenate(strips(walls["LineStrips3D:strips"]))
+        else:
+            parts = [
+                se2.transform_points(self._T_world_map, strip)
+                for name in self._recorded.names(entities.PATH)
+                if (row := self._recorded.latest(name, math.inf)) is not None
+                for strip in strips(row["LineStrips3D:strips"])
+                if len(strip)
+            ]
+            ends = np.concatenate(parts) if parts else np.zeros((1, 2))
+            ends = np.concatenate([ends - 5.0, ends + 5.0])
+        (left, low), (right, high) = ends.min(axis=0) - 0.6, ends.max(axis=0) + 0.6
+        axes.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
+
+
+def _with_palette(png: bytes) -> bytes:
+    """The same picture in a third of the bytes."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(out, "png", optimize=True)
+    return out.getvalue()
+
+
+def _rgb(colour: tuple[int, int, int]) -> tuple[float, float, float]:
+    red, green, blue = (part / 255.0 for part in colour)
+    return red, green, blue
+
+
+def _moved(T: Pose, shape: Ellipse) -> Ellipse:
+    """An ellipse seen from another frame."""
+    return Ellipse(se2.transform_points(T, [shape.centre])[0], shape.half, shape.angle + float(T[2]))
+
+
+def _lines(
+    axes: Axes, lines: list[NDArray[np.float64]], colour: tuple[int, int, int], width: float, label: str | None = None
+) -> None:
+    """Draw lines (n, 2) as one curve, with the pen lifted between two of them."""
+    if not lines:
+        return
+    gap = np.full((1, 2), np.nan)
+    x, y = np.concatenate([part for line in lines for part in (line, gap)]).T
+    axes.plot(x, y, color=_rgb(colour), lw=width, label=label, solid_capstyle="round")
+
+
+def _dots(axes: Axes, places: NDArray[np.float64], colour: tuple[int, int, int], label: str | None = None) -> None:
+    axes.plot(*places.T, ".", ms=2.6, color=_rgb(colour), label=label, zorder=5)
+
+
+def _ellipse(axes: Axes, shape: Ellipse, colour: tuple[int, int, int], label: str) -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 65)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)]) * shape.half
+    x, y = se2.transform_points([*shape.centre, shape.angle], circle).T
+    axes.plot(x, y, color=_rgb(colour), lw=1.8, label=label, zorder=8)
+
+
+def _frame(axes: Axes, centre: NDArray[np.float64], reach: float) -> None:
+    """Show so much around a place [m], with a scale in the corner instead of coordinates."""
+    axes.spines[:].set_visible(True)
+    x, y = centre.tolist()
+    axes.set(xlim=(x - 1.6 * reach, x + 1.6 * reach), ylim=(y - reach, y + reach), xticks=[], yticks=[])
+    length = 10.0 ** math.floor(math.log10(reach))
+    length *= 5.0 if reach / length >= 5.0 else 2.0 if reach / length >= 2.0 else 1.0
+    left, low = x - 1.5 * reach, y - 0.9 * reach
+    axes.plot([left, left + length], [low, low], color="black", lw=2.5, zorder=9, solid_capstyle="butt")
+    name = f"{length:g} m" if length >= 1.0 else f"{100.0 * length:g} cm"
+    axes.text(left, low + 0.04 * reach, name, va="bottom", fontsize=8.5, zorder=9)

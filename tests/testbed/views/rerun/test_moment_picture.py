@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: MIT
+"""Pictures of moments show what was at that time."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from testbed.views import moments_of
+from tests.testbed.views.conftest import Recorded
+
+PINK = (220, 40, 140)
+
+
+def picture(run: Path, time: float) -> NDArray[np.int64]:
+    """A moment as colours (rows, columns, 3)."""
+    draw = moments_of(run)
+    assert draw is not None
+    return np.asarray(Image.open(io.BytesIO(draw(time))).convert("RGB"), dtype=np.int64)
+
+
+def test_the_map_grows_and_the_robot_moves(recorded: Recorded) -> None:
+    early, late = (picture(recorded.path, time) for time in (1.0, 20.0))
+    assert early.shape == late.shape
+    black_early, black_late = ((shot.max(axis=2) < 60).sum() for shot in (early, late))
+    assert black_late > black_early
+    assert (np.abs(late - PINK).max(axis=2) < 60).sum() > 50  # the scan
+    assert (early != late).any(axis=2).mean() > 0.02
+    assert (picture(recorded.path, 1.0) == early).all()
+
+
+def test_a_time_beyond_the_run_shows_its_end(recorded: Recorded) -> None:
+    end = recorded.snapshots[-1].stamp - recorded.snapshots[0].stamp
+    assert (picture(recorded.path, np.inf) == picture(recorded.path, end)).all()
+
+
+def test_what_holds_no_run_is_refused(tmp_path: Path) -> None:
+    assert moments_of(tmp_path) is None
+    (tmp_path / "recording.rrd").touch()
+    with pytest.raises(ValueError, match=r"recording\.rrd: expected"):
+        moments_of(tmp_path)
