@@ -49,6 +49,8 @@ class StressOptions:
     """Names from docs/stress.md, separated by commas. Default: all."""
     seeds: str = "5"
     """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10. Each is a drive in each world."""
+    system_command: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
+    """A program as a further system, such as 'my_slam {dataset} {out}', see docs/systems.md. May be repeated."""
     particles: int = SYSTEMS_PARTICLES
     """Particles of the systems that are made of the filter of this package."""
     duration: float = DURATION
@@ -71,10 +73,10 @@ class StressOptions:
         settings: dict[str, Any] = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
         if "perturb" in settings:
             raise SweepError("--set perturb: is chosen by the stress test, expected --perturbations")
-        names = [word.strip() for word in systems.split(",") if word.strip()]
+        names = [word.strip() for word in systems.split(",") if word.strip()] + list(self.system_command)
         document = {
             "worlds": expand_names(self.worlds),
-            "seeds": self.seeds if not self.seeds.isdecimal() else int(self.seeds),
+            "seeds": self.seeds,
             "particles": [self.particles],
             "axes": {"system": names},
             "settings": {"route": "random", "duration": self.duration, **settings},

@@ -9,6 +9,7 @@ was interrupted goes on with the same runs.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -100,14 +101,17 @@ class StressTest:
     def command(self) -> str:
         """The command that makes the same runs, without --out."""
         spec = self.directory.manifest.spec
-        systems = ",".join(map(str, spec.axes["system"]))
+        systems = list(map(str, spec.axes["system"]))
         seeds = ",".join(map(str, spec.seeds)) + ("," if len(spec.seeds) == 1 else "")
-        words = ["testbed stress", systems, "--worlds", ",".join(grouped(spec.worlds)), "--seeds", seeds]
+        words = ["testbed", "stress", ",".join(system for system in systems if "{dataset}" not in system)]
+        for program in systems:
+            words += ["--system-command", program] if "{dataset}" in program else []
+        words += ["--worlds", ",".join(grouped(spec.worlds)), "--seeds", seeds]
         words += ["--perturbations", ",".join(row.name for row in self.perturbations)]
         words += ["--particles", str(spec.particles[0])]
         for name, value in spec.settings.items():
             words += ["--set", f"{name}={str(value).lower() if isinstance(value, bool) else value}"]
-        return " ".join(words)
+        return shlex.join(words)
 
     def _about(self, done: int) -> str:
         spec = self.directory.manifest.spec

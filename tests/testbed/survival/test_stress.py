@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import json
+import shlex
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 from eval.survival.results import Run, read_runs, thresholds
@@ -109,6 +112,17 @@ def test_systems_see_the_same_frames_at_the_same_severity(toys: str) -> None:
         by_drive[run.perturbation, run.severity, run.seed].add(run.system)
     assert by_drive["none", None, 0] == by_drive["none", None, 1] == {"Toy", "Tough"}
     assert by_drive["dropout", 0.5, 0] == {"Toy", "Tough"}  # the first run of each
+
+
+def test_the_command_on_the_page_makes_the_same_runs(toys: str, tmp_path: Path, monkeypatch) -> None:
+    assert call("stress", toys, *OPTIONS, *SHORT, "--set", "lidar=lds01", "--out", "out") == 0
+    table = (tmp_path / "out" / "stress.parquet").read_bytes()
+    command = json.loads(pq.read_schema(tmp_path / "out" / "stress.parquet").metadata[b"stress"])["command"]
+    monkeypatch.setattr(sweep_options, "run_locally", stopped_after(0))  # everything is there: nothing may be computed
+    program, *words = shlex.split(command)
+    assert program == "testbed"
+    assert call(*words, "--out", "out") == 0
+    assert (tmp_path / "out" / "stress.parquet").read_bytes() == table
 
 
 def test_a_system_that_raises_has_failed_and_the_others_go_on(toys: str, tmp_path: Path, monkeypatch) -> None:
