@@ -98,7 +98,8 @@ def test_a_map_is_written_with_its_description_or_not_at_all(small_disk):
 )
 def test_a_command_on_a_full_disk_is_one_line_and_exit_2(small_disk, kilobytes, command):
     disk = small_disk(kilobytes)
-    done = subprocess.run([*TESTBED, *command.format(disk).split()], capture_output=True, text=True, timeout=250, check=False)
+    words = [*TESTBED, *command.format(disk).split()]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=250, check=False)
     assert done.returncode == 2, done.stderr
     last = done.stderr.splitlines()[-1]
     assert last.startswith(f"testbed: {disk}")
