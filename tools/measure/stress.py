@@ -2,7 +2,7 @@
 # ruff: noqa: T201
 """Run the stress suite: how often the filter is lost under each perturbation, among the drives that can be survived.
 
-    python -m tools.measure.stress RUNS [--runs 600] [--sample 60] [--only spin]
+    python -m tools.measure.stress RUNS [--runs 600] [--sample 60] [--only spin] [--particles 30] [--duration 120]
 
 Prints: tables of lost runs by perturbation and severity, world, and robot, with intervals, and the runs that are lost
 
@@ -40,18 +40,18 @@ from testbed.simulation import SimulationConfig, simulate
 from testbed.stress.suite import SEVERITIES, Case, design, perturbed
 
 DURATION = 120.0
-"""Length of each drive [s]: five faults of a moment."""
+"""Length of each drive unless another is wanted [s]: five faults of a moment."""
 MAX_ERROR_M = 0.3
 """Localisation in the true map has stayed found if its median error is below this [m]."""
 
 
 @lru_cache(maxsize=4)
-def drive(world: str, robot: str, lidar: str, seed: int) -> list[Frame]:
-    """The frames of one drive along a random route."""
+def drive(world: str, robot: str, lidar: str, seed: int, duration: float) -> list[Frame]:
+    """The frames of one drive along a random route, of at most so many seconds."""
     seeds = RunSeeds.from_seed(seed)
     place = worlds.random_route(worlds.load(world), np.random.default_rng(seeds.route))
     config = SimulationConfig(
-        backend="fast", robot=load_robot(robot), lidar=load_lidar(lidar), seeds=seeds, duration=DURATION
+        backend="fast", robot=load_robot(robot), lidar=load_lidar(lidar), seeds=seeds, duration=duration
     )
     with simulate(place, config) as simulation:
         return list(simulation)
@@ -76,13 +76,15 @@ def can_be_survived(case: Case, frames: list[Frame]) -> bool:
     return bool(np.median(np.hypot(*away.T)) < MAX_ERROR_M)
 
 
-def run(case: Case) -> dict[str, Any]:
-    """Run the filter with its final pass, and the localisation, on a perturbed drive."""
+def run(case: Case, particles: int, duration: float) -> dict[str, Any]:
+    """Run the filter with its final pass, and the localisation, on a perturbed drive of at most so many seconds."""
     try:
-        frames = perturbed(drive(case.world, case.robot, case.lidar, case.seed), case.perturbation, case.severity)
+        plain = drive(case.world, case.robot, case.lidar, case.seed, duration)
+        frames = perturbed(plain, case.perturbation, case.severity)
     except worlds.WorldError as error:  # the robot does not fit into the world
         return {**asdict(case), "skipped": str(error)}
-    estimation = Estimation(FilterConfig(), seed=RunSeeds.from_seed(case.seed).filter, threads=1)
+    config = FilterConfig(particles=particles)
+    estimation = Estimation(config, seed=RunSeeds.from_seed(case.seed).filter, threads=1)
     for frame in frames:
         estimation.process(frame)
     truth = estimation.trajectory_at_scans("truth")
@@ -138,6 +140,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=600, help="size of the design")
     parser.add_argument("--sample", type=int, help="run only so many of them, drawn by a fixed seed")
     parser.add_argument("--only", help="one perturbation")
+    parser.add_argument("--particles", type=int, default=FilterConfig().particles)
+    parser.add_argument("--duration", type=float, default=DURATION, help="longest simulated time of a drive [s]")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     cases = design(options.runs)
@@ -147,7 +151,7 @@ def main() -> None:
     try:
         for case in cases:
             if options.only in (None, case.perturbation):
-                rows.append(_row(case, options.out / f"{case.name}.json"))
+                rows.append(_row(case, options))
     except KeyboardInterrupt:
         print(f"interrupted after {len(rows)} runs; the same command goes on with the others")
     ran = [row for row in rows if "skipped" not in row]
@@ -159,10 +163,11 @@ def main() -> None:
             print(f"lost: {Case(**{name: row[name] for name in Case.__annotations__}).name}: {row['reason']}")
 
 
-def _row(case: Case, file: Path) -> dict[str, Any]:
+def _row(case: Case, options: argparse.Namespace) -> dict[str, Any]:
     """The result of a case, computed where its file is not there."""
+    file: Path = options.out / f"{case.name}-{options.particles}-{options.duration:g}.json"
     if not file.exists():
-        found = run(case)
+        found = run(case, options.particles, options.duration)
         with atomic_write(file) as temporary:
             temporary.write_text(json.dumps(found, indent=1))
         said = found.get("skipped") or f"{found['outcome']}, {'' if found['survivable'] else 'not '}survivable"
