@@ -210,7 +210,8 @@ def main() -> None:
             tables[part.name] = read_sweep(options.out / part.name)
         except SweepTableError as error:
             print(error)
-    command = f"`python -m tools.measure.leaderboard {shlex.join(sys.argv[1:])}`"
+    words = ["DIR" if word == str(options.out) else word for word in sys.argv[1:]]
+    command = f"`python -m tools.measure.leaderboard {shlex.join(words)}`"
     if "worlds" in tables:
         write_table(PAGE, "worlds", f"{worlds_table(tables['worlds'])}\n\n{command}")
     if of_logs := [tables[name] for name in ("logs", "logs-drawn") if name in tables]:
