@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -14,8 +15,6 @@ from slam import se2
 from slam.scan import Scan
 from slam.se2 import wrap_angle
 from testbed.frame import Frame
-from testbed.frame_table import FrameTable
-from testbed.inspect.time_offset import shifted
 
 
 def drop_scans(frames: Iterable[Frame], share: float, rng: Generator) -> Iterator[Frame]:
@@ -82,9 +81,34 @@ def mount_askew(frames: Iterable[Frame], degrees: float) -> Iterator[Frame]:
     return _each_scan(frames, askew)
 
 
-def delay_stamps(frames: Sequence[Frame], seconds: float) -> list[Frame]:
-    """Stamp scans later than they were taken; odometry and truth stay those of the stamps."""
-    return shifted(FrameTable.from_frames(frames), -seconds)[0].frames()
+def delay_stamps(frames: Sequence[Frame], seconds: float) -> Iterator[Frame]:
+    """Stamp scans later than they were taken; odometry and truth stay those of the stamps.
+
+    Each scan becomes a frame of its own between the others, which keep their order, their stamps (which may step back)
+    and their odometry. Scans whose new stamp lies after the last frame are lost.
+    """
+    clock = np.maximum.accumulate([frame.stamp for frame in frames]).tolist()
+    waiting: deque[tuple[float, Frame]] = deque()
+    for row, frame in enumerate(frames):
+        while waiting and waiting[0][0] < clock[row]:
+            time, taken = waiting.popleft()
+            share = (time - clock[row - 1]) / (clock[row] - clock[row - 1])
+            yield _late(taken, seconds, frames[row - 1], frame, share)
+        if frame.scan is not None:
+            waiting.append((clock[row] + seconds, frame))
+        yield replace(frame, scan=None)
+
+
+def _late(taken: Frame, seconds: float, before: Frame, after: Frame, share: float) -> Frame:
+    """A frame with its scan so much later, at a share of the motion between two frames."""
+    scan, truth, stamp = taken.scan, None, taken.stamp + seconds
+    assert scan is not None
+    if before.truth is not None and after.truth is not None:
+        truth = se2.compose(before.truth, share * se2.between(before.truth, after.truth))
+    odometry = se2.compose(before.odometry, share * se2.between(before.odometry, after.odometry))
+    return replace(
+        before, stamp=stamp, odometry=odometry, truth=truth, lidar=taken.lidar, scan=replace(scan, stamp=stamp)
+    )
 
 
 def _each_scan(frames: Iterable[Frame], change: Callable[[Scan], Scan]) -> Iterator[Frame]:

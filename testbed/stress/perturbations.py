@@ -112,6 +112,22 @@ def thin_scans(frames: Iterable[Frame], seconds: float) -> Iterator[Frame]:
             yield frame
 
 
+def space_scans(frames: Iterable[Frame], metres: float) -> Iterator[Frame]:
+    """Keep a scan of each lidar only when the wheels have counted so many metres of path since its last one."""
+    kept: dict[str, float] = {}
+    path, before = 0.0, None
+    for frame in frames:
+        if before is not None:
+            path += math.hypot(*(frame.odometry[:2] - before[:2]))
+        before = frame.odometry
+        if frame.scan is not None and path < kept.get(frame.lidar, -math.inf) + metres:
+            yield replace(frame, scan=None)
+        else:
+            if frame.scan is not None:
+                kept[frame.lidar] = path
+            yield frame
+
+
 def limit_range(frames: Iterable[Frame], metres: float) -> Iterator[Frame]:
     """Let the lidar see no farther than so many metres: what is beyond returns nothing."""
     for frame in frames:

@@ -194,6 +194,11 @@ _ROWS = (
         summary="Scans are stamped N seconds too late.",
         apply=lambda frames, value, _: lidar.delay_stamps(frames, value),
     ),
+    Perturbation(
+        name="scan-distance", unit="m", harmless=0.1, hopeless=30.0,
+        summary="Scans come no more often than each N metres of the path that the wheels count.",
+        apply=lambda frames, value, _: perturbations.space_scans(frames, value),
+    ),
 )  # fmt: skip
 PERTURBATIONS = {row.name: row for row in _ROWS}
 """All perturbations by name, in the order in which several are applied: from the surroundings over the lidar and the

@@ -128,6 +128,17 @@ testbed convert robot.bag robot.log.gz --to carmen
 testbed convert robot.log.gz robot --to rosbag2
 ```
 """,
+    "stress": """Find how much of each perturbation SLAM systems survive.
+
+Each perturbation is turned up until half of the runs fail: odometry noise, slip, lost scans, few beams, glass, people,
+wrong clocks. All systems drive the same routes. The results are written to a directory: report.html, stress.parquet.
+The same command continues a stress test that was interrupted. docs/stress.md explains the method.
+
+```
+testbed stress odometry,scan-matching --worlds office,loop --perturbations drop-scans,slip --seeds 5 --out stress
+testbed stress my_slam.py:MySlam,gmapping --worlds office,loop,maze --plan
+```
+""",
     "perturb": """Make a recording harder: lost scans, noise, slipping wheels, glass, people, wrong clocks.
 
 The output is a dataset directory that `testbed slam` and `testbed score` read; the truth is kept. The same seed gives

@@ -75,27 +75,39 @@ def forget_recordings() -> None:
 
 @lru_cache(maxsize=2)
 def _driven(world: str, simulator: SimulatorOptions, seeds: RunSeeds, perturb: str) -> Recording:
-    loaded, config, drive = _drive(world, simulator, seeds)
-    frames = perturbed(drive.frames, parse_perturbations(perturb), seeds.perturbation)
-    source = RecordedFrames(frames, drive.ended)
+    drive = _drive(world, simulator, seeds)
+    loaded = drive.world
+    frames = perturbed(drive.source.frames, parse_perturbations(perturb), seeds.perturbation)
+    source = RecordedFrames(frames, drive.source.ended)
     lidars = lidar_views(frames)
     if not lidars:
-        raise SweepError(f"{loaded.name}: the drive ends before the first scan, expected a longer duration")
+        why = f"{perturb} leaves no scan" if perturb else "the drive ends before the first scan"
+        raise SweepError(f"{loaded.name}: {why}, expected a longer duration")
     path = _true_path(frames)
     return Recording(
         source=source,
-        features={**features_of(loaded, config), **drive_features(frames, path.poses)},
+        features={**drive.features, **drive_features(frames, path.poses)},
         lidars=lidars,
-        truth_map=_true_map(loaded, config, path, lidars),
+        truth_map=_true_map(loaded, drive.config, path, lidars),
     )
 
 
+class _Drive(NamedTuple):
+    """A drive as the simulator gives it."""
+
+    world: World
+    config: SimulationConfig
+    source: RecordedFrames
+    features: Features
+    """Those of the world and the sensors."""
+
+
 @lru_cache(maxsize=2)
-def _drive(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> tuple[World, SimulationConfig, RecordedFrames]:
-    """The frames of a drive as the simulator gives them."""
+def _drive(world: str, simulator: SimulatorOptions, seeds: RunSeeds) -> _Drive:
     loaded, config = simulator.load_world(world, seeds), simulator.simulation(seeds)
     with simulate(loaded, config) as simulation:
-        return loaded, config, RecordedFrames(list(simulation), simulation.ended(simulator.duration))
+        source = RecordedFrames(list(simulation), simulation.ended(simulator.duration))
+    return _Drive(loaded, config, source, features_of(loaded, config))
 
 
 def _true_path(frames: Sequence[Frame]) -> Trajectory:

@@ -17,6 +17,7 @@ from testbed.stress.perturbations import (
     restart_odometry,
     reverse_odometry,
     slip,
+    space_scans,
     stop_odometry,
     thin_scans,
 )
@@ -105,6 +106,13 @@ def test_scans_come_no_more_often_than_asked_for(frames: list[Frame]) -> None:
     assert len(stamps) == 10
     assert np.diff(stamps).min() >= 1.0 - 1e-9
     assert len(list(thin_scans(frames, 1.0))) == len(frames)
+
+
+def test_scans_come_no_more_often_than_the_metres_say(frames: list[Frame]) -> None:
+    changed = list(space_scans(frames, 0.42))
+    places = np.array([0.05 * k for k, frame in enumerate(changed) if frame.scan is not None])  # 5 cm a frame
+    assert len(changed) == len(frames)
+    np.testing.assert_allclose(np.diff(places), 0.5)  # a scan comes each 0.1 m
 
 
 def test_a_short_range_turns_what_is_beyond_into_no_returns(frames: list[Frame]) -> None:

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: MIT
+"""`testbed stress`: a toy system with a known threshold, and stress tests that are interrupted and continued."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from eval.survival.results import Run, read_runs, thresholds
+from testbed.cli.shared import sweep_options
+from testbed.stress.table import PERTURBATIONS
+from testbed.sweep.execution.compute import compute
+from testbed.sweep.execution.local_pool import Event, Finished, Started
+from testbed.sweep.spec.cell import Cell
+from tests.shell import assert_refused, call
+
+TOY = '''
+import numpy as np
+
+class Toy:
+    """Knows the path by the wheels, and invents one as soon as too few beams are left."""
+
+    name, version = "toy", "1"
+    least = {least}
+
+    def start(self, lidars, seed):
+        self.scans = 0
+
+    def process(self, frame):
+        if frame.scan is None:
+            return None
+        self.scans += 1
+        if np.isfinite(frame.scan.ranges).mean() < self.least:
+            return (float(self.scans % 7), 0.0, 0.0)
+        return frame.odometry
+
+    def finish(self):
+        return None, None
+'''
+OPTIONS = ("--worlds", "office", "--perturbations", "dropout,askew", "--workers", 1)
+LONG, SHORT = ("--seeds", 8, "--duration", 8), ("--seeds", 3, "--duration", 5)
+
+
+@pytest.fixture
+def toys(tmp_path: Path, monkeypatch) -> str:
+    """Two systems of which one survives a dropout of 0.5 and the other of 0.9, run in this process."""
+    (tmp_path / "toys.py").write_text(TOY.format(least=0.5) + "\n\nclass Tough(Toy):\n    least = 0.1\n")
+    monkeypatch.setattr(sweep_options, "run_locally", computed_here)
+    monkeypatch.chdir(tmp_path)
+    return "toys.py:Toy,toys.py:Tough"
+
+
+def computed_here(cells: list[Cell], workers: int, limits: object) -> Iterator[Event]:
+    for cell in cells:
+        yield Started(cell)
+        yield Finished(cell, compute(cell))
+
+
+def stopped_after(runs: int):
+    """An executor that is interrupted after so many runs."""
+    done = []
+
+    def compute_some(cells: list[Cell], workers: int, limits: object) -> Iterator[Event]:
+        for event in computed_here(cells, workers, limits):
+            if len(done) == runs:
+                raise KeyboardInterrupt
+            done.extend([event] * isinstance(event, Finished))
+            yield event
+
+    return compute_some
+
+
+def test_the_known_threshold_of_a_toy_lies_in_its_interval(toys: str, tmp_path: Path) -> None:
+    assert call("stress", toys, *OPTIONS, *LONG, "--out", "out") == 0
+    found = thresholds(read_runs("out"))
+    row = PERTURBATIONS["dropout"]
+    # readings of the office without dropout are finite in most, not in all beams
+    for system, lost in (("Toy", 0.45), ("Tough", 0.88)):
+        interval = found[system, "dropout"]
+        assert row.value_at(max(interval.low, 0.0)) < lost < row.value_at(min(interval.high, 1.0))
+        assert found[system, "askew"].value > 1.0
+    assert found["Toy", "dropout"].value < found["Tough", "dropout"].value
+    assert "What Toy survives" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_an_interrupted_stress_test_ends_in_the_same_table(toys: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "whole") == 0
+    monkeypatch.setattr(sweep_options, "run_locally", stopped_after(9))
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "parts") == 130
+    assert "9 runs are left; the same command with --out parts continues" in " ".join(capsys.readouterr().err.split())
+    assert len(read_runs("parts")) == 9
+    assert "9 of 18 runs" in (tmp_path / "parts" / "report.html").read_text()
+    (tmp_path / "parts" / "cells" / ".killed.1.tmp").mkdir()  # what kill -9 leaves behind
+    monkeypatch.setattr(sweep_options, "run_locally", stopped_after(4))
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "parts") == 130
+    monkeypatch.setattr(sweep_options, "run_locally", computed_here)
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "parts") == 0
+    for name in ("stress.parquet", "report.html", "table.md"):
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_systems_see_the_same_frames_at_the_same_severity(toys: str) -> None:
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "out") == 0
+    by_drive: dict[tuple, set[str]] = defaultdict(set)
+    for run in read_runs("out"):
+        by_drive[run.perturbation, run.severity, run.seed].add(run.system)
+    assert by_drive["none", None, 0] == by_drive["none", None, 1] == {"Toy", "Tough"}
+    assert by_drive["dropout", 0.5, 0] == {"Toy", "Tough"}  # the first run of each
+
+
+def test_the_command_on_the_page_makes_the_same_runs(toys: str, tmp_path: Path, monkeypatch) -> None:
+    assert call("stress", toys, *OPTIONS, *SHORT, "--set", "lidar=lds01", "--out", "out") == 0
+    table = (tmp_path / "out" / "stress.parquet").read_bytes()
+    command = json.loads(pq.read_schema(tmp_path / "out" / "stress.parquet").metadata[b"stress"])["command"]
+    monkeypatch.setattr(sweep_options, "run_locally", stopped_after(0))  # everything is there: nothing may be computed
+    program, *words = shlex.split(command)
+    assert program == "testbed"
+    assert call(*words, "--out", "out") == 0
+    assert (tmp_path / "out" / "stress.parquet").read_bytes() == table
+
+
+def test_a_system_that_raises_has_failed_and_the_others_go_on(toys: str, tmp_path: Path, monkeypatch) -> None:
+    def compute_or_fail(cells: list[Cell], workers: int, limits: object) -> Iterator[Event]:
+        for cell in cells:
+            is_bad = "Tough" in str(cell.settings["system"])
+            yield Finished(cell, "Tough: scan 0: out of luck" if is_bad else compute(cell))
+
+    monkeypatch.setattr(sweep_options, "run_locally", compute_or_fail)
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "out") == 0
+    runs: list[Run] = read_runs("out")
+    assert {run.outcome for run in runs if run.system == "Tough"} == {"failed"}
+    assert "out of luck" in (tmp_path / "out" / "report.html").read_text()
+    assert {run.outcome for run in runs if (run.system, run.perturbation) == ("Toy", "none")} == {"ok"}
+
+
+def test_the_plan_counts_the_runs_and_writes_nothing(toys: str, tmp_path: Path, capsys) -> None:
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "out", "--plan") == 0
+    said = capsys.readouterr().out
+    assert "18 runs: 3 drives (1 worlds, 3 seeds), 2 systems, 2 perturbations and none" in said
+    assert "Expected: about" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_requests_are_refused_before_anything_is_written(toys: str, tmp_path: Path, capsys) -> None:
+    def refused(complaint: str, *arguments: object) -> None:
+        assert_refused(capsys, complaint, "stress", *arguments, "--out", "out")
+        assert not (tmp_path / "out").exists()
+
+    refused("drop-scan: no such perturbation, expected such as drop-scans", toys, "--worlds", "office",
+            "--perturbations", "drop-scan")  # fmt: skip
+    refused("offic", toys, "--worlds", "offic")
+    refused("no-such-system", "no-such-system", "--worlds", "office")
+    refused("perturb: is chosen by the stress test", toys, "--worlds", "office", "--set", "perturb=askew=3")
+    refused("--shard: expected none", toys, "--worlds", "office", "--shard", "0/2")
+
+
+def test_a_directory_of_another_stress_test_is_refused(toys: str, capsys) -> None:
+    assert call("stress", toys, *OPTIONS, *SHORT, "--out", "out") == 0
+    assert_refused(
+        capsys, "holds another sweep", "stress", toys, *OPTIONS, *SHORT, "--set", "lidar=lds01", "--out", "out"
+    )
