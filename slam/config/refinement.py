@@ -22,10 +22,10 @@ class RefineConfig:
     """Number of rounds; each finds the walls again."""
     first_gate: float = 0.2
     """Gate of the first round [m]: end points this close to a wall, plus three standard deviations, belong to it."""
-    gate_decay: float = 0.5
+    gate_decay: float = 0.6
     """Factor by which the gate shrinks from round to round."""
-    last_gate: float = 0.01
-    """Smallest gate [m]: objects in front of a wall must not attract it, and neither must its corners."""
+    last_gate: float = 0.03
+    """Smallest gate [m]: objects in front of a wall must not attract it."""
     cell: float = 0.05
     """Side of the cells into which end points are sorted [m]."""
     window: float = 0.15

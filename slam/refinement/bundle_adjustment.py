@@ -24,7 +24,7 @@ from slam.refinement._normal_equations_kernels import (
     subtract_schur_complement,
     weigh_points,
 )
-from slam.refinement.noise import INITIAL, Noise, estimate_noise
+from slam.refinement.noise import INITIAL, Noise, estimate_noise, for_weights
 from slam.refinement.odometry_noise import variance_factors, with_variances
 from slam.refinement.surfels import (
     Cells,
@@ -73,7 +73,7 @@ class Adjustment:
         self.cloud, self.with_scan, self.config, self.threads = cloud, with_scan, config, threads
         self.motions = se2.between(odometry[:-1], odometry[1:])
         self.prior = motion_prior(self.motions, config.motion)
-        self.noise = INITIAL
+        self.noise = self.found_noise = INITIAL
         self.odometry_variance = np.ones(2)
 
     def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
@@ -100,7 +100,8 @@ class Adjustment:
             raise FloatingPointError("the equations of the final pass are not positive definite")
 
         factor = variance_factors(self.prior, poses, self.motions, factors, eliminated)
-        self.prior, self.noise = with_variances(self.prior, *factor), scans.noise  # for the next step
+        self.prior = with_variances(self.prior, *factor)  # this and the noise are for the next step
+        self.found_noise, self.noise = scans.noise, for_weights(scans.noise)
         self.odometry_variance *= factor
 
         def precondition(x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -102,5 +102,5 @@ def refine(
     drawn = redraw_map(poses, rays, (cells, surfels), adjustment.noise, config, workers)
     position, heading = adjustment.odometry_variance.tolist()
     return Refined(
-        poses=poses, map=drawn, closing=closing, noise=adjustment.noise, odometry_variance=(position, heading)
+        poses=poses, map=drawn, closing=closing, noise=adjustment.found_noise, odometry_variance=(position, heading)
     )

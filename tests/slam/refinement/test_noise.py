@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam.refinement._noise_kernels import average_pairs
-from slam.refinement.noise import INITIAL, MIN_SIGMA, Noise, estimate_noise
+from slam.refinement.noise import INITIAL, MIN_SIGMA, Noise, estimate_noise, for_weights
 
 
 def drawn(noise, seed, scans=800, surfels=60, outliers=0.0):
@@ -56,11 +56,12 @@ def test_too_few_data_leave_what_was_taken_before():
     assert estimate_noise(*none, before) == before
 
 
-def test_perfect_data_keep_the_smallest_noise():
+def test_perfect_data_have_no_noise_but_count_with_the_smallest():
     first, surfel, deviation, ranges, views, normal = drawn(INITIAL, 0)
     found = estimate_noise(first, surfel, 0.0 * deviation, ranges, views, normal, INITIAL)
-    assert found.floor == MIN_SIGMA**2
-    assert found.shared <= 1e-7
+    assert max(found) <= 1e-7
+    assert for_weights(found).floor == MIN_SIGMA**2
+    assert for_weights(Noise(1.0, 0.0, 0.0, 0.0)).floor == 1.0
 
 
 @given(st.integers(0, 10**6), st.integers(1, 6), st.integers(1, 5))
