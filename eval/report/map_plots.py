@@ -115,7 +115,10 @@ def failure_plot(context: ReportContext) -> Plot | None:
     curves: list[plots.Series] = []
     if run.truth is not None:
         curves.append(("true path", run.truth.poses[:, :2], plots.TRUTH))
-    around = run.estimate[max(failure.since - 50, 0) : failure.shown_scan + 50]
+    begin, end = sorted(
+        (failure.since, failure.shown_scan)
+    )  # a single wrong pose may come before what it is aligned at
+    around = run.estimate[max(begin - 50, 0) : end + 50]
     curves.append(("estimated path", positions_in(T_frame_map, around), plots.ESTIMATE))
     seen = [plots.SeenScan("scan from the estimated pose", failure.estimated, points, plots.BAD)]
     if failure.true_pose is not None:

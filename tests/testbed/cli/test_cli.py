@@ -72,7 +72,7 @@ def here(tmp_path, monkeypatch):
         (["run", "office", "--robot", "creat3"], "create3"),
         (["run", "office", "--lidar", "rplidar_b2"], "rplidar_a2"),
         (["run", "office", "--seed", "-1"], "seed must not be negative"),
-        (["run", "office", "--duration", "0"], "duration must be positive"),
+        (["run", "office", "--duration", "0"], "duration must be above 0"),
         (["run", "office", "--filter.match.hit-sigm", "1"], "Did you mean --filter.match.hit-sigma"),
         (["run", "office", "--filter.match.hit-sigma", "-1"], "must be positive"),
         (["run", "office", "--filter.resample.scheme", "best"], "systematic"),

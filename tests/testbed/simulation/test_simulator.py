@@ -289,7 +289,7 @@ def test_worlds_without_a_fitting_tour_are_refused():
         simulate(room().model_copy(update={"tour": None}), perfect())
     with pytest.raises(WorldError, match=r"robot 'create3' does not fit: .*the footprint"):
         simulate(room(tour=[(4.9, 0)]), perfect())
-    with pytest.raises(ValueError, match="duration must be positive"):
+    with pytest.raises(ValueError, match="duration must be above 0"):
         SimulationConfig(duration=0.0)
 
 

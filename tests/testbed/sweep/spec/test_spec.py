@@ -162,7 +162,7 @@ def test_shipped_presets_are_valid():
     assert {"gate", "particles"} <= set(presets())
     specs = {name: parse_spec(read_preset(name), name, Path()) for name in presets()}
     study = specs["particles"]
-    assert (len(study.worlds), len(study.seeds), study.particles) == (6, 10, (1, 2, 5, 10, 20, 50, 100))
+    assert (len(study.worlds), len(study.seeds), study.particles) == (6, 10, (1, 2, 5, 10, 20, 40, 80))
     assert [line.name for line in study.lines()] == ["improved", "scan-match", "motion"]
 
 
