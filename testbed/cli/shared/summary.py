@@ -55,8 +55,8 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
     found = _failure_of(metrics, run)
     if found is not None:
         failure, stamps = found
-        cause = failure.cause.split(":")[0] if failure.cause else "the data show no fault at this moment"
-        table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}: {cause}")
+        cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
+        table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}{cause}")
     while_driving = _value(metrics, "outcome_online")
     if while_driving not in (None, metrics["outcome"], "unjudged"):
         table.add_row("outcome while driving", f"{while_driving}")
