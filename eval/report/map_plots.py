@@ -16,6 +16,8 @@ from eval.report.report_context import ReportContext, positions_in
 from eval.wording import at_time
 from slam.se2 import compose, inverse
 
+TRUTH = plots.GOOD
+"""The truth is green, as in the recording and in the pictures of moments."""
 CROPS = (1.5, 2.5, 4.0, 6.0)
 """The picture of the failure shows as much around the robot [m] as the first of these that is enough: …"""
 CROP_GAPS = 3.0
@@ -57,7 +59,7 @@ def path_plots(context: ReportContext) -> Iterator[Plot]:
     if run.odometry is not None:
         curves.append(("odometry", positions_in(context.T_frame_odometry, run.odometry), plots.ODOMETRY))
     if run.truth is not None:
-        curves.append(("truth", run.truth.poses[:, :2], plots.TRUTH))
+        curves.append(("truth", run.truth.poses[:, :2], TRUTH))
     curves.append(("estimate", estimate, plots.ESTIMATE))
     how = "aligned at the first scan" if context.errors else "odometry starts at the estimate's first pose"
     source = plots.paths(curves, background=background)
@@ -114,7 +116,7 @@ def failure_plot(context: ReportContext) -> Plot | None:
     T_frame_map = compose(failure.estimated, inverse(run.estimate.poses[failure.shown_scan]))
     curves: list[plots.Series] = []
     if run.truth is not None:
-        curves.append(("true path", run.truth.poses[:, :2], plots.TRUTH))
+        curves.append(("true path", run.truth.poses[:, :2], TRUTH))
     begin, end = sorted(
         (failure.since, failure.shown_scan)
     )  # a single wrong pose may come before what it is aligned at
@@ -122,13 +124,14 @@ def failure_plot(context: ReportContext) -> Plot | None:
     curves.append(("estimated path", positions_in(T_frame_map, around), plots.ESTIMATE))
     seen = [plots.SeenScan("scan from the estimated pose", failure.estimated, points, plots.BAD)]
     if failure.true_pose is not None:
-        seen.insert(0, plots.SeenScan("scan from the true pose", failure.true_pose, points, plots.GOOD))
+        seen.insert(0, plots.SeenScan("scan from the true pose", failure.true_pose, points, TRUTH))
     grid, T, caption = run.grid, T_frame_map, "Drawn over the estimated map."
     if run.truth is not None and run.truth_grid is not None:
         grid, T = run.truth_grid, np.zeros(3)
         caption = (
             "Green rings: the scan drawn from the true pose. Red dots: the same scan drawn from the estimated pose. "
-            f"The gap is the error. Drawn over the true map; both paths are aligned at scan {failure.since}."
+            "The gap is the error. Drawn over the true map; both paths are aligned at "
+            f"scan {failure.since}{_why_there(failure)}."
         )
     background = None
     if grid is not None and grid.known.any():
@@ -137,6 +140,16 @@ def failure_plot(context: ReportContext) -> Plot | None:
     source = plots.scan_over_map(seen, curves, background=background, window=window)
     time = run.estimate.stamps[failure.shown_scan] - context.start
     return Plot(f"Around scan {failure.shown_scan}, {at_time(time)}", source, caption)
+
+
+def _why_there(failure: Failure) -> str:
+    """Why the paths are aligned at the scan that a failure is measured from."""
+    if failure.since == failure.scan:
+        return ""
+    if failure.bad:
+        return ", from which on the motion to this one is wrong"
+    end = "begins" if failure.since < failure.scan else "ends"
+    return f", where the worst metre of path {end}: of its two ends the one whose pose fits its neighbours"
 
 
 def _window(failure: Failure, points: NDArray[np.float64], background: Picture | None) -> Extent:

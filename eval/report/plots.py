@@ -7,7 +7,7 @@ import base64
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rc_context
@@ -56,6 +56,16 @@ Series = tuple[str, ArrayLike, str]
 """Label, values, colour."""
 
 
+class Marks(NamedTuple):
+    """Marks in a plot over time: ticks along its axis, or diamonds on a curve."""
+
+    times: ArrayLike
+    """[s], (n,)."""
+    colour: str
+    on_curve: ArrayLike | None = None
+    """Values of the curve at these times, (n,); None = ticks."""
+
+
 def svg_uri(figure: Figure) -> str:
     """A figure as a `data:` address for HTML."""
     buffer = io.BytesIO()
@@ -69,7 +79,7 @@ def over_time(
     series: Sequence[Series],
     label: str,
     *,
-    marks: Mapping[str, tuple[ArrayLike, str]] | None = None,
+    marks: Mapping[str, Marks] | None = None,
     cursor: float | None = None,
     band: tuple[float, float] | None = None,
     log: bool = False,
@@ -77,8 +87,7 @@ def over_time(
 ) -> str:
     """Plot values over time [s], or over the quantity that `axis` names.
 
-    marks: times to tick along the axis (name: times, colour). cursor: draw a line at this time. band: shade the
-    values that are right.
+    marks: what happened, by name. cursor: draw a line at this time. band: shade the values that are right.
     """
     t = np.asarray(time, dtype=np.float64)
     with rc_context(STYLE):
@@ -91,9 +100,11 @@ def over_time(
             ax.set_yscale("log")
         elif all(np.nanmin(np.asarray(values)) >= 0.0 for _, values, _ in series if np.isfinite(values).any()):
             ax.set_ylim(bottom=0.0)
-        for row, (name, (at, colour)) in enumerate((marks or {}).items()):
+        for row, (name, (at, colour, on_curve)) in enumerate((marks or {}).items()):
             times = np.asarray(at, dtype=np.float64)
-            if len(times):
+            if len(times) and on_curve is not None:
+                ax.plot(times, on_curve, "D", ms=4.0, mew=0.6, mec="white", color=colour, label=name, zorder=6)
+            elif len(times):
                 height = np.full(len(times), 0.03 + 0.05 * row)
                 transform = ax.get_xaxis_transform()
                 ax.plot(times, height, "|", ms=7, mew=1.1, color=colour, transform=transform, label=name, zorder=5)
@@ -101,7 +112,7 @@ def over_time(
             ax.axvline(cursor, color=BAD, lw=1.0, ls=(0, (4, 2)), label="first bad scan")
         ax.set(xlabel=axis, ylabel=label)
         ax.margins(x=0.01)
-        _legend(ax)
+        _legend(ax, columns=4 if len(ax.get_legend_handles_labels()[0]) <= 4 else 3)  # four long names do not fit
         return svg_uri(figure)
 
 

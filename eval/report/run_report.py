@@ -8,9 +8,10 @@ import os
 import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
@@ -30,23 +31,36 @@ DrawMoment = Callable[[float], bytes]
 """Draws a moment of a run, in seconds since its first scan, as a PNG."""
 
 
-def write_report(run_directory: str | os.PathLike[str], draw_moment: DrawMoment | None = None) -> Path:
+class Recording(Protocol):
+    """What a report takes from the recording of a run."""
+
+    @property
+    def another_best(self) -> NDArray[np.float64]:
+        """Times at which the pose while driving moved because another particle became the best, in seconds since the
+        first scan, (n,)."""
+
+    def png(self, time: float) -> bytes:
+        """Draw a moment, in seconds since the first scan."""
+
+
+def write_report(run_directory: str | os.PathLike[str], recording: Recording | None = None) -> Path:
     """Write `report.html` into a run directory, from its other files, and return its path.
 
-    draw_moment: draws the moments that the report names; None = they are named only
+    recording: draws the moments that the report names; None = they are named only
 
     Raises RunFilesError for a directory that holds no run, ValueError for damaged files in it.
     """
     run = read_run(run_directory)
-    page = render("report.html.j2", **_template_values(run, draw_moment))
+    page = render("report.html.j2", **_template_values(run, recording))
     path = run.path / "report.html"
     with atomic_write(path) as aside:
         aside.write_text(page, encoding="utf-8")
     return path
 
 
-def _template_values(run: RunFiles, draw_moment: DrawMoment | None) -> dict[str, Any]:
+def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, Any]:
     context = ReportContext.of(run)
+    draw_moment, another_best = (None, np.zeros(0)) if recording is None else (recording.png, recording.another_best)
     failure = context.failure
     return {
         "name": run.name,
@@ -63,12 +77,12 @@ def _template_values(run: RunFiles, draw_moment: DrawMoment | None) -> dict[str,
         "earlier_loss_time": _earlier_loss(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "failure_plot": failure_plot(context),
-        "moment_plots": list(moment_plots(context)),
+        "moment_plots": list(moment_plots(context, another_best)),
         "start": context.start,
         "length": length,
         "maps": list(map_plots(context)),
         "path_plots": [*path_plots(context), *loop_plots(context)],
-        "error_plots": list(error_plots(context)),
+        "error_plots": list(error_plots(context, another_best)),
         "filter_plots": list(filter_plots(context)),
         "rpe": {_spaced(key): row for key, row in (run.metric("trajectory.rpe") or {}).items()},
         "relations": _relation_rows(run),

@@ -18,8 +18,10 @@ from eval.wording import length, share
 ONLINE = "#a5b8cf"
 """Colour of the errors while driving."""
 LOOPS = "#2b8a3e"
+ANOTHER_BEST = "#0b7285"
 FROM_START = "Both paths are aligned at the first scan, as in the recording and in its event log."
 """How the errors over time are measured, in all plots of a report and in the recording."""
+JUMPS = " Diamonds: another particle became the best, and the pose while driving jumps to its history."
 MAX_CM = 1.0
 """Larger errors are drawn in metres [m]."""
 AROUND_S = 15.0
@@ -28,8 +30,11 @@ MIN_NEES = 1e-3
 """Smaller values are drawn here: the axis is logarithmic."""
 
 
-def error_plots(context: ReportContext) -> Iterator[Plot]:
-    """Position and heading error over time, while driving and in the end; nothing without truth."""
+def error_plots(context: ReportContext, another_best: NDArray[np.float64]) -> Iterator[Plot]:
+    """Position and heading error over time, while driving and in the end; nothing without truth.
+
+    another_best (n,): times at which another particle became the best, since the first scan [s]
+    """
     run = context.run
     if context.errors is None or run.estimate is None:
         return
@@ -44,22 +49,29 @@ def error_plots(context: ReportContext) -> Iterator[Plot]:
     position: list[plots.Series] = [(name, scale * metres, colour) for name, metres, _, colour in curves]
     heading: list[plots.Series] = [(name, degrees, colour) for name, _, degrees, colour in curves]
     caption = FROM_START
+    marks = {} if run.steps is None else _event_marks(run.steps, context.start)
     if len(curves) > 1:
         caption += " “While driving”: the best particle at that moment. “Final”: the path estimated in the end."
+        if len(another_best):
+            marks |= _jump_marks(another_best, time, scale * curves[0][1])
+            caption += JUMPS
     ate = run.metric("trajectory.ate_rmse_m")
     if ate is not None:
         caption += (
             f" The trajectory error (ATE, {length(ate)}) is that of the final path after alignment over all poses: an "
             "error of the first heading does not count there; here it turns the whole path, and 1° is 17 cm after 10 m."
         )
-    cursor, marks = context.failure_time, {} if run.steps is None else _event_marks(run.steps, context.start)
+    cursor = context.failure_time
     source = plots.over_time(time, position, f"error [{unit}]", marks=marks, cursor=cursor)
     yield Plot("Position error", source, caption)
     yield Plot("Heading error", plots.over_time(time, heading, "error [deg]", cursor=cursor), FROM_START)
 
 
-def moment_plots(context: ReportContext) -> Iterator[Plot]:
-    """Position and heading error of the pose while driving about the moment of a failure; nothing without both."""
+def moment_plots(context: ReportContext, another_best: NDArray[np.float64]) -> Iterator[Plot]:
+    """Position and heading error of the pose while driving about the moment of a failure; nothing without both.
+
+    another_best (n,): times at which another particle became the best, since the first scan [s]
+    """
     steps, failure = context.run.steps, context.failure
     if steps is None or failure is None or not failure.bad or "error_m" not in steps:
         return
@@ -69,20 +81,30 @@ def moment_plots(context: ReportContext) -> Iterator[Plot]:
         return
     around = {name: np.asarray(values)[near] for name, values in steps.items()}
     time, cursor = stamps[near] - context.start, context.failure_time
-    caption = f"Of the pose while driving. {FROM_START}"
+    jumped = another_best[(another_best >= time[0]) & (another_best <= time[-1])]
+    caption = f"Of the pose while driving. {FROM_START}{JUMPS if len(jumped) else ''}"
     for name, key, unit in (("Position", "error_m", "m"), ("Heading", "error_deg", "deg")):
         curve: list[plots.Series] = [("while driving", column(around, key), plots.ESTIMATE)]
         marks = _event_marks(around, context.start)
+        marks |= _jump_marks(jumped, time, column(around, key))
         source = plots.over_time(time, curve, f"error [{unit}]", marks=marks, cursor=cursor)
         yield Plot(f"{name} error around the moment", source, caption)
 
 
-def _event_marks(steps: Columns, start: float) -> dict[str, tuple[NDArray[np.float64], str]]:
+def _jump_marks(
+    at: NDArray[np.float64], time: NDArray[np.float64], error: NDArray[np.float64]
+) -> dict[str, plots.Marks]:
+    """Marks at the times `at` (k,) on the curve of an error (n,) over time (n,): the values are those after a jump."""
+    rows = np.clip(np.searchsorted(time, at - 1e-3), 0, len(time) - 1)
+    return {"another best particle": plots.Marks(time[rows], ANOTHER_BEST, error[rows])}
+
+
+def _event_marks(steps: Columns, start: float) -> dict[str, plots.Marks]:
     """Times [s] of resamplings and loop closures, with their colours."""
     stamps = column(steps, "stamp") - start
     return {
-        "resampled": (stamps[column(steps, "resampled") == 1.0], plots.ODOMETRY),
-        "loop closed": (stamps[column(steps, "loop_closed") == 1.0], LOOPS),
+        "resampled": plots.Marks(stamps[column(steps, "resampled") == 1.0], plots.ODOMETRY),
+        "loop closed": plots.Marks(stamps[column(steps, "loop_closed") == 1.0], LOOPS),
     }
 
 
@@ -116,7 +138,7 @@ def _sample_size_plot(steps: Columns, start: float, cursor: float | None) -> Plo
         ("particles", _at_updates(steps, "particles"), plots.QUIET),
         ("effective", _at_updates(steps, "ess"), plots.ESTIMATE),
     ]
-    marks = {"resampled": (time[_at_updates(steps, "resampled") == 1.0], plots.ODOMETRY)}
+    marks = {"resampled": plots.Marks(time[_at_updates(steps, "resampled") == 1.0], plots.ODOMETRY)}
     source = plots.over_time(time, curves, "particles", marks=marks, cursor=cursor)
     return Plot("Effective sample size", source, "Number of particles that carry weight, before resampling.")
 

@@ -94,7 +94,7 @@ def score(
         with atomic_write(out / "metrics.json") as aside:
             aside.write_text(text, encoding="utf-8")
         results.print(f"report: {write_report(out).resolve()}")
-    console.print(headline_table(metrics))
+    console.print(headline_table(metrics, out))
     for note in metrics["notes"]:
         console.print(f"note: {note}", soft_wrap=True)
     broken = check(metrics, limits)

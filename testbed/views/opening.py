@@ -9,10 +9,14 @@ import subprocess
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from testbed.frame import Frame
 from testbed.views.live import programs
 from testbed.views.view import NullView, Scene, View, ViewOptions
+
+if TYPE_CHECKING:
+    from testbed.views.rerun.moment_picture import MomentPictures
 
 logger = logging.getLogger(__name__)
 
@@ -79,18 +83,30 @@ def moments_of(run: Path) -> Callable[[float], bytes] | None:
 
     Raises ValueError where the recording is damaged, or none of a run.
     """
+    pictures = _pictures_of(run)
+    return None if pictures is None else pictures.png
+
+
+def _pictures_of(run: Path) -> MomentPictures | None:
+    """The pictures of a run's moments; None where it has no recording.
+
+    run: a directory, or a recording
+
+    Raises ValueError where the recording is damaged, or none of a run.
+    """
     recording = recording_of(run)
     if recording is None:
         return None
     from testbed.views.rerun.moment_picture import MomentPictures
 
-    return MomentPictures(recording).png
+    return MomentPictures(recording)
 
 
-def moments_for_report(run: Path) -> Callable[[float], bytes] | None:
-    """The same as `moments_of` for a report, which does without pictures where the recording cannot be read."""
+def moments_for_report(run: Path) -> MomentPictures | None:
+    """The pictures of a run's moments; None where it has no recording, or one that cannot be read: a report does
+    without them."""
     try:
-        return moments_of(run)
+        return _pictures_of(run)
     except ValueError as error:
         logger.warning("the report has no pictures of moments: %s", error)
         return None
@@ -117,7 +133,9 @@ def open_run(run: Path, *more: Path, serve: bool = False, moment: float | None =
         address = programs.web_address(port, web_port)
     else:
         if programs.display_missing():
-            raise ValueError("no display to open the viewer on; use --serve and a browser")
+            raise ValueError(
+                "no display to open the viewer on; use --serve and a browser, or --save x.png for a picture of a moment"
+            )
         port = programs.free_port()
         command = [*programs.window_command(port), *recordings]
         address = None

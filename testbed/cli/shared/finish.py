@@ -8,7 +8,7 @@ from eval.report.run_report import write_report
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
 from testbed.cli.shared.output import OutputOptions
 from testbed.cli.shared.status import GATE_FAILED, INTERRUPTED
-from testbed.cli.shared.summary import headline_table
+from testbed.cli.shared.summary import headline_table, watch_command
 from testbed.run.execute import execute_job
 from testbed.run.job import Job
 from testbed.run.run_directory import RunDirectory
@@ -33,10 +33,13 @@ def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: Outp
         watcher.stage("report")
         with directory.marked(metrics):
             report = write_report(directory.path, moments_for_report(directory.path))
-    results.print(headline_table(metrics))
+    results.print(headline_table(metrics, directory.path))
     broken = check(metrics, output.limits)
     for sentence in broken:
         console.print(f"limit broken: {sentence}")
+    command = watch_command(metrics, directory.path)
+    if command is not None:
+        results.print(f"watch where it went wrong: {command}")
     results.print(f"report: {report.resolve()}")
     view.wait()
     return GATE_FAILED if broken else 0

@@ -3,12 +3,21 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
+from eval.files.failure_json import read_failure
+from eval.files.tum import read_tum
+from eval.first_failure import Failure
 from eval.report.check_story import self_check_sentence
+from eval.wording import at_time
+from testbed.views import recording_of
 
 HEADLINES = (
     (("localization.error_median_m",), "error in the map's frame, median", "{:.3f} m"),
@@ -29,8 +38,13 @@ HEADLINES = (
 """Keys in metrics.json, words, format of their values."""
 
 
-def headline_table(metrics: Mapping[str, Any]) -> Table:
-    """Make the table: the outcome, its reason unless it is `ok`, and the figures that these metrics have."""
+def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table:
+    """Make the table: the outcome, its reason unless it is `ok`, and the figures that these metrics have.
+
+    run: the directory of the run, which names the moment at which it went wrong and the cause
+
+    Raises ValueError for damaged files in it.
+    """
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(no_wrap=True)  # in a narrow terminal only the reason takes several lines
     table.add_column(overflow="fold")
@@ -38,11 +52,17 @@ def headline_table(metrics: Mapping[str, Any]) -> Table:
     reason = metrics.get("outcome_reason") or metrics.get("reason")
     if metrics["outcome"] != "ok" and reason:
         table.add_row("reason", f"{reason}")
+    found = _failure_of(metrics, run)
+    if found is not None:
+        failure, stamps = found
+        cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
+        table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}{cause}")
     while_driving = _value(metrics, "outcome_online")
     if while_driving not in (None, metrics["outcome"], "unjudged"):
         table.add_row("outcome while driving", f"{while_driving}")
     if _value(metrics, "self_check.verdict") is not None:
-        table.add_row("self-check", self_check_sentence(metrics["self_check"]))
+        # its time is that of what the filter saw itself, not the moment of the loss
+        table.add_row("self-check, without truth", self_check_sentence(metrics["self_check"]))
     for words, error in _trajectory_errors(metrics):
         table.add_row(words, f"{error:.3f} m")
     for keys, words, number_format in HEADLINES:
@@ -50,6 +70,29 @@ def headline_table(metrics: Mapping[str, Any]) -> Table:
         if None not in values:
             table.add_row(words, number_format.format(*values))
     return table
+
+
+def watch_command(metrics: Mapping[str, Any], run: Path) -> str | None:
+    """The command that shows where a run went wrong; None where it did not, or where it has no recording.
+
+    Raises ValueError for damaged files in its directory.
+    """
+    found = _failure_of(metrics, run)
+    time = None if found is None else found[0].time_to_watch(found[1])
+    if time is None or recording_of(run) is None:
+        return None
+    return f"testbed view {shlex.quote(str(run))} --time {time:.1f}"
+
+
+def _failure_of(metrics: Mapping[str, Any], run: Path | None) -> tuple[Failure, NDArray[np.float64]] | None:
+    """The failure that a run was judged by, and the stamps (n,) of its scans [s]; None where there is none."""
+    if run is None or metrics["outcome"] not in ("lost", "broken loop"):
+        return None
+    finding, estimate = run / "finding.json", run / "estimate.tum"
+    if not (finding.is_file() and estimate.is_file()):
+        return None
+    failure, stamps = read_failure(finding).failure, read_tum(estimate).stamps
+    return (failure, stamps) if failure.bad and len(stamps) else None
 
 
 def _trajectory_errors(metrics: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

@@ -21,7 +21,7 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.views.map_cells import OCCUPIED_TO
 from testbed.views.rerun import drawing, entities
-from testbed.views.rerun.other_particles import OtherParticle, map_at, other_particles
+from testbed.views.rerun.other_particles import OtherParticle, first_comparison, map_at, other_particles
 from testbed.views.rerun.recorded import (
     TIME,
     Ellipse,
@@ -44,6 +44,8 @@ WIDTH, DOTS_PER_INCH = 13.0, 100
 """Width [inch] and resolution."""
 MAPS_HEIGHT, OTHERS_HEIGHT, CURVES_HEIGHT = 6.2, 3.4, 1.5
 """Heights of the map with the close views, of the maps of other particles, and of the curves [inch]."""
+WORDS_HEIGHT = 0.35
+"""Height of a line that stands for the maps of other particles before their first comparison [inch]."""
 MARGIN_HEIGHT = 1.3
 """Height of headline and legend [inch]."""
 MIN_REACH, MAX_REACH = 0.3, 4.0
@@ -54,6 +56,7 @@ MAX_PRIOR_REACH = 8.0
 """Where the prior lies far away, it is shown up to so many times what the samples take."""
 MARGIN = 1.25
 """Both show so much more than what has to be seen."""
+POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
 """Of several events at one time the one of the highest level is printed."""
 OWN_COVARIANCE = "95 % by the filter's own covariance, around the best"
@@ -74,6 +77,12 @@ class MomentPictures:
         self._T_world_odom = pose(self._recorded.fixed(entities.ODOMETRY))
         self._end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]
 
+    @property
+    def another_best(self) -> NDArray[np.float64]:
+        """Times at which the pose while driving moved because another particle became the best, in seconds since the
+        first scan, (n,); empty without truth."""
+        return self._recorded.times(entities.ANOTHER_BEST)
+
     def png(self, time: float) -> bytes:
         """Draw the moment as a PNG; a time before the first scan or after the last one shows that scan."""
         from matplotlib import rc_context
@@ -89,7 +98,9 @@ class MomentPictures:
         }
         with rc_context(look):
             others = other_particles(self._recorded, time)
-            heights = [MAPS_HEIGHT, *([OTHERS_HEIGHT] if others else []), CURVES_HEIGHT]
+            words = "" if others else self._before_comparison(time)
+            others_height = OTHERS_HEIGHT if others else WORDS_HEIGHT
+            heights = [MAPS_HEIGHT, *([others_height] if others or words else []), CURVES_HEIGHT]
             figure = Figure(figsize=(WIDTH, sum(heights) + MARGIN_HEIGHT), layout="constrained")
             parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
             figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
@@ -97,9 +108,17 @@ class MomentPictures:
             self._draw_curves(parts[-1], time)
             if others:
                 self._draw_others(parts[1], others)
+            elif words:
+                parts[1].suptitle(words, x=0.01, ha="left", fontsize=10.0, color="grey")
             out = io.BytesIO()
             FigureCanvasAgg(figure).print_figure(out, dpi=DOTS_PER_INCH, format="png")
         return _with_palette(out.getvalue())
+
+    def _before_comparison(self, time: float) -> str:
+        """Words that stand where the maps of other particles will; empty from their first comparison on, and where the
+        run has none."""
+        first = first_comparison(self._recorded)
+        return f"Maps of other particles: first compared at {first:.1f} s" if first is not None and first > time else ""
 
     def _draw_maps(self, figure: Figure, part: SubFigure, time: float) -> None:
         """Draw the map so far and the two close views into a part of the figure, and the legend below it all."""
@@ -130,6 +149,8 @@ class MomentPictures:
         for label, style in (("particles: light blue to red, the heaviest", ">"), ("samples, by weight", "o")):
             if label in handles:  # whose own mark has the weight of one of them
                 handles[label] = tuple(_mark(style, colour) for colour in (drawing.LIGHT, drawing.HEAVY))
+        if len(self.another_best):
+            handles["another particle became the best (in the position error)"] = _mark("D", styles.PROPOSAL)
         figure.legend(
             handles.values(),
             handles.keys(),
@@ -168,6 +189,9 @@ class MomentPictures:
         for number, (name, unit, times, values, colour) in enumerate(curves):
             axes = part.add_subplot(1, len(curves), number + 1)
             axes.plot(times, values, color=colour, lw=1.1)
+            if name == POSITION_ERROR and len(jumps := self.another_best):
+                at = np.searchsorted(times, jumps - 1e-3).clip(max=len(times) - 1)
+                axes.plot(times[at], values[at], "D", ms=3.5, mew=0.0, color=_rgb(styles.PROPOSAL))
             axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
             axes.set(title=f"{name}{f' [{unit}]' if unit else ''}, line: now", xlim=(0.0, self._end), ylim=(0.0, None))
             axes.set_xlabel("time since the first scan [s]")
@@ -209,7 +233,7 @@ class MomentPictures:
         out."""
         found = []
         for entity, name, unit, colour in (
-            (entities.POSITION_ERROR, "Position error", "m", styles.ESTIMATE),
+            (entities.POSITION_ERROR, POSITION_ERROR, "m", styles.ESTIMATE),
             (entities.SPREAD, "Spread of the particles", "cm", styles.COVARIANCE),
             (entities.ESS_VALUE, "Effective sample size", "", styles.ESTIMATE),
             (entities.MATCHED, "Share of beams on known walls", "", styles.ESTIMATE),

@@ -50,6 +50,17 @@ def other_particles(recorded: Recorded, time: float) -> list[OtherParticle]:
     return found if len(labels) > 1 else []
 
 
+def first_comparison(recorded: Recorded) -> float | None:
+    """Time of the first comparison of several particles [s]; None where there is none. At the first scan all are the
+    same one."""
+    compared = [f"{entities.COMPARE}/{rank}/robot/label" for rank in NAMES]
+    for time in recorded.times(compared[0]).tolist():
+        rows = [recorded.latest(label, time) for label in compared]
+        if len({row["Points3D:labels"].as_py()[0] for row in rows if row is not None}) > 1:
+            return float(time)
+    return None
+
+
 def _elsewhere(shown: GridImage, best: GridImage) -> NDArray[np.bool_]:
     """Which pixels (rows, columns) of a map are walls that another map, not turned against it, does not have nearby but
     has seen there."""

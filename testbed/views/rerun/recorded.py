@@ -73,6 +73,10 @@ class Recorded:
             return None
         return {name: rows.column(name)[at] for name in rows.schema.names if ":" in name} | {TIME: float(times[at])}
 
+    def times(self, entity: str) -> NDArray[np.float64]:
+        """Times of the rows of an entity, (n,) [s]."""
+        return self._of(entity)[0]
+
     def series(self, entity: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times (n,) and the first value (n,) of each row of a plot; both are empty where it has none."""
         times, rows = self._of(entity)

@@ -7,6 +7,7 @@ import re
 import shutil
 from html.parser import HTMLParser
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -124,6 +125,25 @@ def drawn(text: str, title: str) -> str:
     """The SVG of a plot."""
     source = re.search(rf'<img src="data:image/svg\+xml;base64,([^"]+)" alt="{title}', text)[1]
     return base64.b64decode(source).decode()
+
+
+class Recorded:
+    """A recording in which another particle became the best at 20 s."""
+
+    another_best = np.array([20.0])
+
+    def png(self, time):
+        return b"a picture"
+
+
+def test_where_another_particle_became_the_best_is_marked(runs, texts, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(runs["good"], folder)
+    marked = write_report(folder, Recorded()).read_text()
+    assert "another best particle" in drawn(marked, "Position error")
+    assert "jumps to its history" in marked
+    assert "another best particle" not in drawn(texts["good"], "Position error")
+    assert "jumps to its history" not in texts["good"]
 
 
 def test_the_scan_is_drawn_from_both_poses(texts):

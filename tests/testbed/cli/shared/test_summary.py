@@ -4,15 +4,22 @@
 from __future__ import annotations
 
 import io
+import json
+import shlex
+from pathlib import Path
 
+import pytest
 from rich.console import Console
 
-from testbed.cli.shared.summary import headline_table
+from eval.files.failure_json import read_failure
+from eval.files.tum import read_tum
+from testbed.cli.shared.summary import headline_table, watch_command
+from tests.eval.synthetic_run import write_run
 
 
-def printed(metrics: dict[str, object]) -> str:
+def printed(metrics: dict[str, object], run: Path | None = None) -> str:
     out = io.StringIO()
-    Console(file=out, width=200).print(headline_table(metrics))
+    Console(file=out, width=200).print(headline_table(metrics, run))
     return out.getvalue()
 
 
@@ -60,7 +67,36 @@ def test_the_self_check_is_said_with_time_and_reason() -> None:
     check = {"verdict": "lost", "reason": "walls cross", "stamp": 5e8, "time_s": 12.0, "place": [1.0, 2.0, 0.0]}
     text = printed({"outcome": "unjudged", "self_check": check})
     assert (
-        "self-check  lost; the sign of the lasting loss is at 12.0 s, at (1.0, 2.0) m of the map's frame: walls cross"
-        in text
+        "self-check, without truth  lost; the sign of the lasting loss is at 12.0 s, at (1.0, 2.0) m of the map's "
+        "frame: walls cross" in text
     )
     assert "self-check" not in printed({"outcome": "ok"})
+
+
+def test_the_moment_and_the_cause_of_a_loss_are_named(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "a run", broken=True)
+    metrics = json.loads((run / "metrics.json").read_text())
+    finding = json.loads((run / "finding.json").read_text())
+    (run / "finding.json").write_text(json.dumps(finding | {"cause": "the wheels slipped: by 12 degrees"}))
+    seconds = read_failure(run / "finding.json").failure.stamp - read_tum(run / "estimate.tum").stamps[0]
+    row = next(line for line in printed(metrics, run).splitlines() if line.startswith("went wrong"))
+    words = row.split()
+    assert words[2] == "at"
+    assert float(words[3]) == pytest.approx(seconds, abs=0.11)
+    assert row.rstrip().endswith(" s: the wheels slipped")
+    assert "went wrong" not in printed(metrics | {"outcome": "ok"}, run)
+    assert "went wrong" not in printed(metrics)
+
+
+def test_a_loss_is_to_be_watched_where_it_was_recorded(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "a run", broken=True)
+    metrics = json.loads((run / "metrics.json").read_text())
+    assert watch_command(metrics, run) is None
+    (run / "recording.rrd").touch()
+    command = watch_command(metrics, run)
+    assert command is not None
+    program, view, path, option, time = shlex.split(command)
+    assert (program, view, Path(path), option) == ("testbed", "view", run, "--time")
+    failure = read_failure(run / "finding.json").failure
+    assert float(time) == failure.time_to_watch(read_tum(run / "estimate.tum").stamps)
+    assert watch_command(metrics | {"outcome": "ok"}, run) is None

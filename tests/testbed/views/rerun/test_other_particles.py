@@ -8,7 +8,7 @@ import pytest
 
 from testbed.views.map_cells import UNKNOWN
 from testbed.views.rerun import entities
-from testbed.views.rerun.other_particles import _elsewhere, other_particles
+from testbed.views.rerun.other_particles import _elsewhere, first_comparison, other_particles
 from testbed.views.rerun.recorded import GridImage, Recorded
 from tests.testbed.views.conftest import Recorded as Run
 
@@ -38,3 +38,11 @@ def test_there_is_one_for_each_rank_but_the_best(recorded: Run) -> None:
     assert len(found) == len(entities.RANKS) - 1
     assert all("weight" in other.title and other.elsewhere.shape == other.map.image.shape for other in found)
     assert other_particles(read, -1.0) == []
+
+
+def test_the_first_comparison_is_where_they_begin_to_be_shown(recorded: Run) -> None:
+    read = Recorded(recorded.path)
+    first = first_comparison(read)
+    assert first is not None
+    assert other_particles(read, first) != []
+    assert other_particles(read, first - 0.05) == []
