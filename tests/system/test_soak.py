@@ -57,12 +57,6 @@ def assert_resets_stay_flat(name: str, warm_up: int, count: int) -> None:
         environment.close()
 
 
-@pytest.mark.slow
-@pytest.mark.xfail(reason=KEPT_BY_RERUN, strict=True)
-def test_runs_of_one_process_stay_flat(tmp_path):
-    assert_runs_stay_flat(tmp_path, 10, 30)
-
-
 @pytest.mark.nightly
 @pytest.mark.timeout(7200)
 @pytest.mark.xfail(reason=KEPT_BY_RERUN, strict=True)
