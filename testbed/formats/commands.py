@@ -70,7 +70,8 @@ def _rows(path: Path) -> Iterator[tuple[int, Command]]:
         lines = csv.reader(file)
         header = tuple(cell.strip() for cell in next(lines, []))
         if header != COLUMNS:
-            raise LogError(f"{path}:1: expected the columns {','.join(COLUMNS)}, got {','.join(header)[:80]}")
+            got = " ".join(",".join(header).split())[:80]  # quoted cells may hold line breaks
+            raise LogError(f"{path}:1: expected the columns {','.join(COLUMNS)}, got {got}")
         try:
             for cells in lines:
                 if cells:
