@@ -73,7 +73,8 @@ class Adjustment:
         self.cloud, self.with_scan, self.config, self.threads = cloud, with_scan, config, threads
         self.motions = se2.between(odometry[:-1], odometry[1:])
         self.prior = motion_prior(self.motions, config.motion)
-        self.noise = self.found_noise = INITIAL
+        self.found_noise = INITIAL  # as the last step saw it
+        self.noise = INITIAL  # with which the next step weighs end points, see `for_weights`
         self.odometry_variance = np.ones(2)
 
     def step(self, poses: se2.Pose, gate: float) -> se2.Pose:

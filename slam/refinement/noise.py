@@ -25,7 +25,7 @@ from slam.refinement._noise_kernels import average_pairs
 MIN_SIGMA = 0.02
 """Smallest standard deviation with which an end point counts [m]. Deviations show less: poses and surfels were fitted
 to them, and what a surfel errs by, all scans from one side share. With 0.002 m near end points alone decide, and
-simulated paths get worse by a third."""
+simulated paths get worse."""
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a Gaussian divided by its median absolute deviation."""
 MIN_GROUP = 30

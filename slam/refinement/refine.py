@@ -8,8 +8,9 @@ scans in view. Loops that it left open are closed first (`slam.loops`). Then two
     min_{x,o}  1/2 sum_i rho((n_e . p_i(x) - o_e)^2 / sigma_i^2)  -  sum_t log p(x_t+1 | x_t, u_t),
 
 end points p_i against the offsets o_e of their surfels, which follow, under a bounded loss rho, and odometry between
-neighbours. Beams count as independent: odometry only decides where they say nothing. Holding the
-walls while the poses move, and the poses while the walls are drawn, would get to the same place in many more rounds.
+neighbours. How much each end point and each step of the odometry counts is estimated from the recording
+(`slam.refinement.noise`, `odometry_noise`); the end points of a scan on a surfel share a part of their error. Holding
+the walls while the poses move, and the poses while the walls are drawn, would get to the same place in many more rounds.
 Poses of frames without a scan take part through their odometry, so the result has a pose at every frame.
 """
 

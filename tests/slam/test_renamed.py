@@ -6,7 +6,7 @@ from dataclasses import fields
 import pytest
 
 from slam.config import AdaptConfig, LocalizationConfig, RefineConfig
-from slam.config.renamed import RENAMED, present_name, with_present_names
+from slam.config.renamed import ESTIMATED, RENAMED, present_name, with_present_names
 
 GROUPS = {"filter.adapt": AdaptConfig, "filter.refine": RefineConfig, "localization": LocalizationConfig}
 
@@ -26,3 +26,12 @@ def test_nested_settings_keep_their_values_and_the_new_name_wins():
     assert with_present_names(given) == expected
     assert with_present_names(expected) == expected
     assert with_present_names(given["filter"], "filter.") == expected["filter"]
+
+
+@pytest.mark.parametrize("gone", sorted(ESTIMATED))
+def test_settings_that_are_estimated_now_are_read_and_left_out(gone):
+    _, _, name = gone.split(".")
+    assert with_present_names({"filter": {"refine": {name: 0.03, "rounds": 4}}}) == {
+        "filter": {"refine": {"rounds": 4}}
+    }
+    assert with_present_names({"filter": {"match": {name: 0.03}}}) == {"filter": {"match": {name: 0.03}}}

@@ -116,6 +116,22 @@ def test_weights_fall_with_the_distance_and_leave_the_mean_where_most_points_are
     assert matches.weight[-1] < 0.02 * matches.weight[20]
 
 
+@pytest.mark.parametrize("shared", [0.0, 0.004**2, 0.02**2])
+def test_what_a_scan_shares_limits_what_its_mean_counts(shared):
+    """Weighed means of two scans on one surfel, with 40 and 4 end points: each counts 1 / (shared + variance / n)."""
+    counts, sigma = np.array([40, 4]), 0.02
+    n, first = int(counts.sum()), np.array([0, 40, 44])
+    across = np.repeat([0.001, -0.001], counts)
+    matches = Matches(np.zeros(n, np.int32), across.copy(), np.full(n, sigma**2), np.empty(n))
+    total = np.empty(1)
+    weigh_points(matches, first, 1.0, 10.0, shared, total)  # a gate so wide that the bounded loss is a square
+    expected = 1.0 / (shared + sigma**2 / counts)
+    found = np.add.reduceat(matches.weight, first[:-1])
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert total[0] == pytest.approx(expected.sum(), rel=1e-6)
+    assert matches.across @ matches.weight == pytest.approx(0.0, abs=1e-9)  # from the weighted mean
+
+
 def matched(parts, poses, gate):
     """Surfels and matches of scans given as `Rays`, taken at poses (scans, 3)."""
     config, threads = RefineConfig(), Threads(1)
