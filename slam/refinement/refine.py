@@ -10,7 +10,7 @@ scans in view. Loops that it left open are closed first (`slam.loops`). Then two
 end points p_i against the offsets o_e of their surfels, which follow, under a bounded loss rho, and odometry between
 neighbours. How much each end point and each step of the odometry counts is estimated from the recording
 (`slam.refinement.noise`, `odometry_noise`); the end points of a scan on a surfel share a part of their error. Holding
-the walls while the poses move, and the poses while the walls are drawn, would get to the same place in many more rounds.
+the walls while the poses move, and the poses while the walls are drawn, would need many more rounds.
 Poses of frames without a scan take part through their odometry, so the result has a pose at every frame.
 """
 

@@ -20,7 +20,7 @@ from slam.refinement._normal_equations_kernels import (
     weigh_points,
 )
 from slam.refinement.bundle_adjustment import GAUGE, Adjustment, conjugate_gradients
-from slam.refinement.noise import INITIAL
+from slam.refinement.noise import INITIAL, Noise
 from slam.refinement.surfels import find_surfels, make_cells, make_cloud, transform_cloud
 from tests.slam.refinement.test_chain import dense_matrix
 from tests.slam.rooms import rays
@@ -132,7 +132,7 @@ def test_what_a_scan_shares_limits_what_its_mean_counts(shared):
     assert matches.across @ matches.weight == pytest.approx(0.0, abs=1e-9)  # from the weighted mean
 
 
-def matched(parts, poses, gate):
+def matched(parts, poses, gate, noise=INITIAL):
     """Surfels and matches of scans given as `Rays`, taken at poses (scans, 3)."""
     config, threads = RefineConfig(), Threads(1)
     cloud = make_cloud(parts, config.max_points)
@@ -141,9 +141,18 @@ def matched(parts, poses, gate):
     surfels = find_surfels(there, cloud, cells, cell_of, config, INITIAL, 0.6, threads)
     n = len(cloud.ends)
     matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
-    noise = INITIAL
     match_points(0, n, there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches)
     return surfels, matches
+
+
+def test_variances_follow_range_and_angle_of_incidence():
+    wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
+    noise = Noise(0.01**2, 0.02**2, 0.005**2, 0.0)
+    _, matches = matched([rays(wall)] * 2, [(0.0, 0.0, 0.0)] * 2, 0.1, noise)
+    squared, own = np.tile((wall**2).sum(axis=1), 2), matches.surfel >= 0
+    expected = noise.floor + noise.along * 2.0**2 + noise.across * (squared - 2.0**2)  # 2 m from the wall
+    assert own.mean() > 0.9
+    np.testing.assert_allclose(matches.variance[own], expected[own], rtol=1e-3)
 
 
 def test_end_points_belong_to_the_wall_that_they_lie_on():
