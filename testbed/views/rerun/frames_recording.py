@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def write_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> None
     """
     rec = rr.RecordingStream(entities.APPLICATION)
     rec.set_log_time_enabled(False)
-    with RecordingFile(recording, rec, _blueprint(scene)) as file:
+    with closing(RecordingFile(recording, rec, _blueprint(scene))) as file:
         rec.send_recording_name(scene.title)
         count = _add_frames(rec, frames, scene, file)
     if count == 0:

@@ -11,8 +11,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from threading import Thread
-from types import TracebackType
-from typing import Self
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -51,14 +49,6 @@ class RecordingFile:
         self._rec.disconnect()
         self._copy.join()
         self.check()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _copy_from(self, source: int) -> None:
         """Write what comes out of the pipe until its other end is closed; after an error only empty it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,7 @@ def write_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> Non
             curves.append((errors[-1], number, title))
         if any(chunk.entity_path == f"{root}{entities.ESTIMATE_STATE}" for chunk in of_run):
             lanes.append(f"{root}{entities.ESTIMATE_STATE}")
-    with RecordingFile(recording, rec, _blueprint(views, errors, lanes)):
+    with closing(RecordingFile(recording, rec, _blueprint(views, errors, lanes))):
         rec.send_recording_name("side by side")
         for entity, number, title in curves:
             colour = COLOURS[number - 1]
