@@ -22,6 +22,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
+from testbed.cli.shared.backend import with_backend
 from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, console, results
 from testbed.cli.shared.dataset_plan import Kind, Measured, free_space, measure_some, plan_lines, split_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
@@ -113,7 +114,7 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
     """
     if simulator.driver.kind in ("explore", "teleop"):
         raise ValueError(f"--driver {simulator.driver.kind} needs a mapper or a person: use testbed run")
-    jobs = all_jobs = _jobs(world, datasets, simulator.settled())
+    jobs = all_jobs = _jobs(world, datasets, with_backend(simulator))
     if datasets.shard is not None:
         from testbed.sweep.spec.plan import Shard  # here, since a plain job does without the sweep
 
