@@ -67,7 +67,7 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
         places = max((row["same_places"] or 0.0 for row in collection.rows), default=0.0)
         results.print(
             f"of their way, two drives of one world share at most {100.0 * totals['largest_overlap']:.0f} % in order "
-            f"and direction, {100.0 * places:.0f} % in any"
+            f"and direction, {100.0 * places:.0f} % in any order and direction"
         )
     for trouble in ("collided", "stuck"):
         if count := sum(bool(row[trouble]) for row in collection.rows):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 import signal
@@ -19,6 +20,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
@@ -41,6 +43,8 @@ from testbed.toml import without_none
 from worlds import expand_names, label
 from worlds.file_names import RULE, is_name
 
+MAX_TOURS = 100
+"""Worlds whose tours are looked at for a plan."""
 MAX_COUNT = 100_000
 """Largest number of datasets of one world."""
 
@@ -161,18 +165,21 @@ def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions, 
     if not missing:
         return
     announce_compilation()
+    expected = _expected_seconds(missing)
     with TemporaryDirectory(prefix="testbed-plan-") as directory:
 
         def make(number: int) -> Measured:
             job = replace(missing[number], path=Path(directory) / str(number))
             begun = time.monotonic()
             drive = _make(job)
-            return Measured(time.monotonic() - begun, drive["seconds"], drive["metres"], drive["bytes"])
+            cost = time.monotonic() - begun
+            return Measured(cost, drive["seconds"], drive["metres"], drive["bytes"], expected[number])
 
         kinds = [Kind(_kind_of_world(job.world), job.simulator.lidar) for job in missing]
         with console.status("measuring some of the drives"):
             measured = measure_some(kinds, make)
-    for line in plan_lines(measured, kinds, options.workers, options.out):
+    drives = list(zip(kinds, expected, strict=True))
+    for line in plan_lines(measured, drives, options.workers, options.out):
         results.print(line)
 
 
@@ -180,6 +187,31 @@ def _splits(jobs: list[_Job], out: Path) -> list[str]:
     """Which worlds are for training, validation and testing once the datasets are there; nothing for one dataset."""
     world_of = {path.name: world_in(path) for path in datasets_in(out)} | {job.path.name: job.name for job in jobs}
     return split_lines(world_of.values(), chosen_splits(out)) if len(world_of) > 1 else []
+
+
+def _expected_seconds(jobs: list[_Job]) -> list[float]:
+    """About how long each drive lasts [s], by the tour of its world.
+
+    Of more than `MAX_TOURS` worlds only a part is looked at; the others count as the mean of their kind.
+    """
+    of_world = {job.world: job.simulator for job in jobs}
+    chosen = list(of_world)[:: -(-len(of_world) // MAX_TOURS)]
+    seconds = {world: _tour_seconds(world, of_world[world]) for world in chosen}
+    by_kind: dict[str, list[float]] = {}
+    for world in chosen:
+        by_kind.setdefault(_kind_of_world(world), []).append(seconds[world])
+    mean = {kind: sum(values) / len(values) for kind, values in by_kind.items()}
+    everything = sum(seconds.values()) / len(seconds)
+    return [seconds.get(job.world) or mean.get(_kind_of_world(job.world), everything) for job in jobs]
+
+
+def _tour_seconds(world: str, simulator: SimulatorOptions) -> float:
+    """How long a drive along the tour of a world takes without a stop [s]; 1 for drivers that follow no tour."""
+    if simulator.driver.kind != "tour":
+        return 1.0
+    tour = replace(simulator, route="fixed", clutter=0.0).load_world(world, RunSeeds.from_seed(0)).path()
+    length = float(np.hypot(*np.diff(tour, axis=0).T).sum())
+    return min(length / simulator.driver.speed, simulator.duration or math.inf)
 
 
 def _kind_of_world(world: str) -> str:

@@ -70,6 +70,7 @@ def _draw(paths: list[Path], picture: Path, time: float | None) -> None:
 
     if len(paths) != 1 or (paths[0] / "sweep.toml").is_file():
         raise ValueError(f"{picture}: a picture is made of one run, dataset or log")
+    console.print(f"drawing {paths[0]} …", soft_wrap=True)
     draw_moment = moments_of(paths[0])
     if draw_moment is not None:
         if time is None:

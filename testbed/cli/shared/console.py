@@ -34,6 +34,7 @@ def announce_compilation() -> None:
         return
     words = "Compiling the kernels: once per version, one to three minutes"
     started = said = time.perf_counter()
+    before = 0
     if not console.is_terminal:
         console.print(f"{words} …")
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
@@ -41,8 +42,13 @@ def announce_compilation() -> None:
         task = progress.add_task(words, total=None)
 
         def show(done: int, total: int) -> None:
-            nonlocal said
+            nonlocal said, started, before
             now = time.perf_counter()
+            if done < before:  # the count so far was that of another process, which has ended
+                started = said = now
+                if not console.is_terminal:
+                    console.print("kernels of another installation that shares the cache; now those of this one")
+            before = done
             left = (now - started) * (total - done) / max(done, 1)
             state = f"{done} of {total}" + (f", about {left:.0f} s left" if done >= MIN_COMPILED else "")
             progress.update(task, description=f"{words}: {state}")

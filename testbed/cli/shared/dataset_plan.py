@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import timedelta
 from pathlib import Path
@@ -46,6 +46,8 @@ class Measured(NamedTuple):
     """Length of the path [m]."""
     size: int
     """Size of its files [bytes]."""
+    expected: float = 1.0
+    """How long it was expected to last, by the tour of its world."""
 
 
 def measure_some(
@@ -93,44 +95,42 @@ def _in_turn(kinds: Sequence[Kind]) -> tuple[list[int], int]:
     return [number for _, number in sorted(turns, key=lambda item: item[0])], needed
 
 
-def plan_lines(measured: Sequence[tuple[Kind, Measured]], kinds: Sequence[Kind], workers: int, out: Path) -> list[str]:
-    """What drives of these kinds will take, as the measured ones do; whether the disk of `out` has room for them.
+def plan_lines(
+    measured: Sequence[tuple[Kind, Measured]], drives: Sequence[tuple[Kind, float]], workers: int, out: Path
+) -> list[str]:
+    """What drives will take, as the measured ones do; whether the disk of `out` has room for them.
 
-    A drive is as long as those of its world are on average; time and size of a simulated second are those of its kind,
-    or of its lidar where the kind was not measured.
+    drives: kind of each, and how long it is expected to last
+    A drive lasts as much longer than expected as those of its world do on average; time and size of a simulated second
+    are those of its kind, or of its lidar where the kind was not measured.
     """
     cost = seconds = metres = size = 0.0
-    for kind, count in Counter(kinds).items():
+    total: defaultdict[Kind, float] = defaultdict(float)
+    for kind, expected in drives:
+        total[kind] += expected
+    for kind, expected in total.items():
         of_world = _sums(measured, Kind(kind.world, ""))
         of_kind = _sums(measured, kind, Kind("", kind.lidar))
-        lasts = count * of_world.seconds / of_world.drives
+        lasts = expected * of_world.seconds / of_world.expected
         seconds += lasts
-        metres += count * of_world.metres / of_world.drives
+        metres += expected * of_world.metres / of_world.expected
         size += lasts * of_kind.size / of_kind.seconds
         cost += lasts * of_kind.cost / of_kind.seconds
-    busy = min(workers, len(kinds))
+    busy = min(workers, len(drives))
     left = timedelta(seconds=round(cost / busy + (WORKER_START if busy > 1 else 0.0)))
     lines = [
         f"about {size / 1e6:.0f} MB, {seconds / 3600:.2f} h of driving, {metres / 1000:.2f} km; it takes about {left} "
         f"with {busy} worker{'' if busy == 1 else 's'} (measured by {len(measured)} of the drives)"
     ]
-    worlds = {kind.world for kind in kinds}
+    worlds = {kind.world for kind in total}
     if left_out := worlds - {kind.world for kind, _ in measured}:
-        lines[0] += f"; not measured, taken as the mean of the others: {len(left_out)} of {len(worlds)} worlds"
+        lines[0] += f"; not measured, estimated from the others: {len(left_out)} of {len(worlds)} worlds"
     if (free := free_space(out)) < size:
         lines.append(f"not enough space on this disk: {free / 1e9:.1f} GB")
     return lines
 
 
-class _Sums(NamedTuple):
-    drives: int
-    cost: float
-    seconds: float
-    metres: float
-    size: float
-
-
-def _sums(measured: Sequence[tuple[Kind, Measured]], *kinds: Kind) -> _Sums:
+def _sums(measured: Sequence[tuple[Kind, Measured]], *kinds: Kind) -> Measured:
     """Sums over the measured drives of the first of these kinds that has any, over all drives where none has.
 
     An empty name in a kind stands for any.
@@ -143,7 +143,7 @@ def _sums(measured: Sequence[tuple[Kind, Measured]], *kinds: Kind) -> _Sums:
         ]
         if chosen:
             break
-    return _Sums(len(chosen), *(float(sum(values)) for values in zip(*chosen, strict=True)))
+    return Measured(*(sum(values) for values in zip(*chosen, strict=True)))
 
 
 def free_space(path: Path) -> int:

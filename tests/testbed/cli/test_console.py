@@ -36,3 +36,24 @@ def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys,
     assert lines[1].startswith("25% done, about 0 s left: 30.0 s of the drive ")
     assert lines[1].endswith(" x real time position error 0.012 m")
     assert lines[2:] == ["final pass, about 0 s …", "scoring …"]
+
+
+def test_the_time_left_does_not_count_what_another_process_compiled(capsys, monkeypatch):
+    now = [0.0]
+    counts = [(0.0, 50), (900.0, 100), (910.0, 1), (940.0, 10)]
+
+    def compile_kernels(show):
+        for now[0], done in counts:
+            show(done, 100)
+        return 1030.0
+
+    monkeypatch.setattr(console.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(console, "is_compiled", lambda: False)
+    monkeypatch.setattr(console, "compile_kernels", compile_kernels)
+    console.announce_compilation()
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[1:-1] == [
+        "kernels compiled: 100 of 100, about 0 s left",
+        "kernels of another installation that shares the cache; now those of this one",
+        "kernels compiled: 10 of 100, about 270 s left",
+    ]

@@ -64,20 +64,28 @@ def test_each_world_and_each_lidar_is_measured():
 
 def test_a_plan_weights_kinds_by_how_many_there_are(tmp_path):
     measured = [(A, Measured(1.0, 100.0, 50.0, 10_000_000)), (B, Measured(3.0, 200.0, 70.0, 30_000_000))]
-    (line,) = plan_lines(measured, [A] * 30 + [B] * 10, 2, tmp_path / "new")
+    (line,) = plan_lines(measured, [(A, 1.0)] * 30 + [(B, 1.0)] * 10, 2, tmp_path / "new")
     assert line.startswith("about 600 MB, 1.39 h of driving, 2.20 km; it takes about 0:00:33 with 2 workers")
-    assert "not enough" in plan_lines([(A, Measured(1.0, 1.0, 1.0, 10**15))], [A], 1, tmp_path)[1]
+    assert "not enough" in plan_lines([(A, Measured(1.0, 1.0, 1.0, 10**15))], [(A, 1.0)], 1, tmp_path)[1]
 
 
 def test_a_plan_takes_length_by_world_and_size_by_lidar(tmp_path):
     measured = [(A, Measured(1.0, 100.0, 50.0, 10_000_000)), (B, Measured(4.0, 200.0, 70.0, 60_000_000))]
-    (line,) = plan_lines(measured, [Kind(A.world, B.lidar)] * 36, 1, tmp_path)
+    (line,) = plan_lines(measured, [(Kind(A.world, B.lidar), 1.0)] * 36, 1, tmp_path)
     assert line.startswith("about 1080 MB, 1.00 h of driving, 1.80 km; it takes about 0:01:12 ")
+
+
+def test_a_plan_knows_that_generated_worlds_differ_in_size(tmp_path):
+    """The small ones were measured; the others have tours of thrice their length."""
+    rooms = Kind("generated:rooms", "lds01")
+    measured = [(rooms, Measured(1.0, 110.0, 44.0, 10_000_000, 100.0))] * 2
+    (line,) = plan_lines(measured, [(rooms, 100.0)] * 5 + [(rooms, 300.0)] * 5, 1, tmp_path)
+    assert line.startswith("about 200 MB, 0.61 h of driving, 0.88 km; it takes about 0:00:20 ")
 
 
 @pytest.mark.parametrize(("workers", "time"), [(1, "0:00:01 with 1 worker "), (5, "0:00:01 with 1 worker ")])
 def test_one_dataset_needs_one_worker(tmp_path, workers, time):
-    assert f"it takes about {time}" in plan_lines([(A, Measured(1.0, 1.0, 1.0, 1))], [A], workers, tmp_path)[0]
+    assert f"it takes about {time}" in plan_lines([(A, Measured(1.0, 1.0, 1.0, 1))], [(A, 1.0)], workers, tmp_path)[0]
 
 
 def test_a_plan_names_the_worlds_of_each_split():
@@ -97,5 +105,5 @@ def test_a_plan_keeps_splits_that_were_chosen():
 
 
 def test_a_plan_says_what_was_not_measured(tmp_path):
-    (line,) = plan_lines([(A, Measured(1.0, 1.0, 1.0, 1))], [A, B], 1, tmp_path)
-    assert line.endswith("not measured, taken as the mean of the others: 1 of 2 worlds")
+    (line,) = plan_lines([(A, Measured(1.0, 1.0, 1.0, 1))], [(A, 1.0), (B, 1.0)], 1, tmp_path)
+    assert line.endswith("not measured, estimated from the others: 1 of 2 worlds")
