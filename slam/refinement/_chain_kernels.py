@@ -124,6 +124,28 @@ def invert(factor, out):
 
 
 @kernel
+def chain_covariances(factors, eliminated, out):
+    """Diagonal blocks of the inverse of the block tridiagonal matrix that `factor_chain` has factored, out (n, 3, 3)
+    (Takahashi, Fagan, Chen 1973)."""
+    for t in range(factors.shape[0] - 1, -1, -1):
+        invert(factors[t], out[t])
+        if t + 1 < factors.shape[0]:
+            add_following(eliminated[t], out[t + 1], out[t])
+
+
+@inlined
+def add_following(eliminated, after, here):
+    """Add to the inverse of a pivot what follows in the chain: E C E^T with C (3, 3), the block after it."""
+    for i in range(3):
+        for k in range(3):
+            product = 0.0
+            for j in range(3):
+                product += eliminated[i, j] * after[j, k]
+            for r in range(3):
+                here[i, r] += product * eliminated[r, k]
+
+
+@kernel
 def expected_step_errors(prior, poses, motions, factors, eliminated, sums):
     """Expected squared errors of the odometry's steps, in variances of the first component of its prior.
 
