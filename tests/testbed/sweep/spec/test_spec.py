@@ -19,6 +19,15 @@ def spec_of(document: dict, folder: Path = Path()):
     return parse_spec(document, "x.toml", folder)
 
 
+@pytest.mark.parametrize(("installed", "backend"), [(True, "pybullet"), (False, "fast")])
+def test_jobs_of_a_sweep_share_a_backend_that_is_decided(monkeypatch, installed, backend):
+    monkeypatch.setattr("testbed.simulation.config.is_installed", lambda: installed)
+    assert checked("backend", "auto", recorded=False) == backend
+    spec = spec_of({"worlds": ["office"], "settings": {"backend": "auto"}})
+    assert [line.settings["backend"] for line in spec.lines()] == [backend]
+    assert RunSettings().simulator.backend == "fast"
+
+
 def test_lines_are_all_combinations_of_variants_and_axes():
     spec = spec_of(
         {
