@@ -36,7 +36,7 @@ def foresight(
 def _too_few(units: int, unit: str, level: float, margin: Margin) -> str:
     """What is needed instead of too few units, and what that may show."""
     fewest = fewest_seeds_to_go_on(level)
-    few = f"{units} {unit if units == 1 else f'{unit}s'} cannot tell how many particles are enough"
+    few = f"Too few {unit}s ({units}) to tell how many particles are enough"
     if unit != "seed":
         return f"{few}: at least {fewest} are needed."
     rule = rule_of_thumb(level, margin)

@@ -81,7 +81,7 @@ DRAWINGS = (
         sweep_plots.differences,
         "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
         "interval that decides. A count passes its own test (filled) where the whole interval lies below the dashed "
-        "margin, and is shown to be worse (cross) where it lies above; otherwise it is not known yet (hollow). With "
+        "margin, and is shown to be worse (cross) where it lies above; otherwise it is open (hollow). With "
         "few runs, as 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the margin.",
         "How much worse each count is than the largest one on the same data: dots for the runs, a circle for their "
         f"median. These runs are too few for the interval that decides: with {fewest_seeds_to_go_on(LEVEL)} seeds it "

@@ -80,8 +80,6 @@ def sweep(
         return 0
     directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
     with directory.locked(part):
-        if execution.scheduler is None:
-            announce_compilation()
         try:
             cells = _compute(directory, costs, execution, worst=worst)
         except KeyboardInterrupt:
@@ -115,6 +113,8 @@ def _compute(directory: SweepDirectory, costs: Costs, execution: Execution, *, w
     rest = pending(directory, look.possible, costs, part)
     done = done_so_far(directory.path, spec)
     times = announce(Work(spec, costs, cells, rest, look.seeds, done), execution)
+    if cells and execution.scheduler is None:
+        announce_compilation()  # after the plan: it may take minutes
     tried: set[str] = set()
     while cells:
         is_last = len(cells) == len(rest)

@@ -22,6 +22,7 @@ from eval.sweep.statistics import min_values
 from eval.sweep.summary import summarise
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.sweep_options import Execution
+from testbed.kernels import is_compiled
 from testbed.sweep.forecast import MIN_COST, JobTimes, measured_times, probed_times
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.command import grouped
@@ -85,7 +86,7 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
         say(_margin(work))
         for sentence in _answers_so_far(work) or _foresight(work):
             say(sentence)
-    times = _times(work, execution) if work.cells else None  # last: it may take minutes, to compile
+    times = _times(work, execution, is_plan=is_plan) if work.cells else None  # last: it may take minutes, to compile
     if work.cells:
         say(_expected(work, times, execution))
     return times
@@ -100,14 +101,20 @@ def _size(work: Work) -> str:
     return f"{left} job{'' if left == 1 else 's'}{done}"
 
 
-def _times(work: Work, execution: Execution) -> JobTimes | None:
-    """Expected times of the jobs: from those that are done, else from a short measurement."""
+def _times(work: Work, execution: Execution, *, is_plan: bool) -> JobTimes | None:
+    """Expected times of the jobs: from those that are done, else from a short measurement, which needs the kernels."""
     if work.done is not None:
         times = measured_times(work.done, work.all_cells, work.costs)
         if times is not None:
             return times
     if execution.scheduler is not None or sum(map(work.costs, work.cells)) < MIN_COST:
         return None
+    if is_plan and not is_compiled():
+        console.print(
+            "The rest is the time that it takes. Measuring it needs the kernels, which are compiled first; Ctrl-C ends "
+            "here, nothing is lost.",
+            soft_wrap=True,
+        )
     announce_compilation()
     if any("world" in cell.source for cell in work.cells):
         console.print("measuring the beginning of a run (half a minute or less) …")

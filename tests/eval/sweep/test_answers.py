@@ -3,7 +3,7 @@
 
 import re
 
-from eval.sweep.answers import answers
+from eval.sweep.answers import answers, likely_answer
 from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
@@ -34,11 +34,11 @@ def test_more_and_undecided_are_different_answers(tmp_path):
         "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a, 1 route: 3 seeds cannot tell: at least 8 are needed; take 20 for now (5 particles were between 0.06 "
+        "hall_a, 1 route: too few seeds (3): at least 8 are needed; take 20 for now (5 particles were between 0.06 "
         "cm better and 0.04 cm worse than 20 in 3 runs; up to 0.5 cm (25 % of the error) would not matter)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a, 1 route: 1 seed cannot tell: at least 8 are needed; take 20 for now (5 particles were 0.04 cm worse "
+        "hall_a, 1 route: too few seeds (1): at least 8 are needed; take 20 for now (5 particles were 0.04 cm worse "
         "than 20 in one run; up to 0.5 cm (25 % of the error) would not matter)."
     )
 
@@ -62,7 +62,8 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     assert re.fullmatch(words, answer.difference)
     summary = summarise(read_sweep(tmp_path))
     outlook = summary.decision("hall_a", "improved").outlook
-    assert answer.needs == chance_sentence(outlook, [bound_for(outlook)])
+    assert outlook.is_within
+    assert answer.needs == chance_sentence(outlook, [bound_for(outlook)], "1 is enough")
 
 
 def test_medians_stand_in_the_order_of_the_counts(tmp_path):
@@ -85,7 +86,28 @@ def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
     (answer, _) = answers(summary, "improved")
     assert "; 99 % interval]; up to 0.5 cm (25 % of the error) would not matter" in answer.difference
     outlook = summary.decision("hall_a", "improved").outlook
-    assert answer.needs == chance_sentence(outlook, [16, 24, 32, 40])
+    assert answer.needs == chance_sentence(outlook, [16, 24, 32, 40], "1 is enough")
+
+
+def test_the_chance_is_that_of_a_named_answer(tmp_path):
+    """The largest open count decides: it is probably worse, or enough together with the counts below that pass."""
+
+    def noisy(offset):
+        return lambda p, k, c, s: 0.1 + (0.0, offset + 0.015 * (s % 5 - 2), 0.0)[c]
+
+    def likely(name, error):
+        summary = summarise(read_sweep(write_sweep(tmp_path / name, error=error)))
+        return likely_answer(summary.decision("hall_a", "improved"), COUNTS)
+
+    assert likely("within", noisy(0.005)) == "1 is enough"  # 1 passes its own test
+    assert likely("worse", noisy(0.015)) == "more than 5"
+
+    def smallest_open(offset):
+        return lambda p, k, c, s: 0.1 + (offset + 0.015 * (s % 5 - 2), 0.0, 0.0)[c]
+
+    assert likely("lower", smallest_open(0.005)) == "1 is enough"
+    assert likely("lower_worse", smallest_open(0.015)) == "1 is not enough"
+    assert likely("decided", lambda p, k, c, s: 0.1) == ""
 
 
 def test_a_difference_says_which_side_is_better(tmp_path):
@@ -135,7 +157,7 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
         "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office, 1 route: 2 seeds cannot tell: at least 8 are needed; take 20 for now (5 particles were between 0.06 "
+        "office, 1 route: too few seeds (2): at least 8 are needed; take 20 for now (5 particles were between 0.06 "
         "cm better and 0.04 cm worse than 20 in 2 runs; up to 0.5 cm (25 % of the error) would not matter).",
     ]
     assert len(COUNTS) == 3
