@@ -215,7 +215,7 @@ def _suggested(model: NeededCount, at: NDArray[np.float64]) -> str:
     needed = model.needed(at)
     count = f"more than {model.max_count}" if needed is None else str(needed)
     first = model.interval(at)[1] or model.max_count
-    unlike = "; this drive is unlike those of the experiment, so little is known" if model.outside(at) else ""
+    unlike = "; outside of what was measured, so little is known" if model.outside(at) else ""
     return f"start with {first} ({count} expected, 95 % interval {low} to {high}{unlike})"
 
 

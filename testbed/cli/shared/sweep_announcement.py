@@ -206,6 +206,6 @@ def _extent(spec: SweepSpec) -> str:
     counts = ", ".join(map(str, spec.particles))
     bound = "up to " if spec.until else ""
     seeds = f"{bound}{len(spec.seeds)} seed{'' if len(spec.seeds) == 1 else 's'}"
-    return (
-        f"{', '.join(places)}; {seeds}{_routes(spec)}{lines}; {counts} particle{'' if spec.particles == (1,) else 's'}"
-    )
+    drawn = f", {spec.drawn_seeds} of each drawn world" if spec.drawn_seeds is not None and spec.drawn_worlds else ""
+    particles = f"{counts} particle{'' if spec.particles == (1,) else 's'}"
+    return f"{', '.join(places)}; {seeds}{_routes(spec)}{drawn}{lines}; {particles}"

@@ -3,8 +3,12 @@
 
 import re
 
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
 from eval.sweep.answers import answers, likely_answer
 from eval.sweep.outlook import bound_for, chance_sentence
+from eval.sweep.report import write_sweep_report
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
@@ -161,6 +165,28 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
         "cm better and 0.04 cm worse than 20 in 2 runs; up to 0.5 cm (25 % of the error) would not matter).",
     ]
     assert len(COUNTS) == 3
+
+
+def test_drawn_worlds_with_fewer_seeds_are_complete(tmp_path, monkeypatch):
+    """Rows of seeds that were not asked for are not in the table, and nothing is said to be missing."""
+    places = (*(f"rooms-{n}" for n in range(8)), "office")
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", places)
+    write_sweep(tmp_path, level(0.05, 0.02, 0.02), seeds=8, families=(*["rooms"] * 8, None), route="random")
+    tables = {name: pq.read_table(tmp_path / f"{name}.parquet") for name in ("sweep", "curves", "timings")}
+    own = tables["sweep"]
+    tables["sweep"] = own.filter(pc.or_(pc.equal(own["seed"], 0), pc.equal(own["place"], "office")))
+    for name, table in tables.items():
+        kept = table.filter(pc.is_in(table["key"], tables["sweep"]["key"].combine_chunks()))
+        pq.write_table(kept, tmp_path / f"{name}.parquet")
+    table = read_sweep(tmp_path)
+    found = [answer.sentence for answer in answers(summarise(table.judged()), "improved")]
+    assert found == [
+        "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+        "office, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+    ]
+    page = write_sweep_report(tmp_path).read_text()
+    assert "Incomplete" not in page
+    assert "1 to 8 seeds a world" in page
 
 
 def test_the_answer_says_on_how_many_routes_it_rests(tmp_path):
