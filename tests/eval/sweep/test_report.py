@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 
 from eval.sweep.advice import advice
@@ -18,7 +19,7 @@ from eval.sweep.margin import MARGIN
 from eval.sweep.measure import Measure
 from eval.sweep.outlook import bound_for, rule_of_thumb
 from eval.sweep.paper_tables import latex_table, markdown_table
-from eval.sweep.plots import accuracy, differences, pareto_front
+from eval.sweep.plots import accuracy, differences, pareto_front, style
 from eval.sweep.report import DRAWINGS, write_sweep_report
 from eval.sweep.results import SweepTableError, read_sweep
 from eval.sweep.statistics import paired_difference
@@ -364,6 +365,31 @@ def test_every_mark_of_the_first_figures_is_in_their_legends(tmp_path):
     (legend,) = differences(summary).legends
     own = {"margin", "95 % interval, which decides"}
     assert {text.get_text() for text in legend.get_texts()} == shared | own
+
+
+@pytest.mark.parametrize("lines", [LINES[:1], LINES])
+@pytest.mark.parametrize("places", [PLACES[:1], PLACES, (*PLACES, "office")])
+def test_no_legend_is_cut_or_covers_a_panel(tmp_path, monkeypatch, places, lines):
+    """With all marks, in figures of one, two and three columns."""
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", places)
+    monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", lines)
+
+    def error(p, k, c, s):
+        """1 is worse, 5 is open or good, and one run is far above the others."""
+        noise = 0.4 * (k + p) * ((5 * s) % 8 - 3.5) / 3.5
+        return 0.02 * (1.0 + (1.0, noise, 0.0)[c] + 40.0 * ((p, k, c, s) == (0, 0, 0, 1)))
+
+    summary = summarise(read_sweep(write_sweep(tmp_path, error=error)))
+    for drawing in DRAWINGS:
+        with style():
+            figure = drawing.draw(summary)
+            FigureCanvasAgg(figure).draw()
+        for legend in figure.legends:
+            box = legend.get_window_extent()
+            assert box.x1 <= figure.bbox.x1, drawing.name
+            assert box.y1 <= figure.bbox.y1, drawing.name
+            titles = [ax.title.get_window_extent().y1 for ax in figure.axes if ax.get_visible()]
+            assert box.y0 >= max(titles), drawing.name
 
 
 def test_answers_rest_on_complete_seeds_up_to_the_last_look(tmp_path):
