@@ -446,7 +446,7 @@ def _legend_colour(table: SweepTable) -> str:
 
 def _unit_words(table: SweepTable) -> str:
     """What a dot stands for."""
-    return "one run, or one world of a kind" if table.family_names() else "one run"
+    return "one run or drawn world" if table.family_names() else "one run"
 
 
 def _draw_units(
@@ -473,7 +473,7 @@ def _draw_units(
     label, shade = _unit_words(table), _legend_colour(table)
     ax.plot([], [], "o", ms=3.2, mew=0, alpha=0.6, color=shade, label=label)
     if above.any():
-        ax.plot([], [], "^", ms=3.0, mew=0, alpha=0.6, color=shade, label=f"{label}, above the axis")
+        ax.plot([], [], "^", ms=3.0, mew=0, alpha=0.6, color=shade, label="above the axis")
 
 
 def _medians_and_ends(errors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,7 +26,8 @@ def seeds_change(table: SweepTable) -> str:
     """What distinguishes the runs of different seeds."""
     if table.recorded:
         return "seeds change the random numbers of the filter only"
-    routes = {str(route) for route in table.columns.get("setting.route", np.array([None], dtype=object)).ravel()}
+    planned = table.columns["status"].astype(str) != "None"  # drawn worlds may have fewer seeds
+    routes = {str(route) for route in table.columns.get("setting.route", np.full(table.shape, None))[planned]}
     if routes <= {"random", "stops"}:
         return "each seed drives another route through the whole world"
     return "some filters drive another route with each seed" if routes - {"fixed", "None"} else FIXED

@@ -7,6 +7,7 @@ import base64
 import os
 import shlex
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -233,7 +234,8 @@ def _seeds(table: SweepTable) -> str:
     if len(set(of_place.values())) == 1:
         return next(iter(of_place.values()))
     if len(of_place) > MAX_NAMED:
-        return "column in_report of sweep.parquet"
+        worlds = Counter(of_place.values())
+        return "; ".join(f"{seeds} in {number} world{'s' * (number > 1)}" for seeds, number in worlds.items())
     return "; ".join(f"{place} {seeds}" for place, seeds in of_place.items())
 
 

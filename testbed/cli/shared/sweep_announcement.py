@@ -168,12 +168,14 @@ def _foresight(work: Work) -> list[str]:
     margin = parse_margin(spec.margin)
     kinds = Counter(kind for kind in map(family, spec.worlds) if kind is not None)
     sampled = {kind: number for kind, number in kinds.items() if number > 1}
+    alike = {number: [kind for kind, own in sampled.items() if own == number] for number in sampled.values()}
     sentences = [
-        f"{kind}: {foresight(number, 'world', level=spec.level, margin=margin)}" for kind, number in sampled.items()
+        f"{', '.join(names)}: {foresight(number, 'world', level=spec.level, margin=margin)}"
+        for number, names in alike.items()
     ]
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
         said = foresight(len(spec.seeds), level=spec.level, margin=margin)
-        if not spec.until and len(spec.seeds) >= min_values(spec.level):
+        if not spec.until and spec.drawn_seeds is None and len(spec.seeds) >= min_values(spec.level):
             said += " --until decided looks at the results in between and stops where the answer is known."
         sentences.insert(0, said)
     return sentences

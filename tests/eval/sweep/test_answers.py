@@ -186,7 +186,7 @@ def test_drawn_worlds_with_fewer_seeds_are_complete(tmp_path, monkeypatch):
     ]
     page = write_sweep_report(tmp_path).read_text()
     assert "Incomplete" not in page
-    assert "1 to 8 seeds a world" in page
+    assert "1 to 8 seeds a world (seeds 0 in 8 worlds; 0 to 7 in 1 world): each seed drives another route" in page
 
 
 def test_the_answer_says_on_how_many_routes_it_rests(tmp_path):

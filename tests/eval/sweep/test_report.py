@@ -359,7 +359,7 @@ def test_every_mark_of_the_first_figures_is_in_their_legends(tmp_path):
 
     summary = summarise(read_sweep(write_sweep(tmp_path, error=error)))
     (legend,) = accuracy(summary).legends
-    shared = {"no difference that matters", "one run", "one run, above the axis", "open", "shown to be worse", *LINES}
+    shared = {"no difference that matters", "one run", "above the axis", "open", "shown to be worse", *LINES}
     own = {"95 % interval of the median", "after the final pass", f"{COUNTS[-1]} particles"}
     assert {text.get_text() for text in legend.get_texts()} == shared | own
     (legend,) = differences(summary).legends
@@ -368,9 +368,9 @@ def test_every_mark_of_the_first_figures_is_in_their_legends(tmp_path):
 
 
 @pytest.mark.parametrize("lines", [LINES[:1], LINES])
-@pytest.mark.parametrize("places", [PLACES[:1], PLACES, (*PLACES, "office")])
+@pytest.mark.parametrize("places", [PLACES[:1], PLACES, (*PLACES, "office"), (*PLACES, "rooms-0", "rooms-1")])
 def test_no_legend_is_cut_or_covers_a_panel(tmp_path, monkeypatch, places, lines):
-    """With all marks, in figures of one, two and three columns."""
+    """With all marks, in figures of one, two and three columns, also of a kind of building."""
     monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", places)
     monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", lines)
 
@@ -379,7 +379,8 @@ def test_no_legend_is_cut_or_covers_a_panel(tmp_path, monkeypatch, places, lines
         noise = 0.4 * (k + p) * ((5 * s) % 8 - 3.5) / 3.5
         return 0.02 * (1.0 + (1.0, noise, 0.0)[c] + 40.0 * ((p, k, c, s) == (0, 0, 0, 1)))
 
-    summary = summarise(read_sweep(write_sweep(tmp_path, error=error)))
+    families = tuple("rooms" if place.startswith("rooms") else None for place in places)
+    summary = summarise(read_sweep(write_sweep(tmp_path, error=error, families=families)))
     for drawing in DRAWINGS:
         with style():
             figure = drawing.draw(summary)
