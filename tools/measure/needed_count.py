@@ -119,7 +119,9 @@ def level_table(tables: Sequence[SweepTable]) -> str:
     for name in dict.fromkeys(name for levels in masks for name in levels):
         holds: list[list[np.ndarray]] = [[] for _ in counts]
         for table, levels in zip(tables, masks, strict=True):
-            complete = levels.get(name, np.False_) & table.ran.all(axis=2, keepdims=True)
+            if name not in levels:
+                continue
+            complete = levels[name] & table.ran.all(axis=2, keepdims=True)
             for c in range(len(counts)):
                 holds[c].append(~table.failed[:, :, c][complete[:, :, c]])
         pooled = [np.concatenate(runs) for runs in holds]
