@@ -33,7 +33,7 @@ TYPICAL_ERROR = 0.02
 """Error of the filter's path in these worlds [m]."""
 TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
-RULE = "by a rule of thumb (noise as in apartment, office and loop)"
+RULE = "by a rule of thumb (noise as in the reference worlds apartment, office and loop)"
 """On what a chance rests before anything is computed."""
 _MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard error of a median of normal values, as a multiple of that of their mean."""

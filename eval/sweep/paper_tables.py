@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -36,7 +37,7 @@ def latex_table(summary: SweepSummary) -> str:
     """
     parts = "\n  \\par\\medskip\n".join(map(_latex_tabular, _parts(summary)))
     return (
-        "\\begin{table}\n  \\centering\\footnotesize\n"
+        "% needs \\usepackage{booktabs}\n\\begin{table}\n  \\centering\\footnotesize\n"
         f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n\\end{{table}}\n"
         f"\\paragraph{{Method.}} {_escaped(_method(summary))}\n"
     )
@@ -113,7 +114,12 @@ def _latex_tabular(part: _Part) -> str:
 
 
 def _latex_row(cells: list[str]) -> str:
-    return " & ".join(map(_escaped, cells)) + r" \\"
+    return " & ".join(map(_latex_cell, cells)) + r" \\"
+
+
+def _latex_cell(text: str) -> str:
+    """A cell with a minus sign, which is longer than the hyphen of a text, before negative numbers."""
+    return _MINUS.sub("$-$", _escaped(text))
 
 
 def _caption(summary: SweepSummary) -> str:
@@ -195,6 +201,7 @@ def _digits(value: float) -> int:
     return 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
 
 
+_MINUS = re.compile(r"(?<![\w.])-(?=\d)")
 _LATEX = str.maketrans(
     {mark: f"\\{mark}" for mark in "%_&#${}"}
     | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}

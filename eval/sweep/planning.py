@@ -42,6 +42,6 @@ def _too_few(units: int, unit: str, level: float, margin: Margin) -> str:
     rule = rule_of_thumb(level, margin)
     return (
         f"{few}: at least {fewest} are needed. --until decided looks at the results then, and adds seeds where the "
-        f"answer is open, up to {MAX_SEEDS_UNTIL_DECIDED}. {rule[0].upper()}{rule[1:]}; from {fewest} on the chance is "
-        "that of these worlds."
+        f"answer is open, up to {MAX_SEEDS_UNTIL_DECIDED}. {rule[0].upper()}{rule[1:]}. With {fewest} seeds or "
+        "more the chance is computed from your own runs."
     )

@@ -211,13 +211,11 @@ def suggested_counts(table: SweepTable) -> str:
 
 
 def _suggested(model: NeededCount, at: NDArray[np.float64]) -> str:
-    """`start with 10 (7 expected, 95 % interval 4 to 10)`."""
+    """`start with 10 (4 to 10 are needed with 95 % confidence)`."""
     low, high = (f"more than {model.max_count}" if end is None else str(end) for end in model.interval(at))
-    needed = model.needed(at)
-    count = f"more than {model.max_count}" if needed is None else str(needed)
     first = model.interval(at)[1] or model.max_count
-    unlike = "; outside of what was measured, so little is known" if model.outside(at) else ""
-    return f"start with {first} ({count} expected, 95 % interval {low} to {high}{unlike})"
+    unlike = "; but this drive is unlike those that were measured" if model.outside(at) else ""
+    return f"start with {first} ({low} to {high} are needed with 95 % confidence{unlike})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

@@ -208,7 +208,6 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "final_pass": after_final_pass(summary),
         "suggested": suggested_counts(table),
         "largest_predicted": shipped_model().max_count,
-        "record": shipped_model().record,
         "look_rule": look_rule(table),
         "margin_choice": margin_choice(table),
         "advice": advice(summary, str(folder), os.cpu_count() or 1),

@@ -148,7 +148,8 @@ def _margin(work: Work) -> str:
     usual = ""
     if key == USUAL_MEASURE:
         share = share_words(margin.of(TYPICAL_ERROR), TYPICAL_ERROR)
-        usual = f" In apartment, office and loop, with errors of about {100.0 * TYPICAL_ERROR:.0f} cm, that is {share}."
+        error = f"{100.0 * TYPICAL_ERROR:.0f} cm"
+        usual = f" Of a usual error, about {error} in the reference worlds (apartment, office, loop), that is {share}."
     words = margin.words(is_length=key.endswith("_m"))
     return f"{said.format(words)}{usual} Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
 

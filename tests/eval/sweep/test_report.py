@@ -124,7 +124,9 @@ def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
     d = summary.decision("hall_a", "motion").differences[0]
     assert first[column] == f"{100 * d.value:+.1f} [{100 * d.low:+.1f}, {100 * d.high:+.1f}]"
     assert (differences[0][0], differences[0][column]) == ("against 20 [95 %]", "motion")
-    latex = [line.removesuffix(r" \\").replace("\\", "") for line in latex_table(summary).splitlines() if "&" in line]
+    rows = [line for line in latex_table(summary).splitlines() if "&" in line]
+    assert not any(re.search(r"[ \[]-\d", line) for line in rows)  # a hyphen would be printed
+    latex = [line.removesuffix(r" \\").replace("$-$", "-").replace("\\", "") for line in rows]
     assert [row.split(" & ") for row in latex] == [row for row in markdown + differences if row[0] != "---"]
     assert len(latex) == 2 * (1 + len(PLACES) * (len(COUNTS) + 1))
 

@@ -258,7 +258,7 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
     assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThe margin: " in said
-    assert "In apartment, office and loop, with errors of about 2 cm, that is 25 %." in said
+    assert "Of a usual error, about 2 cm in the reference worlds (apartment, office, loop), that is 25 %." in said
     assert said.endswith("That takes some seconds.\n")
     assert "Too few seeds (3) to tell how many particles are enough: at least 8 are needed." in said
     assert list(tmp_path.iterdir()) == []
