@@ -75,7 +75,8 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
     status = table.columns["status"].astype(str)
     if np.isin(status, ("missing", "later")).any() and going_on:
         text = _cost_of_looks(table, going_on, bound, workers) if table.is_sequential else ""
-        text = text or f"In about {duration_words(seconds_for_seeds(table, going_on, bound, workers))}."
+        seconds = seconds_for_seeds(table, going_on, bound, workers)
+        text = text or (f"In about {duration_words(seconds)}." if math.isfinite(seconds) else "")
         chance = _chances(table, {place: open_answers[place] for place in going_on}, bound)
         found = [Advice("Go on", shlex.join(words), f"{text} {chance}".strip())]
         return found + _go_on_with_some(table, {place: open_answers[place] for place in going_on}, words, workers)
