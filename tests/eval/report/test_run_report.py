@@ -123,7 +123,7 @@ def test_the_table_of_loops_tells_whose_error_it_is(runs, tmp_path, truth):
     metrics = json.loads((folder / "metrics.json").read_text())
     errors = {"match_error_m": 0.151, "match_error_deg": 0.6, "filter_error_m": 0.04, "filter_error_deg": 0.01}
     found = {"found": 1, "accepted": 1, "rejected": 0, "left_open_by_filter": 0, "path_changed": False}
-    found["list"] = [loop(1050.0, 0.165, errors if truth else None)]
+    found["list"] = [loop(1050.0, 0.17, errors if truth else None)]
     (folder / "metrics.json").write_text(json.dumps(metrics | {"loops": found}))
     table = write_report(folder).read_text().partition("Loops that the final pass found")[2].partition("</table>")[0]
     table = table.replace("\N{NO-BREAK SPACE}", " ")
