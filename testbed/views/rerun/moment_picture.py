@@ -22,7 +22,8 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.views.map_cells import OCCUPIED_TO
 from testbed.views.rerun import drawing, entities
-from testbed.views.rerun.now import in_words
+from testbed.views.rerun.drawing import ELLIPSE_SIGMAS
+from testbed.views.rerun.now import MIN_DEVIATION, in_words
 from testbed.views.rerun.other_particles import OtherParticle, first_comparison, map_at, other_particles
 from testbed.views.rerun.recorded import (
     TIME,
@@ -240,7 +241,7 @@ class MomentPictures:
         if spread is not None and then is not None:
             shape = _moved(self._T_world_map, ellipse(spread))
             off = se2.transform_points(se2.inverse([*shape.centre, shape.angle]), [pose(then)[:2]])[0]
-            within = bool(np.hypot(*(off / np.maximum(shape.half, 1e-9))) <= 1.0)
+            within = bool(np.hypot(*(off / np.maximum(shape.half, ELLIPSE_SIGMAS * MIN_DEVIATION))) <= 1.0)
         return in_words(se2.compose(self._T_world_map, pose(robot)), None if true is None else pose(true), within)
 
     def _curves(self) -> list[tuple[str, str, NDArray[np.float64], NDArray[np.float64], Any]]:

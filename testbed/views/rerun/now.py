@@ -15,13 +15,17 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.views.rerun.drawing import ELLIPSE_SIGMAS
 
+MIN_DEVIATION = 1e-4
+"""At the first scan the covariance is 0, and the truth lies where the estimate is but for rounding [m]."""
+
 
 def within_ellipse(place: NDArray[np.float64], pose: Pose, covariance: NDArray[np.float64]) -> bool:
     """Whether a place (2,) [m] lies within the ellipse that is drawn for a pose (3,) with a covariance (3, 3)."""
     (xx, xy), (_, yy) = covariance[:2, :2].tolist()
+    xx, yy = xx + MIN_DEVIATION**2, yy + MIN_DEVIATION**2
     x, y = (place[:2] - pose[:2]).tolist()
     determinant = xx * yy - xy * xy
-    return bool(determinant > 0.0 and yy * x * x - 2.0 * xy * x * y + xx * y * y <= ELLIPSE_SIGMAS**2 * determinant)
+    return bool(yy * x * x - 2.0 * xy * x * y + xx * y * y <= ELLIPSE_SIGMAS**2 * determinant)
 
 
 def in_words(estimate: Pose, truth: Pose | None, within: bool | None) -> str:
