@@ -54,7 +54,7 @@ ARROW = 2.0
 """Length of a particle's arrow in radii of the robot."""
 LIVE_PERIOD = 1.0
 """Rows are sent this often [s of wall time] while somebody watches, by the snapshot that comes next …"""
-SEND_PERIOD = 10.0
+SEND_PERIOD = 20.0
 """… and this often into a file that nobody watches: calls cost more than rows …"""
 MAX_WAITING = 2048
 """… or when so many squares of maps wait, of 16 kB each."""
