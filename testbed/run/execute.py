@@ -232,7 +232,7 @@ def metrics_of(
         path = PathAndMap(at_scans=filtered.at_scans, dense=filtered.dense, map=filtered.map if scores_map else None)
         metrics |= score_estimate("filter", path, reference, ended)
     if estimate.closing is not None:
-        metrics["loops"] = loop_metrics(estimate.closing, filtered.dense)
+        metrics["loops"] = loop_metrics(estimate.closing, filtered.dense, reference.trajectory)
     if estimate.noise is not None:
         metrics["noise"] = estimate.noise
     if estimate.covariances is not None:
