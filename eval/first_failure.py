@@ -161,10 +161,7 @@ def first_bad_stretch(
             returned = end  # the map drifts on after it; the estimate is lost later
         if returned is None:
             begin, moment = _last_departure(matched, first[pieces], last[pieces], (begin, moment))
-            reason = (
-                f"the estimate leaves the truth and does not come back; {_soon_after(matched, begin, moment)}, and "
-                f"over a metre of path its motion is wrong by up to {_amount(*worst)}"
-            )
+            reason = f"the estimate leaves the truth and does not come back; {_soon_after(matched, begin, moment)}"
             return _failure(matched, begin, moment, reason, bad=True, blips=blips)
         back, stamps = returned, matched.estimate.stamps
         excursions.append((begin, moment, back))
@@ -179,7 +176,8 @@ def first_bad_stretch(
     rows = np.array([begin]), np.array([moment])
     translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, rows)
     amount = _amount(translation[0], rotation[0])
-    reason = f"no lasting error; over the worst metre of path the estimate is wrong by {amount}"
+    between_updates = "" if estimated is None else ", measured between two updates of the filter,"
+    reason = f"no lasting error; over the worst metre of path{between_updates} the estimate is wrong by {amount}"
     return _failure(matched, begin, moment, reason, bad=False, blips=blips)
 
 

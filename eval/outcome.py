@@ -140,8 +140,9 @@ def _first_rule(evidence: Evidence) -> Outcome:
     if evidence.covered < COVERED_SHARE:
         return Outcome("lost", f"the estimate spans only {evidence.covered:.0%} of what is known of the path")
     bad = _bad(evidence.local, LOCAL_M, LOCAL_DEG)
-    if evidence.local_weights[bad].sum() > evidence.local_limit:
-        return Outcome("lost", f"over short stretches the estimate is wrong by up to {_worst(evidence.local)}")
+    weight = float(evidence.local_weights[bad].sum())
+    if weight > evidence.local_limit:
+        return Outcome("lost", _local_reason(weight, by_relations=evidence.poses is None))
     bad = _bad(evidence.loops, LOOP_M, LOOP_DEG)
     if len(bad) and bad.mean() > LOOP_SHARE:
         return Outcome(
@@ -154,6 +155,16 @@ def _first_rule(evidence: Evidence) -> Outcome:
         return Outcome("drift", f"every stretch and loop holds, but {whole} is above {DRIFT_M} m")
     loops = "every loop closes" if len(evidence.loops[0]) else "no place was visited twice"
     return Outcome("ok", f"every stretch holds, {loops}, {whole}")
+
+
+def _local_reason(weight: float, *, by_relations: bool) -> str:
+    """Say on how much of the path, or of the short relations, the motion is bad: no largest error, of which a report
+    has another one for each length."""
+    if by_relations:
+        bad = f"the motion over {weight:.1%} of the relations up to {MAX_SHORT:.0f} s apart"
+    else:
+        bad = f"on {weight:.1f} m of the path the estimate's motion over the next metre"
+    return f"{bad} is wrong by more than {LOCAL_M} m or {LOCAL_DEG:.0f} degrees"
 
 
 def loop_pairs(

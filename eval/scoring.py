@@ -31,7 +31,7 @@ from eval.trajectory.association import Association, AssociationError, associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.input_checks import check_pair, check_trajectory
 from eval.trajectory.relations import RelationError, Relations, read_relations, relation_error
-from eval.trajectory.time_offset import TimeOffset, find_time_offset
+from eval.trajectory.time_offset import TimeOffset, best_time_offset, find_time_offset
 from eval.trajectory.trajectory import Trajectory
 from eval.wording import length
 from slam.occupancy import OccupancyGrid
@@ -160,14 +160,27 @@ def read_estimate(
     path: str | os.PathLike[str], truth: Trajectory | None, time_offset: float | Literal["auto"]
 ) -> tuple[Trajectory, list[str]]:
     """Read a trajectory, shift its stamps, and return it with notes on both."""
-    estimate, notes = read_trajectory(path)
-    seconds = time_offset
-    if seconds == "auto":
-        found = find_time_offset(estimate, truth) if truth is not None else None
-        seconds = found.seconds if found is not None else 0.0
+    estimate, read = read_trajectory(path)
+    seconds, why_not = _offset_of_auto(estimate, truth) if time_offset == "auto" else (time_offset, [])
+    notes = [*read, *why_not]
     if seconds == 0.0:
-        return estimate, [*notes]
+        return estimate, notes
     return Trajectory(estimate.stamps + seconds, estimate.poses), [*notes, f"{path}: stamps shifted by {seconds:.3f} s"]
+
+
+def _offset_of_auto(estimate: Trajectory, truth: Trajectory | None) -> tuple[float, list[str]]:
+    """The offset that explains an estimate's error [s], else 0 and a note that says why nothing is shifted."""
+    nothing = "--time-offset auto has shifted nothing"
+    if truth is None:
+        return 0.0, [f"{nothing}: there is no true path"]
+    found = best_time_offset(estimate, truth)
+    if found is None:
+        return 0.0, [f"{nothing}: no constant offset lets the estimate and the truth overlap"]
+    if found.explains:
+        return found.seconds, []
+    before = "" if found.error_before is None else f", {length(found.error_before)} without it"
+    best = f"the best, {found.seconds:.3f} s, leaves an error of {length(found.error_after)}{before}"
+    return 0.0, [f"{nothing}: no constant offset of the clock explains the error ({best})"]
 
 
 def _lidars_of_run(folder: Path) -> Sequence[LidarView]:
@@ -196,7 +209,12 @@ def _associate(estimate: Trajectory, truth: Trajectory) -> tuple[Association, Ti
 
 
 def _offset_sentence(offset: TimeOffset) -> str:
-    return f"shifted by {offset.seconds:.3f} s the error is {length(offset.error_after)}"
+    without = "" if offset.error_before is None else f" instead of {length(offset.error_before)}"
+    headings = "" if offset.degrees_before is None else f" instead of {offset.degrees_before:.1f}"
+    return (
+        f"shifted by {offset.seconds:.3f} s the error is {length(offset.error_after)}{without}, that of the headings "
+        f"{offset.degrees_after:.1f}{headings} degrees"
+    )
 
 
 def _offset_json(offset: TimeOffset | None) -> Metrics:

@@ -68,7 +68,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFiles:
         truth=_trajectory(folder / "truth.tum"),
         grid=_map(folder / "map.yaml"),
         truth_grid=_map(folder / "truth_map.yaml"),
-        steps=_steps(folder / "steps.parquet"),
+        steps=read_steps(folder / "steps.parquet"),
         failure=read_failure(folder / "finding.json") if (folder / "finding.json").is_file() else None,
     )
 
@@ -100,7 +100,11 @@ def _map(path: Path) -> OccupancyGrid | None:
     return read_map(path) if path.is_file() else None
 
 
-def _steps(path: Path) -> dict[str, NDArray[Any]] | None:
+def read_steps(path: Path) -> dict[str, NDArray[Any]] | None:
+    """Read the columns of `steps.parquet`, nulls of numbers as NaN; None where there is no such file.
+
+    Raises RunFilesError for a damaged file.
+    """
     if not path.is_file():
         return None
     import pyarrow as pa

@@ -41,6 +41,11 @@ class ClosingLoop:
     errors: tuple[float, float] | None
     """Error of the pose while driving before the loop, and when it had its full length [m]; None without truth."""
 
+    @property
+    def to_watch(self) -> float:
+        """Stamp at which to watch it: the resampling in which most particles died, else the scan that closed it."""
+        return self.stamp if self.most_died is None else self.most_died
+
 
 def largest_closing_loop(steps: Columns, until: float = np.inf) -> ClosingLoop | None:
     """Return the longest loop that closed before a stamp [s]; None where none did, or in tables of older releases."""

@@ -53,7 +53,9 @@ def self_check_story(context: ReportContext) -> str:
     before = [(found[0].start, f"said lost {times_in_words(found, context.start)}")] if found else []
     doubtful = None if run.steps is None else _first_doubt(run.steps)
     if doubtful is not None and (first is None or doubtful < first):
-        before.append((doubtful, f"was doubtful from {at_time(doubtful - context.start)} on"))
+        before.append(
+            (doubtful, f"was doubtful from {at_time(doubtful - context.start)} on{_since(context, doubtful)}")
+        )
     if before:
         when = "While driving" if first is None else "Before that, while driving,"
         story += f" {when} it {' and '.join(words for _, words in sorted(before))}."
@@ -81,6 +83,16 @@ def _first_doubt(steps: Columns) -> float | None:
     rows = updates(steps)
     doubts = np.flatnonzero(column(steps, "self_check")[rows] == DOUBTFUL)
     return float(column(steps, "stamp")[rows][doubts[0]]) if len(doubts) else None
+
+
+def _since(context: ReportContext, doubtful: float) -> str:
+    """Since when scans had contradicted the map before the check was doubtful at a stamp [s], in words: the time of a
+    doubt while driving in `metrics.json`; empty where that is another one."""
+    check = context.run.metric("self_check.while_driving") or {}
+    stamp = check.get("stamp")
+    if check.get("verdict") != "doubtful" or stamp is None or stamp > doubtful:
+        return ""
+    return f", by scans from {at_time(stamp - context.start)} on"
 
 
 def times_in_words(found: Sequence[Spell], start: float) -> str:

@@ -14,7 +14,7 @@ from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_differe
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext, positions_in
 from eval.wording import at_time
-from slam.se2 import compose, inverse
+from slam.se2 import Pose, compose, inverse
 
 TRUTH = plots.GOOD
 """The truth is green, as in the recording and in the pictures of moments."""
@@ -54,7 +54,8 @@ def path_plots(context: ReportContext) -> Iterator[Plot]:
     run = context.run
     if run.estimate is None:
         return
-    background, estimate = _background(context), positions_in(context.T_frame_start, run.estimate)
+    T = context.T_frame_start
+    background, estimate = _background(context, T), positions_in(T, run.estimate)
     curves: list[plots.Series] = []
     if run.odometry is not None:
         curves.append(("odometry", positions_in(context.T_frame_odometry, run.odometry), plots.ODOMETRY))
@@ -65,9 +66,27 @@ def path_plots(context: ReportContext) -> Iterator[Plot]:
     source = plots.paths(curves, background=background)
     yield Plot("Trajectories", source, f"Seen from above over the estimated map; {how}.")
     if context.errors is not None:
-        source = plots.error_by_place(estimate[context.rows], context.errors_from_start()[0], background=background)
-        caption = "Colour: distance of the final path from the true one at that time, aligned at the first scan."
-        yield Plot("Error by place", source, caption)
+        yield _error_by_place(context)
+
+
+def _error_by_place(context: ReportContext) -> Plot:
+    """The errors of the final path along it, with the alignment of the trajectory error (ATE), which is their root mean
+    square. A path that does not come back to the truth is aligned at the first scan: the other alignment would spread
+    the error of its end over all of it."""
+    assert context.errors is not None
+    assert context.run.estimate is not None
+    T, errors = context.T_frame_estimate, context.errors.translation_errors
+    how, why = "aligned over all poses", "their root mean square is the trajectory error (ATE)"
+    if context.failure_time is not None:
+        T, errors = context.T_frame_start, context.errors_from_start()[0]
+        how, why = (
+            "aligned at the first scan",
+            "aligned over all poses, what is wrong at the end would spoil the beginning",
+        )
+    path = positions_in(T, context.run.estimate)[context.rows]
+    source = plots.error_by_place(path, errors, background=_background(context, T))
+    caption = f"Colour: distance of the final path from the true one at that time, {how}; {why}."
+    return Plot(f"Error by place, {how}", source, caption)
 
 
 def loop_plots(context: ReportContext) -> Iterator[Plot]:
@@ -91,7 +110,7 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
         if visits:
             rows = np.clip(np.searchsorted(stamps, visits), 0, len(stamps) - 1)
             groups.append((f"{name} ({len(visits)})", path[rows], colour))
-    source = plots.links(path, groups, background=_background(context))
+    source = plots.links(path, groups, background=_background(context, context.T_frame_start))
     caption = (
         "A link joins the middles of two stretches that show the same walls. The final pass found them after the "
         "drive, between pieces of the map; they are not the moments at which loops closed while driving."
@@ -99,8 +118,9 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
     yield Plot("Loops", source, caption)
 
 
-def _background(context: ReportContext) -> Picture | None:
-    run, T = context.run, context.T_frame_start
+def _background(context: ReportContext, T: Pose) -> Picture | None:
+    """The estimated map, seen from the report's frame by the alignment T (3,); None where nothing of it is known."""
+    run = context.run
     if run.grid is None or not run.grid.known.any():
         return None
     positions = [] if run.estimate is None else [positions_in(T, run.estimate)]

@@ -214,7 +214,7 @@ def scan_over_map(
 
 
 def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | None = None) -> str:
-    """Draw a path (n, 2) [m] coloured by the error (n,) [m] along it."""
+    """Draw a path (n, 2) [m] coloured by the error (n,) [m] along it, in metres where it is larger than one."""
     xy, e = np.asarray(path, dtype=np.float64), np.asarray(error, dtype=np.float64)
     step = -(-len(xy) // (2 * MAX_POINTS))
     xy, e = xy[::step], e[::step]
@@ -223,13 +223,14 @@ def error_by_place(path: ArrayLike, error: ArrayLike, *, background: Picture | N
         figure, ax = _figure((wide, max(0.82 * high, 2.0)))  # the colour bar takes a share of the width
         _ground(ax, background)
         top = max(float(np.percentile(e, 99.0)), 1e-3)
+        scale, unit = (100.0, "cm") if top < 1.0 else (1.0, "m")
         lines = LineCollection(
-            list(np.stack([xy[:-1], xy[1:]], axis=1)), cmap=ERROR_COLOURS, norm=Normalize(0.0, 100.0 * top), lw=2.2
+            list(np.stack([xy[:-1], xy[1:]], axis=1)), cmap=ERROR_COLOURS, norm=Normalize(0.0, scale * top), lw=2.2
         )
-        lines.set_array(50.0 * (e[:-1] + e[1:]))
+        lines.set_array(0.5 * scale * (e[:-1] + e[1:]))
         ax.add_collection(lines)
         ax.autoscale_view()
-        figure.colorbar(lines, ax=ax, label="error [cm]", pad=0.02).outline.set_visible(False)
+        figure.colorbar(lines, ax=ax, label=f"error [{unit}]", pad=0.02).outline.set_visible(False)
         return svg_uri(figure)
 
 

@@ -17,6 +17,7 @@ from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
 from eval.filter.closing_loop import largest_closing_loop
 from eval.filter.step_table import column, updates
+from eval.first_failure import BAD_DEG, BAD_M
 from eval.loss_watch import Spell, spells
 from eval.report import plots
 from eval.report.check_story import times_in_words
@@ -76,6 +77,7 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "lost_while_driving": _lost_while_driving(context),
         "earlier_loss_time": _earlier_loss(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
+        "limits": (BAD_M, BAD_DEG),
         "failure_plot": failure_plot(context),
         "moment_plots": list(moment_plots(context, another_best)),
         "start": context.start,
@@ -179,11 +181,20 @@ def _loop_rows(run: RunFiles, start: float) -> list[dict[str, str]]:
                 "time": at_time(loop["stamp"] - start),
                 "before": at_time(loop["seen_before_stamp"] - start),
                 "driven": length(loop["length_m"]),
+                "overlap": length(loop["overlap_m"]),
                 "gap": f"{length(loop['gap_m'])}, {loop['gap_deg']:.1f}°",
+                "match_error": _loop_error(loop, "match_error"),
+                "filter_error": _loop_error(loop, "filter_error"),
                 "decision": decision if loop["accepted"] else "rejected",
             }
         )
     return rows
+
+
+def _loop_error(loop: dict[str, Any], key: str) -> str:
+    """Position and heading error of a motion between two visits; empty without truth."""
+    metres = loop.get(f"{key}_m")
+    return "" if metres is None else f"{length(metres)}, {loop[f'{key}_deg']:.1f}°"
 
 
 def _loop_pictures(context: ReportContext, draw_moment: DrawMoment | None) -> list[Plot]:

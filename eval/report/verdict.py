@@ -228,8 +228,7 @@ def _loop(context: ReportContext) -> Loop:
         text += ": little had to be corrected." if max(error_before, error_after) < SMALL_ERROR_M else "."
     if lost and first_loss - loop.stamp <= SOON_S:
         text += f" The estimate was lost {first_loss - loop.stamp:.1f} s later."
-    watch = loop.stamp if loop.most_died is None else loop.most_died
-    return Loop(text, up_to_a_tenth(watch - start))
+    return Loop(text, up_to_a_tenth(loop.to_watch - start))
 
 
 def _particles_in(loop: ClosingLoop, start: float) -> str:

@@ -13,19 +13,28 @@ from eval.files.atomic_write import atomic_write
 from eval.files.failure_json import read_failure
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
-from testbed.cli.shared.console import console
+from eval.wording import up_to_a_tenth
+from testbed.cli.shared.console import console, results
 from testbed.datasets import open_dataset
 from testbed.formats import open_log
-from testbed.views import Scene, moments_of, open_run, record_frames, record_side_by_side, recording_of
+from testbed.views import Scene, events_of, moments_of, open_run, record_frames, record_side_by_side, recording_of
 
 
-def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False, save: Path | None = None) -> None:
+def view(
+    paths: list[Path],
+    /,
+    *,
+    time: str | None = None,
+    serve: bool = False,
+    save: Path | None = None,
+    events: bool = False,
+) -> None:
     """Open runs, datasets, recorded logs, or the worst runs of a sweep in the Rerun viewer.
 
     A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
     paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
-    first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve, or a
-    picture of one moment: `testbed view RUN --time 60 --save moment.png`.
+    first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve, --events,
+    or pictures of moments: `testbed view RUN --time 5,60 --save moment.png`.
 
     Parameters
     ----------
@@ -33,56 +42,99 @@ def view(paths: list[Path], /, *, time: float | None = None, serve: bool = False
         Directories of runs or sweeps, datasets, or recorded logs.
     time
         Open the window at this time, in seconds since the first scan. A saved recording begins at its start and a web
-        page stands at its end: the time to move the cursor to is printed. A picture (--save x.png) shows this time.
+        page stands at its end: the time to move the cursor to is printed. A picture (--save x.png) shows this time; of
+        several times, separated by commas, each becomes a picture.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     save
         Write to this file instead of showing it, to send it: a recording (`.rrd`), which `rerun FILE` opens, or a
         picture (`.png`). The picture of a run shows the map, the particles and the proposal at --time; that of one
-        dataset or log shows the map, the paths and one scan.
+        dataset or log shows the map, the paths and one scan. Several times give x-5s.png, x-60s.png and so on.
+    events
+        Print the event log of a run instead of showing it: time since the first scan, level, what happened.
     """
-    if save is not None and (save.suffix not in (".rrd", ".png") or save.exists()):
-        raise ValueError(f"{save}: {'exists' if save.exists() else 'expected a name that ends in .rrd or .png'}")
-    if time is not None and not (math.isfinite(time) and time >= 0.0):
-        raise ValueError(f"--time {time}: expected seconds since the first scan")
-    if save is not None and save.suffix == ".png":
-        _draw(paths, save, time)
+    times = [] if time is None else _times(time)
+    if events:
+        if times or serve or save is not None:
+            raise ValueError("--events: prints the whole event log; expected no other option with it")
+        _print_events(paths)
         return
-    if time is None and len(paths) == 1:
-        time = _moment_of_failure(paths[0])
+    if save is not None and save.suffix not in (".rrd", ".png"):
+        raise ValueError(f"{save}: expected a name that ends in .rrd or .png")
+    if save is not None and save.suffix == ".png":
+        _draw(paths, save, times)
+        return
+    if save is not None and save.exists():
+        raise ValueError(f"{save}: exists")
+    if len(times) > 1:
+        raise ValueError(f"--time {time}: expected one time; several are for pictures, --save x.png")
+    moment = times[0] if times else _moment_of_failure(paths[0]) if len(paths) == 1 else None
     with tempfile.TemporaryDirectory() as folder:
         shown = _one_recording(paths, Path(folder))
         if save is not None:
             with atomic_write(save) as temporary:
                 shutil.copyfile(shown, temporary)
-            package, then = f"rerun-sdk=={version('rerun-sdk')}", _then_move(time)
+            package, then = f"rerun-sdk=={version('rerun-sdk')}", _then_move(moment)
             console.print(f"{save}: with `pip install {package}`, `rerun {save}` opens it{then}", soft_wrap=True)
             return
-        viewer = open_run(shown, serve=serve, moment=time)
+        viewer = open_run(shown, serve=serve, moment=moment)
         if viewer.address is not None:
-            console.print(f"view: {viewer.address}{_then_move(time)}; served until Ctrl-C", soft_wrap=True)
+            console.print(f"view: {viewer.address}{_then_move(moment)}; served until Ctrl-C", soft_wrap=True)
         viewer.wait()
 
 
-def _draw(paths: list[Path], picture: Path, time: float | None) -> None:
-    """Draw a moment of one run, or one dataset or log."""
+def _times(text: str) -> list[float]:
+    """Read times, separated by commas, in seconds since the first scan; a time that is repeated counts once."""
+    try:
+        times = [float(part) for part in text.split(",")]
+    except ValueError:
+        times = [math.nan]
+    if not all(math.isfinite(time) and time >= 0.0 for time in times):
+        raise ValueError(f"--time {text}: expected seconds since the first scan, or several, such as 5,60")
+    return list(dict.fromkeys(times))
+
+
+def _print_events(paths: list[Path]) -> None:
+    """Print the event log of one run."""
+    found = events_of(paths[0]) if len(paths) == 1 else None
+    if found is None:
+        raise ValueError(f"{paths[0]}: expected one run with a recording, whose event log is to be printed")
+    for event in found:
+        results.print(f"{up_to_a_tenth(event.time):7.1f} s  {event.level:5}  {event.text}", markup=False)
+
+
+def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
+    """Draw moments of one run, or one dataset or log; several times give several pictures."""
     from testbed.datasets.picture import draw_drive  # here, for a window to open without matplotlib
 
     if len(paths) != 1 or (paths[0] / "sweep.toml").is_file():
         raise ValueError(f"{picture}: a picture is made of one run, dataset or log")
     console.print(f"drawing {paths[0]} …", soft_wrap=True)
     draw_moment = moments_of(paths[0])
-    if draw_moment is not None:
-        if time is None:
-            time = _moment_of_failure(paths[0])
-        with atomic_write(picture) as temporary:
-            temporary.write_bytes(draw_moment(math.inf if time is None else time))
-        if paths[0].is_dir() and not (paths[0] / "metrics.json").is_file():
-            console.print(f"{paths[0]}: not finished; this is what was recorded so far", soft_wrap=True)
-        console.print(f"{picture}: written", soft_wrap=True)
-        return
-    draw_drive(open_dataset(paths[0]), picture, _title_of_drive(paths[0]), time)
-    console.print(f"{picture}: written", soft_wrap=True)
+    if draw_moment is not None and not times:
+        moment = _moment_of_failure(paths[0])
+        times = [] if moment is None else [moment]
+    pictures: dict[Path, float | None] = {picture: times[0] if times else None}
+    if len(times) > 1:
+        pictures = {_named(picture, time): time for time in times}
+    for file in pictures:
+        if file.exists():
+            raise ValueError(f"{file}: exists")
+    if draw_moment is not None and paths[0].is_dir() and not (paths[0] / "metrics.json").is_file():
+        console.print(f"{paths[0]}: not finished; this is what was recorded so far", soft_wrap=True)
+    for file, time in pictures.items():
+        console.print(f"{file}: drawing {'the end' if time is None else f'{time:g} s'} …", soft_wrap=True)
+        if draw_moment is not None:
+            with atomic_write(file) as temporary:
+                temporary.write_bytes(draw_moment(math.inf if time is None else time))
+        else:
+            draw_drive(open_dataset(paths[0]), file, _title_of_drive(paths[0]), time)
+    console.print(f"{', '.join(f'{file}' for file in pictures)}: written", soft_wrap=True)
+
+
+def _named(picture: Path, time: float) -> Path:
+    """The name of one of several pictures: moment-129.2s.png."""
+    return picture.with_name(f"{picture.stem}-{time:g}s{picture.suffix}")
 
 
 def _then_move(time: float | None) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eval.metrics_json import Metrics
 from eval.trajectory.trajectory import Trajectory
@@ -15,26 +16,33 @@ from slam.se2 import Pose
 from testbed.views import FinalLoop
 
 
-def loop_metrics(closing: LoopClosing, path: Trajectory) -> Metrics:
-    """Convert the loops that the final pass found; path: the filter's, at every frame."""
+def loop_metrics(closing: LoopClosing, path: Trajectory, truth: Trajectory | None = None) -> Metrics:
+    """Convert the loops that the final pass found; path: the filter's, at every frame.
+
+    truth: poses at scans, by which the motions between two visits are judged; None = unknown
+    """
     stamps, nodes, distance = path.stamps[closing.frames], path.poses[closing.frames], path.distance[closing.frames]
+    true = _true_poses(truth, stamps)
     rows: list[Metrics] = []
     for loop, accepted in zip(closing.loops, closing.accepted.tolist(), strict=True):
         i, j = loop.first, loop.second
-        gap = se2.between(se2.between(nodes[i], nodes[j]), loop.pose)
-        rows.append(
-            {
-                "stamp": float(stamps[j]),
-                "seen_before_stamp": float(stamps[i]),
-                "length_m": float(distance[j] - distance[i]),
-                "accepted": accepted,
-                "closed_by_filter": loop.was_closed,
-                "gap_m": float(np.hypot(gap[0], gap[1])),
-                "gap_deg": float(np.degrees(abs(gap[2]))),
-                "overlap_m": loop.overlap,
-                "agreeing_share": loop.agreement.share,
-            }
-        )
+        driven, true_motion = se2.between(nodes[i], nodes[j]), se2.between(true[i], true[j])
+        gap_m, gap_deg = _difference(driven, loop.pose)
+        row = {
+            "stamp": float(stamps[j]),
+            "seen_before_stamp": float(stamps[i]),
+            "length_m": float(distance[j] - distance[i]),
+            "accepted": accepted,
+            "closed_by_filter": loop.was_closed,
+            "gap_m": gap_m,
+            "gap_deg": gap_deg,
+            "overlap_m": loop.overlap,
+            "agreeing_share": loop.agreement.share,
+        }
+        if np.isfinite(true_motion).all():
+            row["filter_error_m"], row["filter_error_deg"] = _difference(driven, true_motion)
+            row["match_error_m"], row["match_error_deg"] = _difference(loop.pose, true_motion)
+        rows.append(row)
     accepted = [row for row in rows if row["accepted"]]
     return {
         "found": len(rows),
@@ -44,6 +52,24 @@ def loop_metrics(closing: LoopClosing, path: Trajectory) -> Metrics:
         "path_changed": closing.changed,
         "list": sorted(rows, key=lambda row: row["stamp"]),
     }
+
+
+def _true_poses(truth: Trajectory | None, stamps: NDArray[np.float64]) -> Pose:
+    """True poses at these stamps, (n, 3); NaN where they are unknown."""
+    poses = np.full((len(stamps), 3), np.nan)
+    if truth is None:
+        return poses
+    order = np.argsort(truth.stamps, kind="stable")
+    found = np.searchsorted(truth.stamps[order], stamps).clip(max=len(order) - 1)
+    known = truth.stamps[order][found] == stamps
+    poses[known] = truth.poses[order][found][known]
+    return poses
+
+
+def _difference(one: Pose, other: Pose) -> tuple[float, float]:
+    """How far two motions (3,) are from each other: [m], [deg]."""
+    x, y, theta = se2.between(one, other).tolist()
+    return float(np.hypot(x, y)), float(np.degrees(abs(theta)))
 
 
 def loops_to_show(closing: LoopClosing | None, before: Pose, after: Pose) -> list[FinalLoop]:

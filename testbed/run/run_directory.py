@@ -29,6 +29,7 @@ RUN_FILES = (
     "estimate_dense.tum",
     "filter.tum",
     "online.tum",
+    "estimate_covariance.parquet",
     "graph.g2o",
     "commands.csv",
     "map.pgm",
@@ -103,16 +104,20 @@ class RunDirectory:
             aside.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
     @contextmanager
-    def marked(self, known: Mapping[str, Any] | None = None) -> Iterator[None]:
+    def marked(self, known: Mapping[str, Any] | None = None, *, stage: str = "") -> Iterator[None]:
         """Write the outcome to `metrics.json`, with the measures in `known`, if an exception ends the block.
 
         The outcome is `interrupted` (Ctrl-C) or `failed`, with the reason. The exception is raised again.
+        stage: what is done in the block, such as "the kernels were compiled"; it completes the reason of an exception
+        that has no message, as Ctrl-C has none
         """
         try:
             yield
         except BaseException as error:
-            outcome = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
-            mark = {"outcome": outcome, "reason": " ".join(f"{error}".split())}
+            by_hand = isinstance(error, KeyboardInterrupt)
+            what = "the run was stopped by hand" if by_hand else f"the run ended with {type(error).__name__}"
+            reason = " ".join(f"{error}".split()) or what + (f" while {stage}" if stage else "")
+            mark = {"outcome": "interrupted" if by_hand else "failed", "reason": reason}
             try:
                 self.write_metrics({**(known or {}), **mark})
             except OSError:  # the disk is full: without metrics.json no run looks finished

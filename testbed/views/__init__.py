@@ -3,6 +3,7 @@
 
 from testbed.views.opening import (
     OpenedRun,
+    events_of,
     moments_for_report,
     moments_of,
     open_run,
@@ -22,6 +23,7 @@ __all__ = [
     "Snapshot",
     "View",
     "ViewOptions",
+    "events_of",
     "moments_for_report",
     "moments_of",
     "open_run",

@@ -17,6 +17,7 @@ from testbed.views.view import NullView, Scene, View, ViewOptions
 
 if TYPE_CHECKING:
     from testbed.views.rerun.moment_picture import MomentPictures
+    from testbed.views.rerun.recorded import Event
 
 logger = logging.getLogger(__name__)
 
@@ -85,6 +86,21 @@ def moments_of(run: Path) -> Callable[[float], bytes] | None:
     """
     pictures = _pictures_of(run)
     return None if pictures is None else pictures.png
+
+
+def events_of(run: Path) -> list[Event] | None:
+    """The event log of a run, in the order of time; None where it has no recording.
+
+    run: a directory, or a recording
+
+    Raises ValueError where the recording is damaged.
+    """
+    recording = recording_of(run)
+    if recording is None:
+        return None
+    from testbed.views.rerun.recorded import Recorded
+
+    return Recorded(recording).events()
 
 
 def _pictures_of(run: Path) -> MomentPictures | None:

@@ -20,7 +20,7 @@ def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: Outp
 
     Returns the exit status.
     """
-    with directory.marked():
+    with directory.marked(stage="the kernels were compiled"):
         announce_compilation()
         view = open_view(directory / "recording.rrd", scene, output.view_options)
     if view.address is not None:
@@ -31,7 +31,7 @@ def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: Outp
             console.print(f"{metrics['outcome']}: {directory.path} keeps what there was")
             return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED
         watcher.stage("report")
-        with directory.marked(metrics):
+        with directory.marked(metrics, stage="the report was written"):
             report = write_report(directory.path, moments_for_report(directory.path))
     results.print(headline_table(metrics, directory.path))
     broken = check(metrics, output.limits)
@@ -39,7 +39,7 @@ def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: Outp
         console.print(f"limit broken: {sentence}")
     command = watch_command(metrics, directory.path)
     if command is not None:
-        results.print(f"watch where it went wrong: {command}")
+        results.print(command)
     results.print(f"report: {report.resolve()}")
     view.wait()
     return GATE_FAILED if broken else 0

@@ -13,10 +13,14 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from eval.files.failure_json import read_failure
+from eval.files.run_reader import read_steps
 from eval.files.tum import read_tum
+from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
+from eval.filter.step_table import column
 from eval.first_failure import Failure
+from eval.loss_watch import spells
 from eval.report.check_story import self_check_sentence
-from eval.wording import at_time
+from eval.wording import at_time, up_to_a_tenth
 from testbed.views import recording_of
 
 HEADLINES = (
@@ -57,6 +61,9 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         failure, stamps = found
         cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
         table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}{cause}")
+    loop = _largest_loop(run)
+    if loop is not None:
+        table.add_row("largest loop closure", _loop_in_words(*loop))
     while_driving = _value(metrics, "outcome_online")
     if while_driving not in (None, metrics["outcome"], "unjudged"):
         table.add_row("outcome while driving", f"{while_driving}")
@@ -73,15 +80,38 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
 
 
 def watch_command(metrics: Mapping[str, Any], run: Path) -> str | None:
-    """The command that shows where a run went wrong; None where it did not, or where it has no recording.
+    """Name the moment of a run that is most worth watching, with the command that shows it: where it went wrong, else
+    its largest loop closure; None where it has neither, or no recording.
 
     Raises ValueError for damaged files in its directory.
     """
-    found = _failure_of(metrics, run)
-    time = None if found is None else found[0].time_to_watch(found[1])
-    if time is None or recording_of(run) is None:
+    if recording_of(run) is None:
         return None
-    return f"testbed view {shlex.quote(str(run))} --time {time:.1f}"
+    found, loop, time = _failure_of(metrics, run), _largest_loop(run), None
+    if found is not None:
+        what, time = "where it went wrong", found[0].time_to_watch(found[1])
+    elif loop is not None:
+        what, time = "the largest loop closure", up_to_a_tenth(loop[0].to_watch - loop[1])
+    return None if time is None else f"watch {what}: testbed view {shlex.quote(str(run))} --time {time:.1f}"
+
+
+def _largest_loop(run: Path | None) -> tuple[ClosingLoop, float] | None:
+    """The largest loop that closed before the estimate was lost, and the stamp of the first scan [s]; None where none
+    was seen."""
+    steps = None if run is None else read_steps(run / "steps.parquet")
+    if steps is None:
+        return None
+    lost = spells(steps, "lost")
+    loop = largest_closing_loop(steps, lost[0].start if lost else np.inf)
+    return None if loop is None else (loop, float(column(steps, "stamp")[0]))
+
+
+def _loop_in_words(loop: ClosingLoop, start: float) -> str:
+    deaths = ""
+    if loop.died and loop.most_died is not None:
+        most = "" if loop.resamplings == 1 else "most "
+        deaths = f"; {loop.died} of {loop.particles} particles died, {most}at {at_time(loop.most_died - start)}"
+    return f"{loop.metres:.0f} m of driving, closed at {at_time(loop.stamp - start)}{deaths}"
 
 
 def _failure_of(metrics: Mapping[str, Any], run: Path | None) -> tuple[Failure, NDArray[np.float64]] | None:

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -53,18 +53,19 @@ def blueprint(scenery: Scenery, front: Layout = "overview") -> rrb.Blueprint:
 def overview(scenery: Scenery) -> rrb.Horizontal:
     """Lay out the map with everything on it, next to the plots, the event log and the settings."""
     errors = [
-        estimates_error(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m),
-        estimates_error(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg),
+        plot(entities.POSITION_ERROR, "Position error", "m", scenery.max_error_m, first_alone=True),
+        plot(entities.HEADING_ERROR, "Heading error", "deg", scenery.max_error_deg, first_alone=True),
         plot(entities.POSITION_ERROR, "Odometry's error", "m", scenery.max_odometry_error_m),
     ]
     # one particle has none
-    spread = [plot(entities.SPREAD, "Spread of the particles", "cm")] if scenery.particles > 1 else []
+    spread = [plot(entities.SPREAD, "Spread of the particles", "cm", curves=1)] if scenery.particles > 1 else []
     return rrb.Horizontal(
         rrb.Vertical(
             map_view("Map", scenery.extent),
+            rrb.TextDocumentView(origin=entities.NOW, name="Now"),
             legend_view("map"),
             rrb.StateTimelineView(origin=entities.STATE, name="State", time_view=rrb.TimeAxis(view_range=WHOLE_RUN)),
-            row_shares=[12, 1.3 if scenery.particles > 1 else 1.0, 3.9],
+            row_shares=[11, 1.0, 1.3, 3.9],
         ),
         rrb.Vertical(
             close_view("Around the robot", AROUND_HEIGHT),
@@ -72,7 +73,7 @@ def overview(scenery: Scenery) -> rrb.Horizontal:
             rrb.Tabs(
                 plot(entities.ESS, "Effective sample size", "particles", scenery.particles),
                 *spread,
-                plot(entities.MATCHED, "Beams on known walls", "", 1.0),
+                plot(entities.MATCHED, "Beams on known walls", "", 1.0, curves=1),
                 plot(entities.STAGES, "Time per update", "ms"),
                 active_tab=1,  # the spread, or the share of beams
             ),
@@ -188,28 +189,21 @@ def eye_above(place: tuple[float, float], height: float, follow: str | None = No
     )
 
 
-def estimates_error(entity: str, name: str, unit: str, largest: float | None) -> rrb.TimeSeriesView:
-    """A plot of an error of the estimate alone: on an axis that holds the odometry's too it would be a flat line."""
-    return plot(entity, name, unit, largest, {entity: rr.SeriesLines.from_fields(visible_series=[True, False])})
-
-
 def plot(
-    origin: str,
-    name: str,
-    unit: str,
-    largest: float | None = None,
-    overrides: Mapping[Any, rr.SeriesLines] | None = None,
+    origin: str, name: str, unit: str, largest: float | None = None, *, first_alone: bool = False, curves: int = 2
 ) -> rrb.TimeSeriesView:
     """A plot of all series below an entity; with its largest value the axis is fixed, and its name says the range.
 
-    overrides: styles for this view alone, by entity
+    first_alone: hide the second curve, the odometry's, next to which the estimate's would be flat. curves: how many
+    there are. A single curve has no legend: the viewer would draw it over the curve, and list hidden curves in it
     """
     units = f" [{unit}]" if unit else ""
+    shown = rr.SeriesLines.from_fields(visible_series=[True, False])
     return rrb.TimeSeriesView(
         origin=origin,
         name=f"{name}{units}" if largest is None else f"{name}{units}, 0 to {largest:.3g}",
         axis_x=rrb.TimeAxis(view_range=WHOLE_RUN),
         axis_y=None if largest is None else rrb.ScalarAxis(range=(0.0, 1.05 * max(largest, 1e-3))),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
-        overrides=overrides,
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=curves > 1 and not first_alone),
+        overrides={origin: shown} if first_alone else None,
     )

@@ -205,7 +205,7 @@ class Columns:
     def add(
         self,
         entity: str,
-        *values: NDArray[Any] | float | str,
+        *values: NDArray[Any] | float | str | None,
         build: Build | None = None,
         at: tuple[float, int] | None = None,
     ) -> None:

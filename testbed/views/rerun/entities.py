@@ -42,6 +42,9 @@ PROPOSAL_EYE = "/proposal/eye"
 AROUND = "/around"
 """The robot's estimated position in the world's frame, for a view that follows it and does not turn."""
 
+NOW = "/now"
+"""Where the robot is, by the estimate and by the truth, in words."""
+
 COMPARE = "/compare"
 """The map's frame once more, for the views that compare particles."""
 RANKS = ("best", "lightest", "most_different_a", "most_different_b")

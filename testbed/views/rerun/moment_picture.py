@@ -7,6 +7,7 @@ It shows what the viewer shows at that time, and needs no display.
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import textwrap
 from collections.abc import Sequence
@@ -21,6 +22,8 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.views.map_cells import OCCUPIED_TO
 from testbed.views.rerun import drawing, entities
+from testbed.views.rerun.drawing import ELLIPSE_SIGMAS
+from testbed.views.rerun.now import MIN_DEVIATION, in_words
 from testbed.views.rerun.other_particles import OtherParticle, first_comparison, map_at, other_particles
 from testbed.views.rerun.recorded import (
     TIME,
@@ -221,12 +224,25 @@ class MomentPictures:
             row = self._recorded.latest(lane, time)
             if row is not None:
                 found.append(f"{words} {row['StateChange:state'].as_py()[0]}")
-        lines = [f"{self._recorded.name or 'run'} at {time:.1f} s", ";  ".join(found)]
+        lines = [f"{self._recorded.name or 'run'} at {time:.1f} s: {self._places(time)}", ";  ".join(found)]
         past = [event for event in self._recorded.events() if time - RECENT_EVENT_S <= event.time <= time + 1e-6]
         if past:
             last = max(past, key=lambda event: (event.time, LEVELS.index(event.level)))
             lines.append(textwrap.shorten(f"last event, {last.time:.1f} s: {last.text}", 150, placeholder=" …"))
         return "\n".join(lines)
+
+    def _places(self, time: float) -> str:
+        """Where the robot is by the estimate and by the truth, and whether the filter's ellipse held the truth when it
+        was made, in words."""
+        robot, true = (self._recorded.latest(name, time) for name in (entities.ESTIMATED_ROBOT, entities.TRUE_ROBOT))
+        assert robot is not None
+        spread, within = self._recorded.latest(entities.COVARIANCE, time), None
+        then = None if spread is None else self._recorded.latest(entities.TRUE_ROBOT, spread[TIME])
+        if spread is not None and then is not None:
+            shape = _moved(self._T_world_map, ellipse(spread))
+            off = se2.transform_points(se2.inverse([*shape.centre, shape.angle]), [pose(then)[:2]])[0]
+            within = bool(np.hypot(*(off / np.maximum(shape.half, ELLIPSE_SIGMAS * MIN_DEVIATION))) <= 1.0)
+        return in_words(se2.compose(self._T_world_map, pose(robot)), None if true is None else pose(true), within)
 
     def _curves(self) -> list[tuple[str, str, NDArray[np.float64], NDArray[np.float64], Any]]:
         """Name, unit, times, values and colour of the curves below the maps; those that the run does not have are left
@@ -312,7 +328,8 @@ class MomentPictures:
             row = self._recorded.latest(entity, time)
             if row is not None and len(origins) > 1:
                 lines = [se2.transform_points(T, line) for line in strips(row["LineStrips3D:strips"]) if len(line)]
-                _lines(axes, lines, colour, width, label)
+                seen = any(_in_view(line, robot[:2], reach) for line in lines)
+                _lines(axes, lines, colour, width, label if seen else None)
         self._draw_world(axes, time, robot, reach)
         spread = self._recorded.latest(entities.COVARIANCE, time)
         if spread is not None:
@@ -450,6 +467,13 @@ def _ellipse(axes: Axes, shape: Ellipse, colour: tuple[int, int, int], label: st
     circle = np.column_stack([np.cos(angles), np.sin(angles)]) * shape.half
     x, y = se2.transform_points([*shape.centre, shape.angle], circle).T
     axes.plot(x, y, color=_rgb(colour), lw=1.8, label=label, zorder=8)
+
+
+def _in_view(line: NDArray[np.float64], centre: NDArray[np.float64], reach: float) -> bool:
+    """Whether a line (n, 2) passes through what `_frame` shows."""
+    steps = [a + (b - a) * np.linspace(0.0, 1.0, 9)[:, None] for a, b in itertools.pairwise(line)]
+    off = np.abs(np.concatenate([line, *steps]) - centre)
+    return bool(((off[:, 0] < 1.6 * reach) & (off[:, 1] < reach)).any())
 
 
 def _frame(axes: Axes, centre: NDArray[np.float64], reach: float) -> None:

@@ -38,6 +38,7 @@ from testbed.views.rerun.layers.map_tiles import ImagePool, MapTiles
 from testbed.views.rerun.layers.particle_tree import ParticleTree
 from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
 from testbed.views.rerun.layers.prediction import Predictions
+from testbed.views.rerun.now import NowColumns, within_ellipse
 from testbed.views.rerun.recording_file import RecordingFile
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
@@ -53,7 +54,7 @@ ARROW = 2.0
 """Length of a particle's arrow in radii of the robot."""
 LIVE_PERIOD = 1.0
 """Rows are sent this often [s of wall time] while somebody watches, by the snapshot that comes next …"""
-SEND_PERIOD = 10.0
+SEND_PERIOD = 20.0
 """… and this often into a file that nobody watches: calls cost more than rows …"""
 MAX_WAITING = 2048
 """… or when so many squares of maps wait, of 16 kB each."""
@@ -95,6 +96,7 @@ class RerunView:
         self._ends: dict[str, Pose] = {}  # last pose of each path that was sent
         self._styled: set[str] = set()
         self._hits: columns.Values | None = None  # of the last scan that was added
+        self._within: bool | None = None  # whether the ellipse of the last update held the truth
         self._whole_map: OccupancyGrid | None = None
         self._refined = False
         run = str(uuid.uuid4())  # of its own: a viewer would merge runs of one id
@@ -238,6 +240,7 @@ class RerunView:
             T_world_first = first.truth
         self._T_world_odom = se2.compose(T_world_first, se2.inverse(first.odometry))
         self._around = columns.world_places(self._T_world_map)
+        self._now = NowColumns(self._T_world_map)
         self._errors = [ErrorColumns(self._T_world_map, self._T_world_odom, heading) for heading in (False, True)]
         for entity in (entities.SLAM, entities.COMPARE, entities.PROPOSAL, entities.FINAL):
             self._rec.log(entity, pose_transform(self._T_world_map), static=True)
@@ -276,6 +279,10 @@ class RerunView:
         """Add poses, scan and errors."""
         add = self._columns.add
         add(entities.ESTIMATED_ROBOT, snapshot.estimate)
+        if snapshot.truth is not None and snapshot.step is not None and snapshot.step.updated:
+            step, T_map_world = snapshot.step, se2.inverse(self._T_world_map)
+            self._within = within_ellipse(se2.compose(T_map_world, snapshot.truth), step.pose, step.covariance)
+        add(entities.NOW, snapshot.estimate, snapshot.truth, self._within, build=self._now)
         self._hits = None if snapshot.scan is None else drawing.thinned_hits(snapshot.scan, MAX_POINTS)
         if self._hits is not None:
             add(entities.SCAN, *self._hits)

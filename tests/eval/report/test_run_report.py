@@ -12,7 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from eval.files.run_reader import RunFilesError
+from eval.files.run_reader import RunFilesError, read_run
+from eval.report.map_plots import path_plots
+from eval.report.report_context import ReportContext
 from eval.report.run_report import write_report
 from tests.eval.synthetic_run import BREAK, write_run
 
@@ -79,11 +81,72 @@ def test_equal_runs_give_equal_bytes(runs, texts):
 
 def test_the_sections_are_those_that_the_data_allow(texts):
     with_truth = Page(texts["good"]).headings
-    for heading in ("Difference", "Error by place", "Position error", "Particle ancestry", "Consistency (NEES)"):
+    for heading in (
+        "Difference",
+        "Error by place, aligned over all poses",
+        "Position error",
+        "Particle ancestry",
+        "Consistency (NEES)",
+    ):
         assert heading in with_truth
     without = Page(texts["log"]).headings
     assert {"Estimated map", "Trajectories", "Effective sample size", "Where the time goes"} <= set(without)
-    assert not {"True map", "Difference", "Error by place", "Position error", "Error over time"} & set(without)
+    assert not {"True map", "Difference", "Position error", "Error over time"} & set(without)
+    assert not any(heading.startswith("Error by place") for heading in without)
+    assert "Error by place, aligned at the first scan" in Page(texts["broken"]).headings
+
+
+def test_errors_by_place_are_those_of_the_headline(runs, monkeypatch):
+    """The path of a good run is coloured by the errors whose root mean square is the trajectory error."""
+    drawn_errors = []
+    monkeypatch.setattr(
+        "eval.report.plots.error_by_place", lambda path, error, **_: drawn_errors.append(error) or "data:,"
+    )
+    good, broken = (ReportContext.of(read_run(runs[name])) for name in ("good", "broken"))
+    for context in (good, broken):
+        list(path_plots(context))
+    assert np.sqrt(np.mean(drawn_errors[0] ** 2)) == pytest.approx(good.run.metric("trajectory.ate_rmse_m"))
+    assert drawn_errors[1] == pytest.approx(broken.errors_from_start()[0])  # wrong at its end only
+
+
+def loop(stamp, gap, errors=None):
+    found = {"stamp": stamp, "seen_before_stamp": 1010.0, "length_m": 30.0, "accepted": True, "closed_by_filter": True}
+    found |= {"gap_m": gap, "gap_deg": 0.7, "overlap_m": 18.1, "agreeing_share": 0.96}
+    return found if errors is None else found | errors
+
+
+@pytest.mark.parametrize("truth", [True, False])
+def test_the_table_of_loops_tells_whose_error_it_is(runs, tmp_path, truth):
+    """A match that differs from the filter's path by 17 cm may be wrong itself: with truth, both errors are there."""
+    folder = tmp_path / "run"
+    shutil.copytree(runs["good"], folder)
+    metrics = json.loads((folder / "metrics.json").read_text())
+    errors = {"match_error_m": 0.151, "match_error_deg": 0.6, "filter_error_m": 0.04, "filter_error_deg": 0.01}
+    found = {"found": 1, "accepted": 1, "rejected": 0, "left_open_by_filter": 0, "path_changed": False}
+    found["list"] = [loop(1050.0, 0.17, errors if truth else None)]
+    (folder / "metrics.json").write_text(json.dumps(metrics | {"loops": found}))
+    table = write_report(folder).read_text().partition("Loops that the final pass found")[2].partition("</table>")[0]
+    table = table.replace("\N{NO-BREAK SPACE}", " ")
+    heads, cells = (re.findall(f"<{tag}>([^<]*)</{tag}>", table) for tag in ("th", "td"))
+    errors_found = ["15 cm, 0.6°", "4.0 cm, 0.0°"] if truth else []
+    assert cells == ["50.0 s", "10.0 s", "30.00 m", "18.10 m", "17 cm, 0.7°", *errors_found, "closed by the filter"]
+    assert len(heads) == len(cells)
+    assert ("error of the filter's path" in heads) == truth
+
+
+def test_passing_errors_are_ordered_by_the_measure_that_is_shown(runs, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(runs["broken"], folder)
+    finding = json.loads((folder / "finding.json").read_text())
+    errors = ((0.74, 14.0), (0.44, 34.0), (0.48, 33.0), (0.2, 5.1))
+    finding["blips"] = [
+        {"stamp": 1001.0 + k, "end": 1002.0 + k, "metres": m, "degrees": d} for k, (m, d) in enumerate(errors)
+    ]
+    (folder / "finding.json").write_text(json.dumps(finding))
+    table = write_report(folder).read_text().partition("Passing errors")[2].partition("</table>")[0]
+    cells = re.findall(r"<td>([^<]+)</td>", table)
+    assert [float(cell) for cell in cells[2::5]] == [6.8, 6.6, 4.9, 1.3]
+    assert [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells[3::5]] == ["44 cm", "48 cm", "74 cm", "20 cm"]
 
 
 @pytest.mark.parametrize(("broken", "lead"), [(False, "OK: relation error"), (True, "The map is broken")])

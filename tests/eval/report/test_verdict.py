@@ -170,3 +170,21 @@ def test_the_check_and_the_headline_tell_one_story(tmp_path):
     assert f"is at {first:.1f} s, at ({x:.1f}, {y:.1f}) m in the plots below, 1.5 s before the truth shows" in sentence
     assert f"while driving the check was certain from {moment + 2.0:.1f} s on" in sentence
     assert sentence.endswith("it said lost from 10.0 s to 15.0 s and was doubtful from 15.0 s on.")
+
+
+def test_a_doubt_has_the_time_of_its_first_sign_too(tmp_path):
+    """`metrics.json` holds when scans began to contradict, the recording when the verdict changed: both are named."""
+    run = write_run(tmp_path / "run")
+    files = read_run(run)
+    start, n = float(files.estimate.stamps[0]), len(files.estimate)
+    metrics = json.loads((run / "metrics.json").read_text())
+    verdicts = np.zeros(n)
+    verdicts[260:280] = 1.0
+    for verdict_of_drive, words in (
+        ("doubtful", "it was doubtful from 26.0 s on, by scans from 25.1 s on."),
+        ("lost", "it was doubtful from 26.0 s on."),
+    ):
+        driving = {"verdict": verdict_of_drive, "reason": "because", "stamp": start + 25.07, "time_s": 25.07}
+        check = {"verdict": "plausible", "reason": "because", "stamp": None, "time_s": None, "while_driving": driving}
+        (run / "metrics.json").write_text(json.dumps(metrics | {"outcome": "ok", "self_check": check}))
+        assert verdict(with_steps(run, self_check=verdicts)).sentences[0].endswith(words)

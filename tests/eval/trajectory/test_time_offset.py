@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A clock that differs by a constant is found, to the millisecond; errors of other kinds are not explained by it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,51 @@ def test_noise_drift_and_another_path_are_not_explained(seed):
     others = random_walk(len(POSES), seed)
     for poses in (noisy(TRUTH, seed, 0.05).poses, bent, others.poses):
         assert find_time_offset(Trajectory(TRUTH.stamps + 0.01, poses), TRUTH) is None
+
+
+@pytest.mark.parametrize("seconds", [0.1, 0.35, -0.35, 1.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_shifted_clock_of_a_poor_estimate_is_found(seconds, seed):
+    """An error of 5 cm hides a shift of some tenths of a second in the positions, not in the headings."""
+    late = shifted(seconds, astray(seed))[::3]
+    found = find_time_offset(late, TRUTH)
+    assert found is not None
+    assert found.seconds == pytest.approx(-seconds, abs=0.02)
+    assert find_time_offset(astray(seed)[::3], TRUTH) is None
+    assert find_time_offset(shifted(0.02, astray(seed))[::3], TRUTH) is None
+
+
+def astray(seed):
+    """The true path with a random walk of 5 cm, and headings with a noise of 0.7 degrees."""
+    rng = np.random.default_rng(seed)
+    walk = np.cumsum(rng.normal(0.0, 1.0, (len(POSES), 2)), axis=0)
+    walk -= walk.mean(axis=0)
+    walk *= 0.05 / np.sqrt(np.mean(np.sum(walk**2, axis=1)))
+    turn = rng.normal(0.0, np.radians(0.7), len(POSES))
+    return Trajectory(TRUTH.stamps, POSES + np.column_stack([walk, turn]))
+
+
+def test_headings_alone_explain_nothing_where_the_positions_become_worse():
+    """Headings late by 0.5 s, positions in time: no clock is late."""
+    poses = POSES.copy()
+    poses[5:, 2] = POSES[:-5, 2]
+    assert find_time_offset(Trajectory(TRUTH.stamps + 0.01, poses), TRUTH) is None
+
+
+def test_auto_says_what_it_did(tmp_path):
+    write_tum(tmp_path / "truth.tum", TRUTH)
+    for name, estimate in (("late", shifted(0.35, astray(0))[::3]), ("right", astray(0)[::3])):
+        write_tum(tmp_path / f"{name}.tum", estimate)
+    late = score_files(tmp_path, tmp_path / "late.tum")
+    assert "shifted by -0.3" in late["outcome_reason"]
+    mended = score_files(tmp_path, tmp_path / "late.tum", time_offset="auto")
+    assert mended["outcome"] == "ok"
+    assert any("stamps shifted by -0.3" in note for note in mended["notes"])
+    right = score_files(tmp_path, tmp_path / "right.tum", time_offset="auto")
+    (said,) = [note for note in right["notes"] if "auto" in note]
+    assert said.startswith("--time-offset auto has shifted nothing: no constant offset of the clock explains the error")
+    assert re.search(r"the best, -?0\.0\d\d s, leaves an error of 4\.\d\scm, 4\.\d\scm without it", said)
+    assert right["trajectory"]["suggested_time_offset_s"] is None
 
 
 def test_the_aligned_error_is_that_of_the_alignment():

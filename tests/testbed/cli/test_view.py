@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from eval.files.run_reader import read_run
+from testbed.views.rerun.recorded import Event
 from tests.eval.synthetic_run import write_run
 from tests.shell import call
 
@@ -42,7 +43,7 @@ def test_a_run_that_went_wrong_opens_at_its_moment(tmp_path: Path, moments: list
     assert found.failure.stamp <= shown <= found.failure.stamp + 3.0
     assert moments[0] is None
     assert 0.0 <= moments[1] - (shown - estimate.stamps[0]) < 0.1  # never before the scan that shows it
-    command.view([run], time=12.5)
+    command.view([run], time="12.5")
     assert moments[-1] == 12.5
 
 
@@ -51,11 +52,11 @@ def test_a_moment_of_a_run_is_a_picture(tmp_path: Path, monkeypatch: pytest.Monk
     run = write_run(tmp_path / "run", broken=True)
     (run / "recording.rrd").touch()
     with pytest.raises(ValueError, match=r"recording\.rrd: expected"):
-        command.view([run], time=12.5, save=tmp_path / "damaged.png")
+        command.view([run], time="12.5", save=tmp_path / "damaged.png")
     assert not list(tmp_path.glob("*.png"))
     asked: list[float] = []
     monkeypatch.setattr(command, "moments_of", lambda path: lambda time: asked.append(time) or b"picture")
-    command.view([run], time=12.5, save=tmp_path / "one.png")
+    command.view([run], time="12.5", save=tmp_path / "one.png")
     command.view([run], save=tmp_path / "two.png")
     found, estimate = read_run(run).failure, read_run(run).estimate
     assert found is not None
@@ -66,6 +67,42 @@ def test_a_moment_of_a_run_is_a_picture(tmp_path: Path, monkeypatch: pytest.Monk
         command.view([run, run], save=tmp_path / "three.png")
 
 
+def test_several_times_are_a_picture_each_named_by_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = write_run(tmp_path / "run")
+    (run / "recording.rrd").touch()
+    monkeypatch.setattr(command, "moments_of", lambda path: lambda time: f"{time}".encode())
+    command.view([run], time="5,60,129.2,5", save=tmp_path / "m.png")
+    drawn = {file.name: float(file.read_bytes()) for file in tmp_path.glob("*.png")}
+    assert drawn == {"m-5s.png": 5.0, "m-60s.png": 60.0, "m-129.2s.png": 129.2}
+    names = (("m-5s.png", "5"), ("m-60s.png", "60"), ("m-129.2s.png", "129.2"))
+    said = capsys.readouterr().err.splitlines()
+    assert said[:3] == [f"{tmp_path / name}: drawing {time} s …" for name, time in names]
+    with pytest.raises(ValueError, match=r"m-60s\.png: exists"):
+        command.view([run], time="7,60", save=tmp_path / "m.png")
+    assert not (tmp_path / "m-7s.png").exists()
+    with pytest.raises(ValueError, match="expected one time"):
+        command.view([run], time="5,60")
+
+
+def test_the_event_log_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    events = [Event(91.13, "INFO", "resampled: [11] of 30 died"), Event(282.6, "ERROR", "lost")]
+    monkeypatch.setattr(command, "events_of", lambda path: events)
+    command.view([tmp_path], events=True)
+    lines = ["   91.2 s  INFO   resampled: [11] of 30 died", "  282.6 s  ERROR  lost"]
+    assert capsys.readouterr().out.splitlines() == lines
+    with pytest.raises(ValueError, match="--events: prints the whole event log"):
+        command.view([tmp_path], events=True, time="5")
+
+
+def test_only_a_run_has_an_event_log(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="expected one run with a recording"):
+        command.view([tmp_path], events=True)
+
+
 def test_a_web_page_and_a_file_say_where_to_move_the_cursor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -73,8 +110,8 @@ def test_a_web_page_and_a_file_say_where_to_move_the_cursor(
     (run / "recording.rrd").touch()
     opened = SimpleNamespace(address="http://127.0.0.1:9090", wait=lambda: None)
     monkeypatch.setattr(command, "open_run", lambda *paths, **options: opened)
-    command.view([run], time=12.5, serve=True)
-    command.view([run], time=12.5, save=tmp_path / "sent.rrd")
+    command.view([run], time="12.5", serve=True)
+    command.view([run], time="12.5", save=tmp_path / "sent.rrd")
     page, file = capsys.readouterr().err.splitlines()
     assert page == "view: http://127.0.0.1:9090; there, move the time cursor to 12.5 s; served until Ctrl-C"
     assert file.endswith("opens it; there, move the time cursor to 12.5 s")
@@ -93,6 +130,7 @@ def test_a_drive_is_titled_by_what_was_simulated(tmp_path: Path, monkeypatch: py
     assert titles == ["loop-0004: loop, lds01, seed 4", "copy"]
 
 
-def test_a_time_before_the_first_scan_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("time", ["-1", "5,-1", "5,", "soon", "nan", "5;6"])
+def test_a_time_before_the_first_scan_is_refused(tmp_path: Path, time: str) -> None:
     with pytest.raises(ValueError, match="expected seconds since the first scan"):
-        command.view([tmp_path], time=-1.0)
+        command.view([tmp_path], time=time)

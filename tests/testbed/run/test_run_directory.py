@@ -93,6 +93,19 @@ def test_what_is_cut_off_is_marked_beside_what_is_known(tmp_path, error, outcome
     assert read == {"outcome": outcome, "reason": "so it was", "scans": 7}
 
 
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (KeyboardInterrupt(), "the run was stopped by hand while the kernels were compiled"),
+        (MemoryError(), "the run ended with MemoryError while the kernels were compiled"),
+    ],
+)
+def test_a_run_that_is_cut_off_has_a_reason_in_words(tmp_path, error, reason):
+    with pytest.raises(type(error)), RunDirectory.create(tmp_path).marked(stage="the kernels were compiled"):
+        raise error
+    assert json.loads((tmp_path / "metrics.json").read_text())["reason"] == reason
+
+
 def test_a_run_that_cannot_even_be_marked_does_not_look_finished(tmp_path, monkeypatch):
     directory = RunDirectory.create(tmp_path)
     directory.write_metrics({"outcome": "ok"})

@@ -45,8 +45,7 @@ def pixel_of(tile, grey, first, coarse):
     for row in range(coarse):
         for column in range(coarse):
             level = np.int64(grey[tile[first + row * SIDE + column]])
-            if level < darkest and level != UNKNOWN:
-                darkest = level
+            darkest = min(darkest, level if level != UNKNOWN else NOTHING)
     return UNKNOWN if darkest == NOTHING else darkest
 
 

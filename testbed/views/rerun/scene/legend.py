@@ -10,7 +10,7 @@ from typing import Literal
 from PIL import Image, ImageDraw, ImageFont
 
 Colour = tuple[int, int, int]
-Mark = Literal["thin", "line", "band", "dot", "square", "ellipse", "arrow"]
+Mark = Literal["thin", "line", "band", "dot", "square", "ellipse", "arrow", "diamond"]
 Entry = tuple[Mark, tuple[Colour, ...], str]
 """What is drawn, in which colours from left to right, and what it means."""
 
@@ -57,6 +57,9 @@ def _draw_mark(draw: ImageDraw.ImageDraw, mark: Mark, colours: Sequence[Colour],
             draw.rectangle([left, y - 9, right - 1, y + 9], fill=colour, outline=INK)
         elif mark == "ellipse":
             draw.ellipse([left + 1, y - 9, right - 1, y + 9], outline=colour, width=3)
+        elif mark == "diamond":
+            middle = (left + right) / 2
+            draw.polygon([(middle - 8, y), (middle, y - 8), (middle + 8, y), (middle, y + 8)], fill=colour)
         else:
             draw.line([(left + 2, y), (right - 2, y)], fill=colour, width=3)
             draw.polygon([(right, y), (right - 8, y - 6), (right - 8, y + 6)], fill=colour)

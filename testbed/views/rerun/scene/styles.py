@@ -57,8 +57,9 @@ SERIES = {
 """Names and colours of the curves."""
 
 
-def legend(truth: bool, particles: bool) -> tuple[tuple[Entry, ...], ...]:
-    """The rows of the legend, with the colours of the truth where it is known, and of particles where there are some.
+def legend(truth: bool, particles: int) -> tuple[tuple[Entry, ...], ...]:
+    """The rows of the legend, with the colours of the truth where it is known, and of what the particles have: a single
+    one has no histories that end, and no other can become the best.
 
     The footprint of a robot has the colour of its path.
     """
@@ -70,18 +71,22 @@ def legend(truth: bool, particles: bool) -> tuple[tuple[Entry, ...], ...]:
         ("dot", (SCAN, SCAN, SCAN), "scan, from the estimated pose"),
         ("square", (FREE, WALL, UNSEEN), "map: free, wall, not seen"),
     )
+    ellipse: Entry = ("ellipse", (COVARIANCE,), "95 % by the filter's own covariance")
+    if particles == 1:
+        return (on_all, (("arrow", (drawing.HEAVY,), "particle"), ellipse))
     of_particles: tuple[Entry, ...] = (
         ("arrow", (drawing.LIGHT, drawing.HEAVY), "particles, light to heavy"),
         ("thin", (FAN,), "their histories"),
         ("band", (DEAD,), "histories that ended at the last resampling"),
-        ("ellipse", (COVARIANCE,), "95 % by the filter's own covariance"),
+        ellipse,
     )
-    return (on_all, of_particles) if particles else (on_all,)
+    jumps: tuple[Entry, ...] = (("diamond", (PROPOSAL,), "another became the best"),) if truth else ()
+    return (on_all, (*of_particles, *jumps))
 
 
 def legend_of_maps() -> bytes:
     """A PNG of the legend of a map, with the truth and with particles."""
-    return legend_image(legend(truth=True, particles=True))
+    return legend_image(legend(truth=True, particles=2))
 
 
 def legend_of_final_pass(truth: bool) -> tuple[tuple[Entry, ...], ...]:
@@ -122,7 +127,7 @@ def log_scene(rec: rr.RecordingStream, scene: Scene) -> None:
     log_plots(rec)
     truth = scene.true_map is not None
     legends = (
-        ("map", legend(truth, scene.particles > 1)),
+        ("map", legend(truth, scene.particles)),
         ("proposal", PROPOSAL_LEGEND),
         ("final", legend_of_final_pass(truth)),
     )

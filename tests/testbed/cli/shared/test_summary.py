@@ -8,6 +8,9 @@ import json
 import shlex
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
@@ -95,8 +98,36 @@ def test_a_loss_is_to_be_watched_where_it_was_recorded(tmp_path: Path) -> None:
     (run / "recording.rrd").touch()
     command = watch_command(metrics, run)
     assert command is not None
-    program, view, path, option, time = shlex.split(command)
+    assert command.startswith("watch where it went wrong: ")
+    program, view, path, option, time = shlex.split(command.split(": ", 1)[1])
     assert (program, view, Path(path), option) == ("testbed", "view", run, "--time")
     failure = read_failure(run / "finding.json").failure
     assert float(time) == failure.time_to_watch(read_tum(run / "estimate.tum").stamps)
-    assert watch_command(metrics | {"outcome": "ok"}, run) is None
+    assert watch_command(metrics | {"outcome": "ok"}, run) is None  # nor has it closed a loop
+
+
+def with_a_loop(run: Path) -> Path:
+    """A run whose largest loop, 57 m, closes from 30 s to 34 s; 11 of 30 particles die at 32 s, 2 at 33 s."""
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    lengths, died = np.full(len(table["stamp"]), np.nan), np.zeros(len(table["stamp"]), int)
+    lengths[[300, 340]], died[[320, 330]] = (49.0, 57.0), (11, 2)
+    pq.write_table(pa.table(table | {"loop_length": lengths, "particles_died": died}), run / "steps.parquet")
+    (run / "recording.rrd").touch()
+    return run
+
+
+def test_the_largest_loop_of_a_good_run_is_to_be_watched(tmp_path: Path) -> None:
+    run = with_a_loop(write_run(tmp_path / "good"))
+    metrics = json.loads((run / "metrics.json").read_text())
+    assert metrics["outcome"] == "ok"
+    row = next(line for line in printed(metrics, run).splitlines() if line.startswith("largest loop closure"))
+    assert row.split("closure")[1].strip() == (
+        "57 m of driving, closed at 34.0 s; 13 of 30 particles died, most at 32.0 s"
+    )
+    assert watch_command(metrics, run) == f"watch the largest loop closure: testbed view {run} --time 32.0"
+    (run / "recording.rrd").unlink()
+    assert watch_command(metrics, run) is None
+    lost = with_a_loop(write_run(tmp_path / "lost", broken=True))
+    command = watch_command(json.loads((lost / "metrics.json").read_text()), lost)
+    assert command is not None
+    assert command.startswith("watch where it went wrong")

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from testbed.views import moments_of
+from testbed.views.rerun import entities
+from testbed.views.rerun.moment_picture import MomentPictures
+from testbed.views.rerun.recorded import Recorded as Reader
 from tests.testbed.views.conftest import Recorded
 
 PINK = (220, 40, 140)
@@ -32,6 +35,22 @@ def test_the_map_grows_and_the_robot_moves(recorded: Recorded) -> None:
     assert (np.abs(late - PINK).max(axis=2) < 60).sum() > 50  # the scan
     assert (early != late).any(axis=2).mean() > 0.02
     assert (picture(recorded.path, 1.0) == early).all()
+
+
+def test_picture_and_viewer_say_the_same_of_both_positions(recorded: Recorded) -> None:
+    rows = Reader(recorded.path)
+    pictures = MomentPictures(recorded.path)
+    start, said = recorded.snapshots[0].stamp, set()
+    for snapshot in recorded.snapshots[::20]:
+        time = snapshot.stamp - start
+        row = rows.latest(entities.NOW, time)
+        assert row is not None
+        (words,) = row["TextDocument:text"].as_py()
+        assert words == pictures._places(time)
+        x, y, _ = snapshot.truth
+        assert f"truth ({x:.2f}, {y:.2f}) m" in words
+        said.add(words.split("which is ")[1])
+    assert said == {"inside the filter's 95 % ellipse", "outside the filter's 95 % ellipse"}
 
 
 def test_a_time_beyond_the_run_shows_its_end(recorded: Recorded) -> None:
