@@ -57,9 +57,24 @@ class Answer:
     @property
     def sentence(self) -> str:
         """All of it: `office, 10 routes: 5 particles are enough (2.4 cm; 30 give 2.2 cm).`"""
-        more = "; ".join(filter(None, (self.detail, self.difference if self.kind == "undecided" else "", self.needs)))
-        said = f"{self.headline}{f'; {self.today}' if self.today else ''}"
-        return f"{self.name}: {said}{f' ({more})' if more else ''}."
+        more = "; ".join(self._reasons)
+        return f"{self._short_sentence}{f' ({more})' if more else ''}."
+
+    @property
+    def lines(self) -> list[str]:
+        """The sentence; of an open answer, which has many parts, the answer and below it a line for each part."""
+        if self.kind != "undecided":
+            return [self.sentence]
+        return [f"{self._short_sentence}.", *(f"  {part[0].upper()}{part[1:]}." for part in self._reasons)]
+
+    @property
+    def _short_sentence(self) -> str:
+        return f"{self.name}: {self.headline}{f'; {self.today}' if self.today else ''}"
+
+    @property
+    def _reasons(self) -> list[str]:
+        difference = self.difference if self.kind == "undecided" else ""
+        return [part for part in (self.detail, difference, self.needs) if part]
 
     @property
     def name(self) -> str:
@@ -318,8 +333,8 @@ def _what_is_open(case: _Case) -> str:
         parts.append(", ".join(filter(None, (_state_words(case, state) for state in ("good", "worse", "open")))))
     if "good" in states:
         parts.append(
-            f"{_in_state(case, 'good')[-1]} is an answer only when {counts[c]} passes too: they are tested from the "
-            "largest down, so that all tests together are wrong in at most 5 % of cases"
+            f"{_in_state(case, 'good')[-1]} is an answer only when {counts[c]} passes too, since counts are tested "
+            "from the largest down"
         )
     if case.decision.outlook is None and case.decision.differences[c].count >= min_values(case.table.level):
         (failed, runs), (base, of) = case.failed_of(counts[c]), case.failed_of(case.largest)

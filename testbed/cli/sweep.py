@@ -101,7 +101,7 @@ def _announce_plan(spec: SweepSpec, out: Path | None, execution: Execution) -> N
     """Say what would be computed; nothing is written."""
     done = done_so_far(out, spec)
     plan = planned(out, spec, done)
-    work = Work(spec, Costs.of(spec), plan.needed, plan.possible, plan.next_look, done)
+    work = Work(spec, Costs.of(spec), plan.needed, plan.possible, plan.next_look, done, plan.finished)
     announce(work, execution, is_plan=True)
 
 
@@ -112,7 +112,8 @@ def _compute(directory: SweepDirectory, costs: Costs, execution: Execution, *, w
     first = cells = pending(directory, look.needed, costs, part)
     rest = pending(directory, look.possible, costs, part)
     done = done_so_far(directory.path, spec)
-    times = announce(Work(spec, costs, cells, rest, look.seeds, done), execution)
+    finished = sum(directory.is_done(cell.key) for cell in directory.cells())
+    times = announce(Work(spec, costs, cells, rest, look.seeds, done, finished), execution)
     if cells and execution.scheduler is None:
         announce_compilation()  # after the plan: it may take minutes
     groups = tuple(dict.fromkeys((cell.place, cell.line) for cell in directory.cells()))

@@ -142,6 +142,8 @@ class Planned:
     """All cells that are needed if no look finds an answer before."""
     next_look: int
     """Seeds at that look."""
+    finished: int = 0
+    """Number of cells that the directory holds already."""
 
 
 def planned(out: Path | None, spec: SweepSpec, table: SweepTable | None) -> Planned:
@@ -162,10 +164,11 @@ def planned(out: Path | None, spec: SweepSpec, table: SweepTable | None) -> Plan
     def left(some: Iterable[Cell]) -> list[Cell]:
         return [cell for cell in some if not directory.is_done(cell.key)]
 
+    finished = len(cells) - len(left(cells))
     if not spec.until:
-        return Planned(left(cells), left(cells), len(spec.seeds))
+        return Planned(left(cells), left(cells), len(spec.seeds), finished)
     look = look_of(spec, cells, table, partial(_is_finished, directory))
-    return Planned(left(look.needed), left(look.possible), look.seeds)
+    return Planned(left(look.needed), left(look.possible), look.seeds, finished)
 
 
 def is_hopeless(decision: Decision, bound: int) -> bool:

@@ -48,6 +48,8 @@ class Work:
     """Seeds at the next look; without `until`, all seeds."""
     done: SweepTable | None
     """The tables of the jobs that are done."""
+    finished: int
+    """Number of jobs that are done."""
 
 
 def done_so_far(out: Path | None, spec: SweepSpec) -> SweepTable | None:
@@ -94,7 +96,9 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
 
 def _size(work: Work) -> str:
     total, left = work.spec.size, len(work.all_cells)
-    done = f" ({total - left} of {total} are done)" if left < total else ""
+    needless = total - left - work.finished if work.spec.until else 0  # else jobs that are missing are other shards'
+    words = f"{work.finished} of {total} are done{f', {needless} are not needed' if needless else ''}"
+    done = f" ({words})" if work.finished else ""
     if work.spec.until and len(work.cells) < left:
         which = "the next" if done else "the first"
         return f"{len(work.cells)} jobs to {which} look ({work.next_look} seeds a world), at most {left} in all{done}"
@@ -159,7 +163,8 @@ def _answers_so_far(work: Work) -> list[str]:
     if work.done is None or not work.done.ran.all(axis=2).any():  # no seed has all of its counts
         return []
     summary = summarise(work.done.judged())
-    said = [f"So far: {answer.sentence}" for answer in answers(summary, work.done.baseline)]
+    found = [line for answer in answers(summary, work.done.baseline) for line in answer.lines]
+    said = ["So far:", *(f"  {line}" for line in found)]
     return [*said, *filter(None, [chances(summary, len(work.spec.seeds))])]
 
 

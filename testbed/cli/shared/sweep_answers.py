@@ -15,6 +15,8 @@ from eval.sweep.systems_page import HEADINGS, place_tables
 
 MAX_LINES = 20
 """At most so many worlds and lines are named."""
+MAX_DETAILED = 6
+"""Up to so many answers have lines of their own for the parts of what is open."""
 
 
 def say_answers(directory: Path, say: Callable[[str], None], *, is_end: bool = False) -> None:
@@ -26,7 +28,10 @@ def say_answers(directory: Path, say: Callable[[str], None], *, is_end: bool = F
     lines = summary.table.lines
     found = [(line, answer) for line in lines for answer in answers(summary, line)]
     for line, answer in found[:MAX_LINES]:
-        say(f"  {'' if len(lines) == 1 else f'{line}, '}{answer.sentence}")
+        first, *others = answer.lines if len(found) <= MAX_DETAILED else [answer.sentence]
+        say(f"  {'' if len(lines) == 1 else f'{line}, '}{first}")
+        for other in others:
+            say(f"  {other}")
     if len(found) > MAX_LINES:
         say("  … and more, on the page")
     for item in advice(summary, str(directory), os.cpu_count() or 1) if is_end else ():

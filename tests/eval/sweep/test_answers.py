@@ -53,9 +53,14 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
 
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=noisy))), "improved")
     assert answer.headline == "undecided with 10 seeds"
+    head, *parts = answer.lines
+    assert head == "hall_a, 1 route: undecided with 10 seeds; take 20 for now; 1 will probably do."
+    assert [part.strip(" .").lower() for part in parts] == [
+        words.lower() for words in (answer.detail, answer.difference, answer.needs)
+    ]
     assert answer.detail == (
-        "1 passes its own test, 5 is open; 1 is an answer only when 5 passes too: they are tested from the largest "
-        "down, so that all tests together are wrong in at most 5 % of cases"
+        "1 passes its own test, 5 is open; 1 is an answer only when 5 passes too, since counts are tested from the "
+        "largest down"
     )
     assert answer.today == "take 20 for now; 1 will probably do"
     assert answer.medians == "10.2 cm with 1 to 20"

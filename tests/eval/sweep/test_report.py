@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 
 from eval.sweep.advice import advice
-from eval.sweep.job_times import REPORT_SECONDS, duration_words
+from eval.sweep.job_times import REPORT_SECONDS, duration_words, seconds_for_seeds
 from eval.sweep.margin import MARGIN
 from eval.sweep.measure import Measure
 from eval.sweep.outlook import bound_for, rule_of_thumb
@@ -334,6 +334,20 @@ def test_an_unfinished_sweep_is_gone_on_with_if_that_helps(tmp_path):
     (go_on,) = advised(tmp_path, error=noise(0.006, gain=0.001), missing=missing)
     assert go_on.command == "testbed sweep --out OUT"
     assert go_on.text.startswith(f"In about {duration_words(2 * 6.9 / 2 + REPORT_SECONDS)}.")
+
+
+def test_runs_of_unfinished_seeds_shorten_the_time_to_the_next_look(tmp_path):
+    """Seeds 8 to 15 were computed with the smallest count only: they are left out of the answers, but are there."""
+    later = [(p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40)]
+    unfinished = frozenset(index for index in later if index[2] > 0 or index[3] >= 16)
+    times = {}
+    for name, missing in (("none", frozenset(later)), ("some", unfinished)):
+        write_sweep(tmp_path / name, error=noise(0.006, gain=0.001), seeds=40, missing=missing, about={"level": 0.99})
+        table = read_sweep(tmp_path / name).judged()
+        times[name] = seconds_for_seeds(table, PLACES, 16, 1) - REPORT_SECONDS
+    job = {(k, c): 0.1 * COUNTS[c] * (1.0 - 0.5 * k) + 0.5 for k in range(2) for c in range(3)}
+    assert times["none"] == pytest.approx(2 * 8 * sum(job.values()))
+    assert times["some"] == pytest.approx(2 * 8 * sum(seconds for (_, c), seconds in job.items() if c > 0))
 
 
 def test_few_runs_have_a_range_instead_of_a_band_and_an_interval(tmp_path):

@@ -187,7 +187,7 @@ def test_jobs_over_the_limit_fail_and_are_tried_again(swept, copied, capsys):
         (["--worlds", "office", "--workers", "1000000"], "workers: 1000000, expected 1 to "),
         (["--worlds", "office", "--shard", "4/4"], "shard 4/4: expected 0/4 to 3/4"),
         (["--worlds", "office", "--time-limit", "0"], "time limit must be positive"),
-        (["--preset", "partcles"], "expected one of experiment, gate, particles"),
+        (["--preset", "partcles"], "expected one of experiment, experiment-long, gate"),
         (["nowhere.toml"], "nowhere.toml: no such file"),
     ],
 )
@@ -327,9 +327,8 @@ def test_each_look_writes_the_page_and_says_what_it_has_shown(world, tmp_path, m
     said = " ".join(printed.err.split())
     assert written == [out]
     assert "  room, 16 routes: undecided with 16 seeds" in printed.out  # at the end
-    assert re.search(
-        r"room, 8 routes: undecided with 8 seeds; take 3 for now.* \(.*2 particles are \d\.\d\d cm \w+ than 3 \[", said
-    )
+    assert re.search(r"  room, 8 routes: undecided with 8 seeds; take 3 for now.*\.\n    2 is open.*\.\n", printed.err)
+    assert re.search(r"\n    2 particles are \d\.\d\d cm \w+ than 3 \[.*\.\n", printed.err)
     assert re.search(r"Next look with 16 seeds, 16 jobs, in about \d+ s; at most 16 jobs and about \d+ s in all", said)
     assert said.count("Looked at the results") == 1  # after the last look the page of the whole sweep follows
 
