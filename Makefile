@@ -1,4 +1,4 @@
-# Two commands do everything on a machine that has Python 3.11 and make: `make run` and `make test`.
+# Two commands do everything on a machine that has Python 3.11 or later and make: `make run` and `make test`.
 PYTHON ?= $(firstword $(shell command -v python3.11 python3))
 VENV ?= .venv
 BIN := $(VENV)/bin

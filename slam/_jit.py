@@ -14,6 +14,9 @@ from numba.core import config as numba_config
 
 from slam._kernel_cache import GuardedCache, cache_folder
 
+OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""Of all kernels; none is called from C, and a wrapper for that would be a tenth of the work."""
+
 
 def top_package(source: Path) -> Path:
     """Folder of the outermost package that a source file belongs to."""
@@ -36,7 +39,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     previous = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder)
     try:
-        compiled: Any = numba.njit(cache=folder is not None, nogil=True, error_model="numpy")(function)
+        compiled: Any = numba.njit(cache=folder is not None, **OPTIONS)(function)
     finally:
         settings.CACHE_DIR = previous
     if folder is not None and not settings.DISABLE_JIT:  # with NUMBA_DISABLE_JIT it is the function itself
@@ -50,4 +53,4 @@ def inlined(function: Callable[..., Any]) -> Any:
     A call that passes a tuple of arrays counts a reference for each of them, which made inner loops ten times slower
     (benchmark: tests/benchmarks); inlined, the counting cancels out.
     """
-    return numba.njit(forceinline=True, nogil=True, error_model="numpy")(function)
+    return numba.njit(forceinline=True, **OPTIONS)(function)

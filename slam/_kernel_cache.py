@@ -70,7 +70,7 @@ def announce_compilation(package: Path) -> None:
     """
     folder = cache_folder(package)
     if folder is not None and next(folder.rglob("*.nbc"), None) is None:
-        _log.warning("compiling the kernels: one to three minutes at the first scans, once per version")
+        _log.warning("compiling the kernels: about half a minute at the first scans, once per version")
 
 
 def _usual_root() -> Path:

@@ -23,7 +23,7 @@ class Threads:
 
     def __init__(self, count: int | None = None) -> None:
         """Use `count` threads, by default one per core that this process may use."""
-        self.count = _cores() if count is None else count
+        self.count = core_count() if count is None else count
         if self.count < 1:
             raise ValueError(f"threads must be at least 1, got {self.count}")
         self._process = 0  # in which the threads run
@@ -113,7 +113,7 @@ def _stop_workers(inboxes: list[SimpleQueue[Any]]) -> None:
         inbox.put(None)
 
 
-def _cores() -> int:
+def core_count() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

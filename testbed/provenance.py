@@ -17,6 +17,10 @@ from typing import Any
 from testbed.toml import dump_toml
 
 PACKAGES = ("slam-testbed", "numpy", "numba", "scipy", "shapely", "pybullet", "rerun-sdk")
+PYBULLET_FORK = "pybullet-arm64"
+"""The package that is the module pybullet where PyBullet itself has no wheel."""
+MISSING = "not installed"
+"""Version of a package that is not there."""
 
 
 def config_document(settings: Mapping[str, Any], inputs: Iterable[Path] = ()) -> dict[str, Any]:
@@ -41,7 +45,10 @@ def settings_as_markdown(document: Mapping[str, Any]) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that results depend on, by name."""
-    return {"python": platform.python_version(), **{package: _version(package) for package in PACKAGES}}
+    found = {"python": platform.python_version(), **{package: _version(package) for package in PACKAGES}}
+    if found["pybullet"] == MISSING and (fork := _version(PYBULLET_FORK)) != MISSING:
+        found["pybullet"] = f"{fork} ({PYBULLET_FORK})"
+    return found
 
 
 @cache
@@ -50,7 +57,7 @@ def _version(package: str) -> str:
     try:
         return version(package)
     except PackageNotFoundError:
-        return "not installed"
+        return MISSING
 
 
 def _processor() -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eval.sweep.answers import answers
+from eval.sweep.answers import answers, likely_answer
 from eval.sweep.decision import Decision
 from eval.sweep.job_times import duration_words, seconds_for_seeds
 from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, level_of, looks_for
@@ -75,7 +75,8 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
     status = table.columns["status"].astype(str)
     if np.isin(status, ("missing", "later")).any() and going_on:
         text = _cost_of_looks(table, going_on, bound, workers) if table.is_sequential else ""
-        text = text or f"In about {duration_words(seconds_for_seeds(table, going_on, bound, workers))}."
+        seconds = seconds_for_seeds(table, going_on, bound, workers)
+        text = text or (f"In about {duration_words(seconds)}." if math.isfinite(seconds) else "")
         chance = _chances(table, {place: open_answers[place] for place in going_on}, bound)
         found = [Advice("Go on", shlex.join(words), f"{text} {chance}".strip())]
         return found + _go_on_with_some(table, {place: open_answers[place] for place in going_on}, words, workers)
@@ -138,7 +139,10 @@ def _chances(table: SweepTable, open_answers: dict[str, Decision], seeds: int) -
     """The chance that so many seeds decide each world; by a rule of thumb where there are too few to say."""
     known = {place: d for place, d in open_answers.items() if _is_known(table, d)}
     few = {place: d for place, d in open_answers.items() if d.units < min_values(table.level)}
-    words = [f"{place} {chance_words(_chance(decision, seeds))}" for place, decision in known.items()]
+    words = [
+        f"{place} {chance_words(_chance(decision, seeds))} (most likely: {likely_answer(decision, table.counts)})"
+        for place, decision in known.items()
+    ]
     sentences = [f"Chance of an answer with {seeds} seeds: {', '.join(words)}."] if words else []
     if few:
         rule = rule_of_thumb(table.level, table.margin)

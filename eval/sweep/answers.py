@@ -164,7 +164,7 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         failures, runs = case.failed_of(largest)
         detail = f"{largest} {_fail(largest)} in {failures} of {runs} runs"
     else:
-        short = f"too few {case.unit}s" if _cannot_tell(case) else "undecided"
+        short = f"too few {case.unit}s" if _too_few(case) else "undecided"
         headline = _undecided(case)
         detail, needs = _what_is_open(case), _needs(case)
         if decision.largest_open is not None:
@@ -188,14 +188,14 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
 
 
 def _undecided(case: _Case) -> str:
-    """`undecided with 9 seeds`, or that so few cannot tell."""
-    units = _count(case.decision.units, case.unit)
-    if _cannot_tell(case):
-        return f"{units} cannot tell: at least {fewest_seeds_to_go_on(case.table.level)} are needed"
-    return f"undecided with {units}"
+    """`undecided with 9 seeds`, or `too few seeds (3): at least 8 are needed`."""
+    units = case.decision.units
+    if _too_few(case):
+        return f"too few {case.unit}s ({units}): at least {fewest_seeds_to_go_on(case.table.level)} are needed"
+    return f"undecided with {_count(units, case.unit)}"
 
 
-def _cannot_tell(case: _Case) -> bool:
+def _too_few(case: _Case) -> bool:
     """Whether there are too few runs for any answer."""
     return 0 < case.decision.units < min_values(case.table.level) and case.decision.largest_open is not None
 
@@ -314,7 +314,7 @@ def _what_is_open(case: _Case) -> str:
     if c is None:
         return "only one count was tested" if len(counts) == 1 else ""
     parts = []
-    if not _cannot_tell(case):
+    if not _too_few(case):
         parts.append(", ".join(filter(None, (_state_words(case, state) for state in ("good", "worse", "open")))))
     if "good" in states:
         parts.append(
@@ -348,7 +348,7 @@ def _needs(case: _Case) -> str:
     decision = case.decision
     if decision.largest_open is None:
         return ""
-    if _cannot_tell(case):
+    if _too_few(case):
         return ""  # the headline says how many are needed
     if decision.outlook is None:
         return "how many would tell cannot be said"
@@ -360,10 +360,27 @@ def _chance_of_more(case: _Case) -> str:
     """The chance that further seeds or worlds decide what is open."""
     decision, table = case.decision, case.table
     assert decision.outlook is not None
-    bound = len(table.seeds)
+    bound, likely = len(table.seeds), likely_answer(decision, table.counts)
     if case.unit == "seed" and table.is_sequential and bound > decision.units and decision.kind == "undecided":
-        return chance_sentence(decision.outlook, [look for look in looks_for(bound) if look > decision.units])
-    return chance_sentence(decision.outlook, [bound_for(decision.outlook)], case.unit)
+        return chance_sentence(decision.outlook, [look for look in looks_for(bound) if look > decision.units], likely)
+    return chance_sentence(decision.outlook, [bound_for(decision.outlook)], likely, case.unit)
+
+
+def likely_answer(decision: Decision, counts: Sequence[int]) -> str:
+    """Which answer further seeds would most likely give: `5 are enough`, `more than 15`; empty where none is open.
+
+    The largest open count decides: where it passes, so do the counts directly below it that pass their own test.
+    """
+    c = decision.largest_open
+    if c is None or decision.outlook is None:
+        return ""
+    if decision.outlook.is_within:
+        while c > 0 and decision.states[c - 1] == "good":
+            c -= 1
+    elif decision.kind == "undecided":
+        return f"more than {counts[c]}"
+    verb = "is" if counts[c] == 1 else "are"
+    return f"{counts[c]} {verb}{'' if decision.outlook.is_within else ' not'} enough"
 
 
 def _lower_counts(case: _Case) -> str:

@@ -37,6 +37,23 @@ def runs_of(table: SweepTable) -> Runs:
     return Runs(world, drive_, particles, predictors, holds.astype(np.bool_), errors)
 
 
+def joined(parts: Sequence[Runs]) -> Runs:
+    """The runs of several parts of an experiment, with worlds and drives numbered on; of each part only the drives that
+    were computed with all counts, so that a part need not be finished."""
+    whole = [_complete_drives(part) for part in parts]
+    columns = {name: [getattr(part, name) for part in whole] for name in vars(parts[0])}
+    for name in ("world", "drive"):
+        first = np.cumsum([0, *(int(getattr(part, name).max(initial=-1)) + 1 for part in parts[:-1])])
+        columns[name] = [numbers + start for numbers, start in zip(columns[name], first, strict=True)]
+    return Runs(**{name: np.concatenate(values) for name, values in columns.items()})
+
+
+def _complete_drives(runs: Runs) -> Runs:
+    counts = len(np.unique(runs.particles))
+    drives, found = np.unique(runs.drive, return_counts=True)
+    return runs.of(np.isin(runs.drive, drives[found == counts]))
+
+
 def _of_the_drive(cube: NDArray[np.float64]) -> NDArray[np.float64]:
     """A feature by place, line and seed; all counts of a drive have the same one, failed jobs have none."""
     known = np.isfinite(cube)

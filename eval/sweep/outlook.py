@@ -33,7 +33,7 @@ TYPICAL_ERROR = 0.02
 """Error of the filter's path in these worlds [m]."""
 TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
-RULE = "by a rule of thumb (noise as in apartment, office and loop)"
+RULE = "by a rule of thumb (noise as in the reference worlds apartment, office and loop)"
 """On what a chance rests before anything is computed."""
 _MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard error of a median of normal values, as a multiple of that of their mean."""
@@ -54,6 +54,11 @@ class Outlook:
     """Confidence level of the intervals that will decide."""
     is_measured: bool = True
     """False: a rule of thumb. Its units are not among those that will be computed."""
+
+    @property
+    def is_within(self) -> bool:
+        """Whether an answer would most likely be that the difference lies within the margin."""
+        return self.gap > 0.0
 
     def chance(self, units: int, *, level: float | None = None) -> float:
         """The chance that so many units in all decide the question, 0 to 1.
@@ -101,14 +106,15 @@ def bound_for(outlook: Outlook) -> int:
     return next((number for number in steps if number >= high), MAX_UNITS)
 
 
-def chance_sentence(outlook: Outlook, looks: Sequence[int], unit: str = "seed") -> str:
+def chance_sentence(outlook: Outlook, looks: Sequence[int], likely: str, unit: str = "seed") -> str:
     """The chance of an answer at the first of these looks that probably has one, else at the last.
 
-    `with 16 seeds the chance of an answer is about 85 %`. looks: after how many units the results are looked at.
+    `with 16 seeds the chance of an answer is about 85 % (most likely: 5 are enough)`. looks: after how many units the
+    results are looked at; likely: the most likely answer, in words.
     """
     chances = {look: outlook.chance(look) for look in looks}
     look = next((look for look, chance in chances.items() if chance >= MOST), looks[-1])
-    said = f"with {look} {unit}s the chance of an answer is {chance_words(chances[look])}"
+    said = f"with {look} {unit}s the chance of an answer is {chance_words(chances[look])} (most likely: {likely})"
     if chances[look] >= MOST or look >= MAX_UNITS:
         return said
     more = bound_for(outlook)

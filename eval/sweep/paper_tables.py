@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -22,21 +23,23 @@ MARK = "*"
 
 
 def markdown_table(summary: SweepSummary) -> str:
-    """Markdown table; rows and columns as in `latex_table`."""
+    """Markdown table with a short caption above and the method below; rows and columns as in `latex_table`."""
     blocks = ["\n".join(_markdown_row(row) for row in _with_rule(part)) for part in _parts(summary)]
-    return "\n\n".join([_caption(summary), *blocks]) + "\n"
+    return "\n\n".join([_caption(summary), *blocks, f"Method: {_method(summary)}"]) + "\n"
 
 
 def latex_table(summary: SweepSummary) -> str:
     """LaTeX table (package booktabs): one row per world and particle count and one for the answer.
 
     With a single line, errors and differences stand side by side. With several lines each has a column, and the
-    differences follow in a second part: seven particle counts side by side would be wider than a page.
+    differences follow in a second part: seven particle counts side by side would be wider than a page. The caption is
+    short; how the figures were obtained is a paragraph after the table, for the text of the paper.
     """
     parts = "\n  \\par\\medskip\n".join(map(_latex_tabular, _parts(summary)))
     return (
-        "\\begin{table}\n  \\centering\\footnotesize\n"
+        "% needs \\usepackage{booktabs}\n\\begin{table}\n  \\centering\\footnotesize\n"
         f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n\\end{{table}}\n"
+        f"\\paragraph{{Method.}} {_escaped(_method(summary))}\n"
     )
 
 
@@ -111,41 +114,61 @@ def _latex_tabular(part: _Part) -> str:
 
 
 def _latex_row(cells: list[str]) -> str:
-    return " & ".join(map(_escaped, cells)) + r" \\"
+    return " & ".join(map(_latex_cell, cells)) + r" \\"
+
+
+def _latex_cell(text: str) -> str:
+    """A cell with a minus sign, which is longer than the hyphen of a text, before negative numbers."""
+    return _MINUS.sub("$-$", _escaped(text))
 
 
 def _caption(summary: SweepSummary) -> str:
+    """What the columns hold, as a journal takes it: two or three sentences."""
     table, unit = summary.table, summary.unit
     measure, largest = table.measure, table.counts[-1]
     name = f"{measure.words[0].upper()}{measure.words[1:]}" + (f" [{unit.name}]" if unit.name else "")
-    over = "the runs (one per seed)"
+    brackets = "95 % interval" if summary.has_intervals else "smallest and largest run"
+    failed = ", failed runs in parentheses" if table.failed.any() else ""
+    sentences = [f"{name} of {measure.estimate_is} by number of particles: median [{brackets}]{failed}."]
+    if len(table.counts) > 1:
+        decides = f", with the {100.0 * table.level:.3g} % interval that decides" if summary.has_intervals else ""
+        sentences += [
+            f"Against {largest}: differences to {largest} particles on the same data{decides}.",
+            f"Enough: at most {margin_words(summary)} worse than {largest} particles, with 95 % confidence.",
+        ]
+    sentences.append(margin_choice(table))  # no reader may take such an answer for a test
+    if _has_marks(summary):
+        sentences.append(f"{MARK} Too few runs for an interval: smallest and largest run.")
+    return " ".join(filter(None, sentences))
+
+
+def _method(summary: SweepSummary) -> str:
+    """How the figures were obtained: the runs, the statistics, the looks, the final pass."""
+    table = summary.table
+    over = "Medians are over the runs (one per seed)"
     if table.family_names():
         over += ", over the worlds for a kind of building"
-    few, runs = min_values(), [int(n) for n in table.ran.sum(axis=-1).ravel()]
-    brackets = "95 % bootstrap interval" if summary.has_intervals else "smallest and largest run"
-    sentences = [
-        f"{name} of {measure.estimate_is} by number of particles: median over {over}, "
-        f"{brackets} in brackets, failed runs in parentheses where there are any.",
-    ]
+    intervals = ", their intervals are bootstrapped" if summary.has_intervals else ""
+    sentences = [f"{over}{intervals}."]
     if len(table.counts) > 1:
-        decides = f"median of the differences to the runs with {largest} particles on the same data, with its "
-        decides += f"{100.0 * table.level:.3g} % interval, which decides; the intervals of the errors do not."
-        ranges = f"the differences to the runs with {largest} particles on the same data."
-        sentences += [
-            f"Against {largest}: {decides if summary.has_intervals else ranges}",
-            f"Enough: with 95 % confidence at most {margin_words(summary)} worse than {largest} particles, as all "
-            "larger counts are.",
-        ]
-    sentences += [look_rule(table), margin_choice(table)]
-    if min(runs, default=0) < few:
-        marked = f"{MARK} Too few runs for an interval: the brackets hold the smallest and the largest run. "
-        sentences.append(
-            f"{marked if summary.has_intervals else ''}At least {fewest_seeds_to_go_on(table.level)} runs are needed "
-            "to show that a count is enough."
-        )
+        if summary.has_intervals:
+            sentences.append(
+                "What decides is the median of the paired differences with its interval, not those of the errors."
+            )
+        sentences.append("A count is enough if all larger counts are enough too, and if it did not fail more often.")
+    sentences.append(look_rule(table))
+    if min((int(n) for n in table.ran.sum(axis=-1).ravel()), default=0) < min_values():
+        fewest = fewest_seeds_to_go_on(table.level)
+        sentences.append(f"At least {fewest} runs are needed to show that a count is enough.")
     final_pass = after_final_pass(summary)
     sentences.append(f"After the final pass, which is no part of the filter, {final_pass}" if final_pass else "")
     return " ".join(filter(None, [*sentences, described(table)]))
+
+
+def _has_marks(summary: SweepSummary) -> bool:
+    """Whether some numbers of runs are marked, since others suffice for an interval."""
+    runs = summary.table.ran.sum(axis=-1)
+    return summary.has_intervals and bool(runs.size) and int(runs.min()) < min_values()
 
 
 def _marked_runs(summary: SweepSummary, runs: NDArray[np.int64]) -> str:
@@ -178,6 +201,7 @@ def _digits(value: float) -> int:
     return 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
 
 
+_MINUS = re.compile(r"(?<![\w.])-(?=\d)")
 _LATEX = str.maketrans(
     {mark: f"\\{mark}" for mark in "%_&#${}"}
     | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}

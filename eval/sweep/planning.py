@@ -36,12 +36,12 @@ def foresight(
 def _too_few(units: int, unit: str, level: float, margin: Margin) -> str:
     """What is needed instead of too few units, and what that may show."""
     fewest = fewest_seeds_to_go_on(level)
-    few = f"{units} {unit if units == 1 else f'{unit}s'} cannot tell how many particles are enough"
+    few = f"Too few {unit}s ({units}) to tell how many particles are enough"
     if unit != "seed":
         return f"{few}: at least {fewest} are needed."
     rule = rule_of_thumb(level, margin)
     return (
         f"{few}: at least {fewest} are needed. --until decided looks at the results then, and adds seeds where the "
-        f"answer is open, up to {MAX_SEEDS_UNTIL_DECIDED}. {rule[0].upper()}{rule[1:]}; from {fewest} on the chance is "
-        "that of these worlds."
+        f"answer is open, up to {MAX_SEEDS_UNTIL_DECIDED}. {rule[0].upper()}{rule[1:]}. With {fewest} seeds or "
+        "more the chance is computed from your own runs."
     )

@@ -68,28 +68,30 @@ def accuracy(summary: SweepSummary) -> Figure:
     def draw(ax: Axes, panel: Panel) -> None:
         _write_answer(ax, panel.answer)
         _draw_zone(ax, panel.error[base, -1], unit.factor, table.margin)
-        for k, line in enumerate(table.lines):
+        for k in range(len(table.lines)):
             x = _shifted(table, k)
-            _draw_units(ax, x, unit.factor * panel.error[k], _colour(k), limits)
-            _draw_medians(ax, x, unit.factor * panel.error[k], _colour(k), line)
+            _draw_medians(ax, x, unit.factor * panel.error[k], k, table)
+            _draw_units(ax, x, unit.factor * panel.error[k], k, limits, table)
             _draw_states(ax, x, unit.factor * median_over_last(panel.error[k]), panel.decisions[k].states, _colour(k))
         refined = unit.factor * median_over_last(panel.refined[base])
         there = np.isfinite(refined)
         if there.any():
             (line_after,) = ax.plot(_shifted(table, base)[there], refined[there], "s:", label="after the final pass")
             line_after.set(markersize=3.5, linewidth=1.0, markerfacecolor="white", color=_paler(_colour(base)))
-        is_any_good = "good" in states
-        own = (
-            f"{table.counts[-1]}, and counts that pass their own test"
-            if is_any_good
-            else f"{table.counts[-1]} particles"
-        )
+        own = f"{table.counts[-1]}, or passes its own test" if "good" in states else f"{table.counts[-1]} particles"
         _name_markers(ax, table, states | {"good"}, own)
         _count_axis(ax, table)
         _error_axis(ax, limits)
 
     words = f"{table.measure.words} [{unit.name}]" if unit.name else table.measure.words
-    return _figure(table, shown, draw, "particles", words, entries=2 + len(states | {"good"}) + len(table.lines))
+    entries = (
+        3
+        + len(states | {"good"})
+        + len(table.lines)
+        + summary.has_intervals
+        + any((unit.factor * panel.error > limits[1]).any() for panel in shown)
+    )
+    return _figure(table, shown, draw, "particles", words, entries=entries)
 
 
 def differences(summary: SweepSummary) -> Figure:
@@ -107,16 +109,20 @@ def differences(summary: SweepSummary) -> Figure:
         margin = unit.factor * panel.decisions[table.lines.index(table.baseline)].limit
         if math.isfinite(margin):
             ax.axhspan(limits[0], margin, color=ZONE, lw=0, zorder=0)
+            ax.fill_between([], [], color=ZONE, lw=0, label="no difference that matters")
             ax.axhline(margin, color=GOOD, lw=1.4, ls=(0, (4, 2)), zorder=2, label="margin")
         for (k, decision), c in product(enumerate(panel.decisions), range(len(table.counts) - 1)):
             pairs = unit.factor * (panel.error[k, c] - panel.error[k, -1])
-            _draw_units(ax, np.array([moved[c][k] + 0.06]), pairs[None], _colour(k), limits)
+            _draw_units(ax, np.array([moved[c][k] + 0.06]), pairs[None], k, limits, table)
             _draw_interval(
                 ax, moved[c][k], decision.differences[c], decision.states[c], unit.factor, limits, _colour(k)
             )
         if len(table.lines) > 1:
             for k, line in enumerate(table.lines):
                 ax.plot([], [], "-", lw=1.6, color=_colour(k), label=line)
+        if summary.has_intervals:
+            deciding = f"{100.0 * table.level:.3g} % interval, which decides"
+            ax.plot([], [], "-", lw=1.6, color=_legend_colour(table), label=deciding)
         _name_markers(ax, table, states)
         ax.set_xlim(-0.5, len(table.counts) - 1.5)
         ax.set_xticks(range(len(table.counts) - 1), [str(count) for count in table.counts[:-1]])
@@ -124,7 +130,15 @@ def differences(summary: SweepSummary) -> Figure:
 
     words = f"error above that with {table.counts[-1]}" + (f" [{unit.name}]" if unit.name else "")
     lines = len(table.lines) if len(table.lines) > 1 else 0
-    return _figure(table, shown, draw, "particles", words, entries=1 + len(states) + lines)
+    factor, rows = unit.factor, slice(None, -1)
+    entries = (
+        3
+        + len(states)
+        + lines
+        + summary.has_intervals
+        + any((factor * (panel.error[:, rows] - panel.error[:, -1:]) > limits[1]).any() for panel in shown)
+    )
+    return _figure(table, shown, draw, "particles", words, entries=entries)
 
 
 def _difference_limits(shown: Sequence[Panel], factor: float) -> tuple[float, float]:
@@ -244,7 +258,7 @@ def coverage_of_95_percent(summary: SweepSummary) -> Figure:
         ax.axhline(95.0, color=QUIET, lw=1.0, ls=(0, (4, 2)), label="expected: 95 %")
         for k, line in enumerate(table.lines):
             x = _shifted(table, k)
-            _draw_units(ax, x, 100.0 * panel.inside[k], _colour(k), (0.0, 100.0))
+            _draw_units(ax, x, 100.0 * panel.inside[k], k, (0.0, 100.0), table)
             ax.plot(x, 100.0 * median_over_last(panel.inside[k]), "o-", ms=3.5, color=_colour(k), label=line, zorder=3)
         _count_axis(ax, table)
         ax.set_ylim(-4.0, 104.0)
@@ -353,10 +367,16 @@ def _draw_legend(figure: Figure, axes: Any, lines: int, per_row: int) -> None:
     handles: dict[str, Any] = {}
     for ax in axes:
         handles |= {label: handle for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    if lines == 1 and "default" in handles:
-        handles["filter"] = handles.pop("default")
+    if lines == 1:
+        handles = {"filter" if label == "default" else label: handle for label, handle in handles.items()}
     figure.legend(
-        list(handles.values()), list(handles), loc="upper left", ncols=min(len(handles), per_row), borderaxespad=0.1
+        list(handles.values()),
+        list(handles),
+        loc="upper left",
+        ncols=min(len(handles), per_row),
+        borderaxespad=0.1,
+        columnspacing=1.2,
+        handlelength=1.7,
     )
 
 
@@ -371,13 +391,19 @@ def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float, margin: Mar
     ax.fill_between([], [], color=ZONE, lw=0, label="no difference that matters")
 
 
-def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], colour: str, label: str) -> None:
-    """Medians over the units (counts, units), joined, with their 95 % intervals as a band; no band for a few runs."""
+def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int, table: SweepTable) -> None:
+    """Medians over the units (counts, units), joined, with their 95 % intervals as a band; no band for a few runs.
+
+    k: number of the line.
+    """
+    colour = _colour(k)
     intervals = [bootstrap_interval(row, np.median) for row in runs]
-    ax.plot(x, [interval.value for interval in intervals], "-", lw=1.4, color=colour, label=label, zorder=3)
+    ax.plot(x, [interval.value for interval in intervals], "-", lw=1.4, color=colour, label=table.lines[k], zorder=3)
     ends = np.array([(i.low, i.high) if i.count >= min_values() else (np.nan, np.nan) for i in intervals])
     low, high = ends.T
     ax.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
+    if np.isfinite(ends).any():
+        ax.fill_between([], [], color=_legend_colour(table), alpha=0.3, lw=0, label="95 % interval of the median")
 
 
 def _states_of(shown: Sequence[Panel]) -> frozenset[State]:
@@ -387,10 +413,10 @@ def _states_of(shown: Sequence[Panel]) -> frozenset[State]:
 
 def _name_markers(ax: Axes, table: SweepTable, states: frozenset[State], good: str = "") -> None:
     """Entries of the legend that say what the markers of these verdicts mean; good: text of the first of them."""
-    look: dict[str, Any] = {"ls": "", "ms": 4.5, "mew": 1.2, "color": QUIET}
+    look: dict[str, Any] = {"ls": "", "ms": 4.5, "mew": 1.2, "color": _legend_colour(table)}
     words: dict[State, tuple[str, dict[str, Any]]] = {
         "good": (good or "passes its own test", {"marker": "o"}),
-        "open": ("not known yet", {"marker": "o", "mfc": "white"}),
+        "open": ("open", {"marker": "o", "mfc": "white"}),
         "worse": ("shown to be worse", {"marker": "x"}),
     }
     for state, (label, marker) in words.items():
@@ -413,10 +439,24 @@ def _draw_state(ax: Axes, x: float, y: float, state: str, colour: str) -> None:
     ax.plot([x], [y], ms=4.5, mew=1.2, color=colour, zorder=4, clip_on=False, **look)
 
 
+def _legend_colour(table: SweepTable) -> str:
+    """Colour of what looks alike for all lines: that of the line if there is one only."""
+    return _colour(0) if len(table.lines) == 1 else QUIET
+
+
+def _unit_words(table: SweepTable) -> str:
+    """What a dot stands for."""
+    return "one run or drawn world" if table.family_names() else "one run"
+
+
 def _draw_units(
-    ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], colour: str, limits: tuple[float, float]
+    ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int, limits: tuple[float, float], table: SweepTable
 ) -> None:
-    """Draw every unit (counts, units) as a dot, faint where a band shows their spread; a triangle above the axis."""
+    """Draw every unit (counts, units) as a dot, faint where a band shows their spread; a triangle above the axis.
+
+    k: number of the line.
+    """
+    colour = _colour(k)
     places, values = np.repeat(x, runs.shape[1]), runs.ravel()
     above = values > limits[1]
     are_few = np.isfinite(runs).sum(axis=1).max(initial=0) < min_values()
@@ -430,6 +470,10 @@ def _draw_units(
         color=colour,
     )
     ax.plot(places[above], np.full(above.sum(), limits[1]), "^", ms=3.0, mew=0, alpha=0.5, color=colour, clip_on=False)
+    label, shade = _unit_words(table), _legend_colour(table)
+    ax.plot([], [], "o", ms=3.2, mew=0, alpha=0.6, color=shade, label=label)
+    if above.any():
+        ax.plot([], [], "^", ms=3.0, mew=0, alpha=0.6, color=shade, label="above the axis")
 
 
 def _medians_and_ends(errors: NDArray[np.float64]) -> NDArray[np.float64]:

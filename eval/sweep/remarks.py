@@ -26,7 +26,8 @@ def seeds_change(table: SweepTable) -> str:
     """What distinguishes the runs of different seeds."""
     if table.recorded:
         return "seeds change the random numbers of the filter only"
-    routes = {str(route) for route in table.columns.get("setting.route", np.array([None], dtype=object)).ravel()}
+    planned = table.columns["status"].astype(str) != "None"  # drawn worlds may have fewer seeds
+    routes = {str(route) for route in table.columns.get("setting.route", np.full(table.shape, None))[planned]}
     if routes <= {"random", "stops"}:
         return "each seed drives another route through the whole world"
     return "some filters drive another route with each seed" if routes - {"fixed", "None"} else FIXED
@@ -210,13 +211,11 @@ def suggested_counts(table: SweepTable) -> str:
 
 
 def _suggested(model: NeededCount, at: NDArray[np.float64]) -> str:
-    """`start with 10 (7 expected, 95 % interval 4 to 10)`."""
+    """`start with 10 (4 to 10 are needed with 95 % confidence)`."""
     low, high = (f"more than {model.max_count}" if end is None else str(end) for end in model.interval(at))
-    needed = model.needed(at)
-    count = f"more than {model.max_count}" if needed is None else str(needed)
     first = model.interval(at)[1] or model.max_count
-    unlike = "; this drive is unlike those of the experiment, so little is known" if model.outside(at) else ""
-    return f"start with {first} ({count} expected, 95 % interval {low} to {high}{unlike})"
+    unlike = "; but this drive is unlike those that were measured" if model.outside(at) else ""
+    return f"start with {first} ({low} to {high} are needed with 95 % confidence{unlike})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

@@ -7,6 +7,7 @@ import base64
 import os
 import shlex
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -81,7 +82,7 @@ DRAWINGS = (
         sweep_plots.differences,
         "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
         "interval that decides. A count passes its own test (filled) where the whole interval lies below the dashed "
-        "margin, and is shown to be worse (cross) where it lies above; otherwise it is not known yet (hollow). With "
+        "margin, and is shown to be worse (cross) where it lies above; otherwise it is open (hollow). With "
         "few runs, as 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the margin.",
         "How much worse each count is than the largest one on the same data: dots for the runs, a circle for their "
         f"median. These runs are too few for the interval that decides: with {fewest_seeds_to_go_on(LEVEL)} seeds it "
@@ -207,7 +208,6 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "final_pass": after_final_pass(summary),
         "suggested": suggested_counts(table),
         "largest_predicted": shipped_model().max_count,
-        "record": shipped_model().record,
         "look_rule": look_rule(table),
         "margin_choice": margin_choice(table),
         "advice": advice(summary, str(folder), os.cpu_count() or 1),
@@ -233,7 +233,8 @@ def _seeds(table: SweepTable) -> str:
     if len(set(of_place.values())) == 1:
         return next(iter(of_place.values()))
     if len(of_place) > MAX_NAMED:
-        return "column in_report of sweep.parquet"
+        worlds = Counter(of_place.values())
+        return "; ".join(f"{seeds} in {number} world{'s' * (number > 1)}" for seeds, number in worlds.items())
     return "; ".join(f"{place} {seeds}" for place, seeds in of_place.items())
 
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam._array_kernels import copy_values
 from slam._jit import inlined, kernel
 
 SHIFT = 4
@@ -146,4 +147,4 @@ def count_owners(table, references, free):
 def copy_tiles(start, stop, data, copies):
     """Copy whole tiles: rows [start, stop) of copies (n, 2) as (from, to); data (tiles, cells)."""
     for k in range(start, stop):
-        data[copies[k, 1]] = data[copies[k, 0]]
+        copy_values(data[copies[k, 0]], data[copies[k, 1]])

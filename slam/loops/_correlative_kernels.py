@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slam._array_kernels import copy_matrix, copy_values
 from slam._jit import inlined, kernel
 
 MAX_SCORE = 2
@@ -23,7 +24,7 @@ def pool_maxima(values, levels):
     values (rows, columns); beyond the border all values are 0
     """
     rows, columns = values.shape
-    levels[0] = values
+    copy_matrix(values, levels[0])
     for level in range(1, levels.shape[0]):
         half = 1 << (level - 1)
         below = levels[level - 1]
@@ -89,7 +90,7 @@ def push_children(levels, points, reach, lowest, node, stack, bounds, depth):
             k = depth
             while k > bottom and bounds[k - 1] > bound:
                 bounds[k] = bounds[k - 1]
-                stack[k] = stack[k - 1]
+                copy_values(stack[k - 1], stack[k])
                 k -= 1
             bounds[k] = bound
             stack[k, 0], stack[k, 1], stack[k, 2], stack[k, 3] = px, py, h, level - 1
@@ -114,12 +115,13 @@ def search(levels, points, reach, lowest, avoid, best):
     stack, bounds = np.empty((4 * levels.shape[0], 4), np.int64), np.empty(4 * levels.shape[0], np.int64)
     node = np.empty(4, np.int64)
     for r in np.argsort(-coarse[:count]):
-        stack[0], bounds[0], depth = nodes[r], coarse[r], 1
+        copy_values(nodes[r], stack[0])
+        bounds[0], depth = coarse[r], 1
         while depth > 0:
             depth -= 1
             if bounds[depth] <= lowest:
                 continue
-            node[:] = stack[depth]
+            copy_values(stack[depth], node)
             if node[3] > 0:
                 depth = push_children(levels, points, reach, lowest, node, stack, bounds, depth)
             elif (
@@ -128,5 +130,5 @@ def search(levels, points, reach, lowest, avoid, best):
                 or abs(node[2] - avoid[2]) > avoid[4]
             ):
                 lowest = bounds[depth]
-                best[:] = node[:3]
+                copy_values(node, best)
     return lowest

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slam._array_kernels import copy_values
 from slam._jit import kernel
 from slam._planar_kernels import cholesky, solve
 from slam.matching._likelihood_kernels import linearise_scan
@@ -43,10 +44,11 @@ def gauss_newton(grids, particle, guess, start, evidence, iterations, pose, L):
             pose[0], pose[1], pose[2] = x, y, theta
             if not cholesky(H, L):
                 break
-            step[:] = g
+            copy_values(g, step)
             solve(L, step)
         else:
-            step *= 0.5
+            for a in range(3):
+                step[a] *= 0.5
         if abs(step[0]) < MIN_TRANSLATION and abs(step[1]) < MIN_TRANSLATION and abs(step[2]) < MIN_ROTATION:
             if improved:
                 for a in range(3):

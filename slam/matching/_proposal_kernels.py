@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam._array_kernels import copy_values
 from slam._jit import kernel
 from slam._planar_kernels import cholesky, solve, wrap_angle
 from slam.matching._likelihood_kernels import scan_cost
@@ -96,8 +97,10 @@ def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, weigh
         total += weights[j]
         for a in range(3):
             mean[a] += weights[j] * samples[j, a]
-    mean /= total
-    weights /= total
+    for a in range(3):
+        mean[a] /= total
+    for j in range(count):
+        weights[j] /= total
     covariance[:] = 0.0
     for j in range(count):
         for a in range(3):
@@ -139,10 +142,10 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
             out.matched[i] = matches.matched[i]
             out.failed[i] = not (out.matched[i] >= settings.fail_share and hits.shape[0] > 0)
         if settings.kind == MOTION or out.failed[i]:
-            out.pose[i] = sampled[i]
+            copy_values(sampled[i], out.pose[i])
             x, y, theta = sampled[i]
             out.log_gain[i] = -scan_cost(grids, i, x, y, theta, hits, model, distances)
-            out.mean[i] = guess
+            copy_values(guess, out.mean[i])
             for a in range(3):
                 for b in range(3):
                     out.covariance[i, a, b] = 0.0
@@ -153,13 +156,13 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
             out.covariance[i, 0, 1] = out.covariance[i, 1, 0] = (along - across) * cos * sin
             out.covariance[i, 2, 2] = 1.0 / prior.precision[0, 2]
         elif settings.kind == SCAN_MATCH:
-            out.pose[i] = pose
-            out.mean[i] = pose
+            copy_values(pose, out.pose[i])
+            copy_values(pose, out.mean[i])
             for a in range(3):  # columns of the inverse Hessian, from its Cholesky factor
                 offset[:] = 0.0
                 offset[a] = 1.0
                 solve(L, offset)
-                out.covariance[i, a] = offset
+                copy_values(offset, out.covariance[i, a])
             out.log_gain[i] = -scan_cost(grids, i, pose[0], pose[1], pose[2], hits, model, distances)
         else:
             laplace = Laplace(pose, L, settings.sample_scale, settings.half_width)
@@ -183,5 +186,9 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
                         out.pose[i, a] += factor[a, b] * draws.pose[i, b]
             else:  # too few poses carry weight for a covariance of full rank: Laplace's approximation instead
                 draw_offset(L, draws.pose[i], 1.0, offset)
-                out.pose[i] = pose + offset
+                out.pose[i, 0], out.pose[i, 1], out.pose[i, 2] = (
+                    pose[0] + offset[0],
+                    pose[1] + offset[1],
+                    pose[2] + offset[2],
+                )
             out.pose[i, 2] = wrap_angle(out.pose[i, 2])

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slam._array_kernels import copy_matrix, copy_values
 from slam._jit import kernel
 from slam._planar_kernels import deviation, from_guess, wrap_angle
 from slam.matching._gauss_newton_kernels import gauss_newton
@@ -23,7 +24,7 @@ def best_start(grids, particle, guess, prior, search, distances, pose):
     Returns whether it is another one than the predicted pose.
     """
     other = np.empty(3)
-    pose[:] = guess
+    copy_values(guess, pose)
     lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], search.coarse_hits, search.coarse, distances)
     lowest += motion_cost(prior, guess, guess[0], guess[1], guess[2])
     moved = False
@@ -33,7 +34,7 @@ def best_start(grids, particle, guess, prior, search, distances, pose):
         cost += motion_cost(prior, guess, other[0], other[1], other[2])
         if cost < lowest:
             lowest = cost
-            pose[:] = other
+            copy_values(other, pose)
             moved = True
     return moved
 
@@ -54,8 +55,8 @@ def match(grids, particle, guess, evidence, search, distances, pose, L):
         )
         if other_cost < cost:
             cost, near = other_cost, other_near
-            pose[:] = other
-            L[:] = other_L
+            copy_values(other, pose)
+            copy_matrix(other_L, L)
     return cost, near / max(evidence.hits.shape[0], 1)
 
 
@@ -136,13 +137,14 @@ def likely_starts(grids, particle, predicted, evidence, iterations, starts, matc
     `least` of the mass, and which are not the one in matches: out (n, 3); returns how many there are."""
     n = starts.shape[0] + 1
     pose, L, cost, matched, mass = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n), np.empty(n), np.empty(n)
-    pose[0], L[0] = matches.optimum[particle], matches.factor[particle]
+    copy_values(matches.optimum[particle], pose[0])
+    copy_matrix(matches.factor[particle], L[0])
     cost[0], matched[0] = matches.cost[particle], matches.matched[particle]
     modes = find_modes(grids, particle, predicted, evidence, iterations, starts, pose, L, cost, matched, mass)
     count = 0
     for j in range(1, modes):
         if mass[j] >= least:
-            out[count] = deviation(predicted, pose[j, 0], pose[j, 1], pose[j, 2])
+            out[count, 0], out[count, 1], out[count, 2] = deviation(predicted, pose[j, 0], pose[j, 1], pose[j, 2])
             count += 1
     return count
 
@@ -160,12 +162,15 @@ def match_from(start, stop, grids, predicted, evidence, iterations, starts, want
     for i in range(start, stop):
         if not wanted[i]:
             continue
-        pose[0], L[0], cost[0], matched[0] = out.optimum[i], out.factor[i], out.cost[i], out.matched[i]
+        copy_values(out.optimum[i], pose[0])
+        copy_matrix(out.factor[i], L[0])
+        cost[0], matched[0] = out.cost[i], out.matched[i]
         modes = find_modes(grids, i, predicted[i], evidence, iterations, starts, pose, L, cost, matched, mass)
         left, chosen = u[i], 0
         while chosen + 1 < modes and left >= mass[chosen]:
             left -= mass[chosen]
             chosen += 1
-        out.optimum[i], out.factor[i] = pose[chosen], L[chosen]
+        copy_values(pose[chosen], out.optimum[i])
+        copy_matrix(L[chosen], out.factor[i])
         out.cost[i], out.matched[i] = cost[chosen], matched[chosen]
         out.probability[i] = mass[chosen]

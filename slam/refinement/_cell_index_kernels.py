@@ -93,7 +93,8 @@ def list_candidates(points, cells, reach):
     for surfel in range(points.shape[0]):
         for k in range(cells_in_reach(points[surfel, 0], points[surfel, 1], cells, reach, near)):
             first[near[k] + 1] += 1
-    first[:] = np.cumsum(first)
+    for i in range(1, first.shape[0]):
+        first[i] += first[i - 1]
     free, items = first[:-1].copy(), np.empty(first[-1], np.int32)
     for surfel in range(points.shape[0]):
         for k in range(cells_in_reach(points[surfel, 0], points[surfel, 1], cells, reach, near)):

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slam._array_kernels import copy_matrix, copy_values
 from slam._jit import inlined, kernel
 from slam._planar_kernels import cholesky, deviation, solve
 from slam.motion._odometry_model_kernels import cost_of_components, log_components
@@ -21,7 +22,7 @@ def linearise_step(before, after, motion, guess, e, A, B):
     e[0], e[1], e[2] = deviation(guess, after[0], after[1], after[2])
     cos, sin = np.cos(guess[2]), np.sin(guess[2])
     B[0, 0], B[0, 1], B[1, 0], B[1, 1], B[2, 2] = cos, sin, -sin, cos, 1.0
-    A[:] = -B
+    A[0, 0], A[0, 1], A[1, 0], A[1, 1], A[2, 2] = -cos, -sin, sin, -cos, -1.0
     A[0, 2] = cos * dy - sin * dx + e[1]
     A[1, 2] = -sin * dy - cos * dx - e[0]
 
@@ -67,10 +68,10 @@ def factor_chain(diagonal, coupling, factors, eliminated):
         if i + 1 == n:
             break
         for j in range(3):
-            column[:] = coupling[i, :, j]
+            copy_values(coupling[i, :, j], column)
             solve(factors[i], column)
-            eliminated[i, :, j] = column
-        pivot[:] = diagonal[i + 1]
+            copy_values(column, eliminated[i, :, j])
+        copy_matrix(diagonal[i + 1], pivot)
         for r in range(3):
             for k in range(3):
                 for j in range(3):
@@ -83,7 +84,7 @@ def solve_chain(factors, eliminated, coupling, right, x):
     """Solve the block tridiagonal system that `factor_chain` has factored: x (n, 3) out, right (n, 3)."""
     n = right.shape[0]
     for i in range(n):
-        x[i] = right[i]
+        copy_values(right[i], x[i])
         if i > 0:
             for r in range(3):
                 for k in range(3):
@@ -119,7 +120,29 @@ def invert(factor, out):
         column[:] = 0.0
         column[j] = 1.0
         solve(factor, column)
-        out[:, j] = column
+        copy_values(column, out[:, j])
+
+
+@kernel
+def chain_covariances(factors, eliminated, out):
+    """Diagonal blocks of the inverse of the block tridiagonal matrix that `factor_chain` has factored, out (n, 3, 3)
+    (Takahashi, Fagan, Chen 1973)."""
+    for t in range(factors.shape[0] - 1, -1, -1):
+        invert(factors[t], out[t])
+        if t + 1 < factors.shape[0]:
+            add_following(eliminated[t], out[t + 1], out[t])
+
+
+@inlined
+def add_following(eliminated, after, here):
+    """Add to the inverse of a pivot what follows in the chain: E C E^T with C (3, 3), the block after it."""
+    for i in range(3):
+        for k in range(3):
+            product = 0.0
+            for j in range(3):
+                product += eliminated[i, j] * after[j, k]
+            for r in range(3):
+                here[i, r] += product * eliminated[r, k]
 
 
 @kernel
@@ -161,4 +184,4 @@ def expected_step_errors(prior, poses, motions, factors, eliminated, sums):
                     squared += A[r, i] * (here[i, j] * A[r, j] + 2.0 * cross[i, j] * B[r, j])
                     squared += B[r, i] * after[i, j] * B[r, j]
             sums[r] += share * squared * prior.precision[t, 0, r]
-        after[:] = here
+        copy_matrix(here, after)

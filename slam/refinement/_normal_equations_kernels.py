@@ -56,6 +56,8 @@ class SurfelObservations(NamedTuple):
     """Sum of the weights of the end points [1/m^2], (observations,)."""
     heading_jacobian: NDArray[np.float64]
     """Sum of the weights times the derivatives of n . p by the heading [1/m], (observations,)."""
+    residual: NDArray[np.float64]
+    """Sum of the weights times the distances from the surfel [1/m], (observations,)."""
 
 
 @kernel
@@ -190,10 +192,12 @@ def collect(start, stop, poses, points, matches, normal, diagonal, gradient, obs
             row = row_of[e]
             if row < begin:  # of an earlier scan, or none
                 row_of[e] = row = end
-                observations.surfel[row], observations.weight[row], observations.heading_jacobian[row] = e, 0.0, 0.0
+                observations.surfel[row], observations.residual[row] = e, 0.0
+                observations.weight[row], observations.heading_jacobian[row] = 0.0, 0.0
                 end += 1
             observations.weight[row] += w
             observations.heading_jacobian[row] += w * nt
+            observations.residual[row] += r
         H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
         count[scan] = end - begin
 
@@ -201,7 +205,7 @@ def collect(start, stop, poses, points, matches, normal, diagonal, gradient, obs
 @kernel
 def subtract_schur_complement(observations, normal, total, x, out):
     """Subtract B W^-1 B^T x from out (scans, 3): the surfels follow the poses; x (scans, 3), total (surfels,) = W."""
-    first, surfel, weight, heading_jacobian = observations
+    first, surfel, weight, heading_jacobian, _ = observations
     follows = np.zeros(total.shape[0])
     for scan in range(x.shape[0]):
         for k in range(first[scan], first[scan + 1]):

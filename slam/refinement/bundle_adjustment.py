@@ -24,6 +24,7 @@ from slam.refinement._normal_equations_kernels import (
     subtract_schur_complement,
     weigh_points,
 )
+from slam.refinement.covariance import Equations
 from slam.refinement.noise import INITIAL, Noise, estimate_noise, for_weights
 from slam.refinement.odometry_noise import variance_factors, with_variances
 from slam.refinement.surfels import (
@@ -76,6 +77,7 @@ class Adjustment:
         self.found_noise = INITIAL  # as the last step saw it
         self.noise = INITIAL  # with which the next step weighs end points, see `for_weights`
         self.odometry_variance = np.ones(2)
+        self.solved: Equations  # of the last step
 
     def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
         """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
@@ -96,6 +98,7 @@ class Adjustment:
             out[k] += followed
             return out
 
+        self.solved = Equations(poses.copy(), k, diagonal, coupling, scans.observations, scans.normal, scans.total)
         factors, eliminated = np.empty((n, 3, 3)), np.empty((n - 1, 3, 3))
         if not factor_chain(diagonal, coupling, factors, eliminated):
             raise FloatingPointError("the equations of the final pass are not positive definite")
@@ -147,12 +150,14 @@ class Adjustment:
         """The equations from points (n, 2) in the map's frame and their surfels; total (surfels,): sums of weights."""
         first, scans, n = self.cloud.first, len(poses), len(points)
         diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-        rows = SurfelObservations(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+        rows = SurfelObservations(first, np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
         self.threads.run(collect, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
         hits = np.diff(first)
         used = np.arange(n) - np.repeat(first[:-1], hits) < np.repeat(count, hits)
         begins = np.concatenate([[0], np.cumsum(count)])
-        observations = SurfelObservations(begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used])
+        observations = SurfelObservations(
+            begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used], rows.residual[used]
+        )
         return ScanEquations(diagonal, gradient, observations, normal, total, noise)
 
 

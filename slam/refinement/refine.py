@@ -28,11 +28,13 @@ from slam.config import FilterConfig
 from slam.loops import LoopClosing, close_loops
 from slam.occupancy import OccupancyGrid
 from slam.refinement.bundle_adjustment import Adjustment
+from slam.refinement.covariance import pose_covariances
 from slam.refinement.noise import Noise
 from slam.refinement.redraw_map import max_snap_distance, redraw_map
+from slam.refinement.scan_frames import middle_frames
 from slam.refinement.surfels import make_cloud, transform_cloud
 from slam.scan import Scan
-from slam.sensor.rays import make_rays
+from slam.sensor.rays import Rays, make_rays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,6 +43,8 @@ class Refined:
 
     poses: se2.Pose
     """Poses of all frames in the map's frame, (frames, 3)."""
+    covariances: NDArray[np.float64]
+    """Covariances of the poses along the axes of the map, relative to the first pose, (frames, 3, 3)."""
     map: OccupancyGrid
     """Map of all scans, each at its refined pose."""
     closing: LoopClosing | None
@@ -58,12 +62,15 @@ def refine(
     config: FilterConfig,
     *,
     twists: Sequence[NDArray[np.float64] | None] | None = None,
+    stamps: NDArray[np.float64] | None = None,
     threads: int | None = None,
 ) -> Refined:
     """Refine a trajectory and its map.
 
     odometry (frames, 3): `T_odom_robot`;  scans: one per frame or None;  initial (frames, 3): poses to begin from
     twists: velocity (3,) of the robot while each scan was taken, or None
+    stamps (frames,): increasing times of the frames [s]; with them a scan is seen from the frame nearest to the middle
+    of its sweep, without them from its own
 
     Raises:
         ValueError: the lengths differ, a pose is not finite, or no frame has a scan with a hit.
@@ -74,16 +81,7 @@ def refine(
     odometry = np.asarray(odometry, dtype=np.float64)
     if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
         raise ValueError("odometry and initial must be finite")
-    rays = {
-        i: make_rays(
-            [scan],
-            usable_range=config.map.usable_range,
-            free_range=config.map.free_range,
-            twist=twists[i] if twists is not None and config.deskew else None,
-        )
-        for i, scan in enumerate(scans)
-        if scan is not None
-    }
+    rays = _rays_by_frame(scans, stamps, twists if config.deskew else None, config)
     seen = {i: ray for i, ray in rays.items() if ray.hit.any()}
     if not seen:
         raise ValueError("no frame has a scan with a hit: nothing to refine")
@@ -103,5 +101,40 @@ def refine(
     drawn = redraw_map(poses, rays, (cells, surfels), adjustment.noise, config, workers)
     position, heading = adjustment.odometry_variance.tolist()
     return Refined(
-        poses=poses, map=drawn, closing=closing, noise=adjustment.found_noise, odometry_variance=(position, heading)
+        poses=poses,
+        covariances=_turned(pose_covariances(adjustment.solved), poses[0, 2] - adjustment.solved.poses[0, 2]),
+        map=drawn,
+        closing=closing,
+        noise=adjustment.found_noise,
+        odometry_variance=(position, heading),
     )
+
+
+def _turned(covariances: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """Covariances (n, 3, 3) along axes that were turned by an angle [rad]."""
+    R = se2.rotation(np.array(angle))
+    turned: NDArray[np.float64] = R @ covariances @ R.T
+    return turned
+
+
+def _rays_by_frame(
+    scans: Sequence[Scan | None],
+    stamps: NDArray[np.float64] | None,
+    twists: Sequence[NDArray[np.float64] | None] | None,
+    config: FilterConfig,
+) -> dict[int, Rays]:
+    """Rays of all scans by the frame that each is seen from, in the order of the frames."""
+    taken = [i for i, scan in enumerate(scans) if scan is not None]
+    seen_from = {i: i for i in taken} if stamps is None else middle_frames(stamps, scans)
+    rays = {
+        seen_from[i]: make_rays(
+            [scan],
+            usable_range=config.map.usable_range,
+            free_range=config.map.free_range,
+            twist=twists[i] if twists is not None else None,
+            reference=None if stamps is None else float(stamps[seen_from[i]]),
+        )
+        for i in taken
+        if (scan := scans[i]) is not None
+    }
+    return dict(sorted(rays.items()))

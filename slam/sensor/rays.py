@@ -54,15 +54,21 @@ def _aimed(scan: Scan) -> NDArray[np.bool_]:
 
 
 def make_rays(
-    scans: Sequence[Scan], *, usable_range: float, free_range: float = 0.0, twist: ArrayLike | None = None
+    scans: Sequence[Scan],
+    *,
+    usable_range: float,
+    free_range: float = 0.0,
+    twist: ArrayLike | None = None,
+    reference: float | None = None,
 ) -> Rays:
-    """Rays of one or several lidars in the robot's frame at the time of the first beam of the first scan.
+    """Rays of one or several lidars in the robot's frame at time `reference` [s], else at the first scan's first beam.
 
     Hits beyond `usable_range` [m] count as no returns; these become rays without a hit up to `free_range` [m], or are
     left out where it is 0; invalid readings are left out. With a `twist` `(vx, vy, omega)` [m/s, m/s, rad/s] the
     robot's motion between the beams is undone wherever a scan knows its beams' times.
     """
-    parts = [_rays_of_one(scan, usable_range, free_range, twist, scans[0].stamp) for scan in scans]
+    time = scans[0].stamp if reference is None else reference
+    parts = [_rays_of_one(scan, usable_range, free_range, twist, time) for scan in scans]
     if len(parts) == 1:
         return parts[0]
     return Rays(

@@ -13,6 +13,7 @@ from eval.map.grids import grid_from_true_map
 from eval.scoring import Reference
 from slam.gmapping import GMapping
 from slam.step.step_report import StepReport
+from testbed.cli.shared.backend import with_backend
 from testbed.cli.shared.console import SlowProgress, announce_world, console, progress_line
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
@@ -52,6 +53,7 @@ def run(
         A world without a tour gets a tour of all the floor that the robot can reach.
     """
     seeds = RunSeeds.from_seed(estimator.seed)
+    simulator = with_backend(simulator)
     config = simulator.simulation(seeds)
     output.check_directory()
     filter_config = estimator.filter_config  # raises before anything takes time

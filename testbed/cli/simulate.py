@@ -22,14 +22,15 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
+from testbed.cli.shared.backend import with_backend
 from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, console, results
-from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines, split_line
+from testbed.cli.shared.dataset_plan import Kind, Measured, free_space, measure_some, plan_lines, split_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
 from testbed.cli.shared.variants import variants
 from testbed.datasets.card import CARD, Publication
 from testbed.datasets.description import describe
-from testbed.datasets.index import datasets_in, indexed_datasets, settings_of
+from testbed.datasets.index import chosen_splits, datasets_in, indexed_datasets, settings_of, world_in
 from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
 from testbed.settings.comparison import changed_settings
@@ -113,17 +114,19 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
     """
     if simulator.driver.kind in ("explore", "teleop"):
         raise ValueError(f"--driver {simulator.driver.kind} needs a mapper or a person: use testbed run")
-    jobs = _jobs(world, datasets, simulator.settled())
+    jobs = all_jobs = _jobs(world, datasets, with_backend(simulator))
     if datasets.shard is not None:
         from testbed.sweep.spec.plan import Shard  # here, since a plain job does without the sweep
 
         shard = Shard.parse(datasets.shard)
         jobs = jobs[shard.index :: shard.count]
     missing = [job for job in jobs if not _is_kept(job)]
-    announce_compilation()
     if datasets.plan:
-        _print_plan(jobs, missing, datasets)
+        _print_plan(jobs, missing, datasets, _splits(all_jobs, datasets.out))
         return
+    if missing and (lines := _splits(all_jobs, datasets.out)) and ": none" in lines[0]:
+        console.print("\n".join(lines), soft_wrap=True)
+    announce_compilation()
     datasets.out.mkdir(parents=True, exist_ok=True)
     if missing and len(missing) < len(jobs):
         console.print(f"{len(jobs) - len(missing)} of {len(jobs)} datasets exist already; the others are made")
@@ -148,12 +151,16 @@ def _command_for_card(jobs: list[_Job], out: Path) -> str | None:
     return None if {job.path.name for job in jobs} <= known else "testbed " + shlex.join(sys.argv[1:])
 
 
-def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions) -> None:
-    """Print what the missing datasets will take."""
+def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions, splits: list[str]) -> None:
+    """Print the splits and what the missing datasets will take; first what is known without a measurement."""
     there = f"; {len(jobs) - len(missing)} exist already" if len(missing) < len(jobs) else ""
     results.print(f"{options.out}: {len(missing)} dataset{'' if len(missing) == 1 else 's'} to make{there}")
+    for line in splits:
+        results.print(line)
+    results.print(f"free on this disk: {free_space(options.out) / 1e9:.1f} GB")
     if not missing:
         return
+    announce_compilation()
     with TemporaryDirectory(prefix="testbed-plan-") as directory:
 
         def make(number: int) -> Measured:
@@ -162,13 +169,17 @@ def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions) 
             drive = _make(job)
             return Measured(time.monotonic() - begun, drive["seconds"], drive["metres"], drive["bytes"])
 
-        kinds = [f"{_kind_of_world(job.world)}, {job.simulator.lidar}" for job in missing]
+        kinds = [Kind(_kind_of_world(job.world), job.simulator.lidar) for job in missing]
         with console.status("measuring some of the drives"):
             measured = measure_some(kinds, make)
     for line in plan_lines(measured, kinds, options.workers, options.out):
         results.print(line)
-    if not datasets_in(options.out):
-        results.print(split_line([label(job.world) for job in jobs]))
+
+
+def _splits(jobs: list[_Job], out: Path) -> list[str]:
+    """Which worlds are for training, validation and testing once the datasets are there; nothing for one dataset."""
+    world_of = {path.name: world_in(path) for path in datasets_in(out)} | {job.path.name: job.name for job in jobs}
+    return split_lines(world_of.values(), chosen_splits(out)) if len(world_of) > 1 else []
 
 
 def _kind_of_world(world: str) -> str:
@@ -189,6 +200,8 @@ class _Job:
     path: Path
     world: str
     """Name or file of the world."""
+    name: str
+    """Name of the world, as the index has it."""
     simulator: SimulatorOptions
     seed: int
     variant: str
@@ -233,7 +246,8 @@ def _jobs(worlds: str, options: DatasetOptions, simulator: SimulatorOptions) -> 
             name, variant_name = _checked_name(world, variant.simulator, draws), variant.name or options.variant
             for seed in range(options.seed, options.seed + options.count):
                 path = out / "-".join(part for part in (name, f"{seed:04d}", variant_name) if part)
-                jobs.append(_job(path, world, seed, draws, variant.simulator, variant_name, options))
+                job = _job(path, world, seed, draws, variant.simulator, variant_name, options)
+                jobs.append(replace(job, name=name))
     if len({job.path for job in jobs}) < len(jobs):
         raise ValueError(f"{worlds}: two worlds have the same name, expected different ones")
     return jobs
@@ -250,7 +264,7 @@ def _job(
 ) -> _Job:
     settings, values = drawn(simulator, draws, world, seed)
     values = draws_of_config(options.config, settings, seed) | values
-    return _Job(path, world, settings, seed, variant, values, options.format, options.compress)
+    return _Job(path, world, label(world), settings, seed, variant, values, options.format, options.compress)
 
 
 def _checked_name(world: str, simulator: SimulatorOptions, draws: list[Draw]) -> str:

@@ -80,8 +80,6 @@ def sweep(
         return 0
     directory, costs = prepare(out or default_directory("sweep", datetime.now()), specification)
     with directory.locked(part):
-        if execution.scheduler is None:
-            announce_compilation()
         try:
             cells = _compute(directory, costs, execution, worst=worst)
         except KeyboardInterrupt:
@@ -115,10 +113,13 @@ def _compute(directory: SweepDirectory, costs: Costs, execution: Execution, *, w
     rest = pending(directory, look.possible, costs, part)
     done = done_so_far(directory.path, spec)
     times = announce(Work(spec, costs, cells, rest, look.seeds, done), execution)
+    if cells and execution.scheduler is None:
+        announce_compilation()  # after the plan: it may take minutes
+    groups = tuple(dict.fromkeys((cell.place, cell.line) for cell in directory.cells()))
     tried: set[str] = set()
     while cells:
         is_last = len(cells) == len(rest)
-        stage = Stage("" if is_last else f"to the look with {look.seeds} seeds", worst=worst and is_last)
+        stage = Stage("" if is_last else f"to the look with {look.seeds} seeds", worst and is_last, groups)
         expected, at_once = costs if times is None else times.seconds_of, None if execution.scheduler else workers
         left = TimeLeft(cells, expected, at_once, is_in_seconds=times is not None)
         progress = SweepProgress(cells, left, Measure(spec.key_measure), stage)

@@ -168,6 +168,15 @@ def settings_of(path: Path) -> dict[str, Any]:
     return settings
 
 
+def world_in(path: Path) -> str:
+    """Name of the world of a dataset; LogError where its config.toml cannot be read."""
+    return _world_name(_config(path)[0])
+
+
+def _world_name(config: Mapping[str, Any]) -> str:
+    return str(config.get("world", {}).get("name") or config.get("settings", {}).get("world", ""))
+
+
 def _config(path: Path) -> tuple[dict[str, Any], bytes]:
     """Content of the config.toml of a dataset, and its bytes."""
     file = path / CONFIG
@@ -188,7 +197,7 @@ def _row(path: Path) -> dict[str, Any]:
         settings, drive = config["settings"], config["drive"]
         return {
             "dataset": path.name,
-            "world": config.get("world", {}).get("name") or settings["world"],
+            "world": _world_name(config),
             "seed": int(settings["seed"]),
             "variant": str(settings.get("variant", "")),
             "format": str(settings.get("format", "")),

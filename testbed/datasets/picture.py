@@ -16,6 +16,8 @@ from testbed.datasets.loading import Dataset
 
 WIDTH, DOTS_PER_INCH = 9.0, 150
 """Width [inch] and resolution of the picture."""
+LEGEND_BELOW = 0.5
+"""Distance of the legend below the axes, past the label of x [inch]."""
 TRUTH, ODOMETRY, SCAN = "#2b8a3e", "#e67700", "#d6336c"
 """The colours of the viewer: green, orange, pink."""
 SOLID_GREY, WALL_GREY = 0.75, 0.1
@@ -30,6 +32,7 @@ def draw_drive(dataset: Dataset, file: Path, title: str, time: float | None = No
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.transforms import ScaledTranslation
 
     truth, odometry = dataset.truth, dataset.odometry
     has_truth = bool(np.isfinite(truth).all(axis=1).any())
@@ -55,7 +58,8 @@ def draw_drive(dataset: Dataset, file: Path, title: str, time: float | None = No
     ax.plot(*hits.T, ".", color=SCAN, ms=2.5, label=f"scan at {elapsed[shown]:.1f} s")
     ax.plot(*path[shown, :2], "D", color=SCAN, ms=5, label="robot at that time")
     ax.set(title=title, xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    below = ax.transAxes + ScaledTranslation(0.0, -LEGEND_BELOW, figure.dpi_scale_trans)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=below, ncols=3, frameon=False)
     with atomic_write(file) as temporary:
         FigureCanvasAgg(figure).print_figure(temporary, dpi=DOTS_PER_INCH, bbox_inches="tight", format="png")
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,10 @@ GROUPS = {
     "mount": POSE,
 }
 """Columns that are known or unknown together."""
+GROUP_ROWS = 1024
+"""Least number of rows in a group of rows; smaller groups take longer to write and to read."""
+RANGES = "ranges.list.element"
+"""Path of the column of readings within the file."""
 LISTS = ("ranges", "angles", "time_offsets")
 """Columns with a list in each row."""
 COLUMNS = {
@@ -67,19 +72,45 @@ def write_parquet(path: str | Path, blocks: Iterable[FrameTable], head: LogHead)
         pq.ParquetWriter(
             opened,
             _schema(),
-            compression="zstd",
+            compression=_compression(),
+            column_encoding={RANGES: "BYTE_STREAM_SPLIT"},
+            write_statistics=[name for name in _schema().names if name not in LISTS],  # of no use for readings
             write_page_checksum=True,
             use_dictionary=["lidar"],  # zstd finds the angles of the scan before sooner than a dictionary is made
         ) as writer,
     ):
+        group: list[Any] = []
         for block in blocks:
             totals.add(block)
-            writer.write_table(arrow_table(block))
+            group.append(arrow_table(block))
+            if sum(map(len, group)) >= GROUP_ROWS:
+                _write_group(writer, group)
+        _write_group(writer, group)
     (path / CARD).write_text(_card(path.name, totals, head), encoding="utf-8")
     if head.truth_map is not None:
         write_map(path / MAP, head.truth_map)
     if head.robot_urdf is not None:
         (path / URDF).write_text(head.robot_urdf, encoding="utf-8")
+
+
+def _write_group(writer: Any, group: list[Any]) -> None:
+    """Write tables as one group of rows, and empty the list."""
+    import pyarrow as pa
+
+    if group:
+        table = pa.concat_tables(group)
+        writer.write_table(table, row_group_size=len(table))
+        group.clear()
+
+
+def _compression() -> dict[str, str]:
+    """How each column is packed, by its path.
+
+    The bytes of all ranges are split by their place, so that the first ones, which repeat, are side by side: LZ4 then
+    packs them better than zstd packs whole numbers (12 % fewer bytes), in three quarters of the time.
+    """
+    paths = [f"{name}.list.element" if name in LISTS else name for name in _schema().names]
+    return {path: "lz4" if path == RANGES else "zstd" for path in paths}
 
 
 def read_parquet(path: Path) -> Log:
@@ -140,9 +171,9 @@ def arrow_table(block: FrameTable) -> Any:
     columns["lidar"] = pa.array(names_of_rows, pa.string())
     patterns = [block.patterns[k] for k in block.scan_patterns.tolist()]
     columns["ranges"] = _lists(np.asarray(block.ranges, dtype=np.float64), rows, block.readings, n)
-    columns["angles"] = _lists(_flat([p.angles for p in patterns]), rows, block.readings, n)
+    columns["angles"] = _lists(_joined([p.angles for p in patterns]), rows, block.readings, n)
     timed = np.array([p.time_offsets is not None for p in patterns], dtype=bool)
-    times = _flat([p.time_offsets for p in patterns if p.time_offsets is not None])
+    times = _joined([p.time_offsets for p in patterns if p.time_offsets is not None])
     columns["time_offsets"] = _lists(times, rows[timed], block.readings[timed], n)
     return pa.table({name: columns[name] for name in _schema().names}, schema=_schema())
 
@@ -154,8 +185,21 @@ def _spread(values: NDArray[np.float64], rows: Integers, n: int) -> NDArray[np.f
     return spread
 
 
-def _flat(arrays: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.concatenate(arrays) if arrays else np.empty(0)
+def _joined(arrays: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Arrays one after the other; the result is read-only, and shared where all are the same one."""
+    if not arrays:
+        return np.empty(0)
+    first = arrays[0]
+    if len(arrays) > 1 and all(array is first for array in arrays):
+        copies = 1 << (len(arrays) - 1).bit_length()  # few different numbers of copies, so that they are found again
+        return _copies(first.tobytes(), copies)[: len(arrays) * len(first)]
+    return np.concatenate(arrays)
+
+
+@lru_cache(maxsize=8)
+def _copies(values: bytes, count: int) -> NDArray[np.float64]:
+    """So many copies of an array, one after the other."""
+    return np.frombuffer(values * count)
 
 
 def _lists(values: NDArray[np.float64], rows: Integers, counts: Integers, n: int) -> Any:

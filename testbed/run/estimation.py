@@ -43,6 +43,8 @@ class Estimate:
     """The loops that the final pass found; None where none were looked for."""
     noise: dict[str, float] | None = None
     """What the final pass found the noise to be, the group `noise` of `metrics.json`; None without a final pass."""
+    covariances: NDArray[np.float64] | None = None
+    """Covariances of the dense poses relative to the first, (frames, 3, 3); None without a final pass."""
 
     @property
     def at_scans(self) -> Trajectory:
@@ -145,7 +147,15 @@ class Estimation:
         """Return the estimate after the final pass over all frames, see `slam.refinement.refine`."""
         scans: list[Scan | None] = [frame.scan for frame in self.frames]
         twists = [frame.twist for frame in self.frames]
-        result = refine(self.odometry, scans, estimate.dense.poses, self.config, twists=twists, threads=self.threads)
+        result = refine(
+            self.odometry,
+            scans,
+            estimate.dense.poses,
+            self.config,
+            twists=twists,
+            stamps=self.stamps,
+            threads=self.threads,
+        )
         dense = Trajectory(self.stamps, result.poses)
         return Estimate(
             dense=dense,
@@ -153,6 +163,7 @@ class Estimation:
             map=result.map,
             closing=result.closing,
             noise=noise_metrics(result),
+            covariances=result.covariances,
         )
 
 

@@ -29,6 +29,7 @@ from slam.sensor.rays import make_rays
 from testbed.formats.commands import commands_of, write_commands
 from testbed.formats.g2o import write_g2o
 from testbed.frame import Frame
+from testbed.run.covariances import covariance_metrics, write_covariances
 from testbed.run.estimation import Estimate, Estimation
 from testbed.run.interruption import deferred_interruption
 from testbed.run.job import Job
@@ -133,6 +134,9 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
         directory.write_trajectory("filter.tum", filtered.at_scans)
     if estimate.closing is not None:
         write_g2o(directory / "graph.g2o", estimate.closing.nodes, estimate.closing.accepted_edges)
+    if estimate.covariances is not None:
+        at_scans = estimate.covariances[estimate.scan_frames]
+        write_covariances(directory / "estimate_covariance.parquet", estimate.at_scans, at_scans)
     for name in ("odometry", "truth"):
         trajectory = estimation.trajectory_at_scans(name)
         if trajectory is not None:
@@ -231,6 +235,9 @@ def metrics_of(
         metrics["loops"] = loop_metrics(estimate.closing, filtered.dense, reference.trajectory)
     if estimate.noise is not None:
         metrics["noise"] = estimate.noise
+    if estimate.covariances is not None:
+        truth = [frame.truth for frame in estimation.frames]
+        metrics["covariance"] = covariance_metrics(estimate.covariances, estimate.dense.poses, truth)
     metrics["notes"] = [*job.notes, *metrics["notes"]]
     if job.known_map is None:
         return metrics

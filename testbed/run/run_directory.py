@@ -29,6 +29,7 @@ RUN_FILES = (
     "estimate_dense.tum",
     "filter.tum",
     "online.tum",
+    "estimate_covariance.parquet",
     "graph.g2o",
     "commands.csv",
     "map.pgm",

@@ -16,6 +16,7 @@ from testbed.presets import LidarPreset, load_lidar, load_robot
 from testbed.presets.models import MAX_BEAMS
 from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
+from testbed.simulation.config import BackendName, decided_backend
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
 from testbed.simulation.simulator import TOUR_CLEARANCE
@@ -50,8 +51,9 @@ class SimulatorOptions:
     start of the world."""
     clutter: float = 0.0
     """Objects added off the tour, per 10 m² of floor."""
-    backend: Literal["pybullet", "fast"] = "pybullet"
-    """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics."""
+    backend: BackendName = "auto"
+    """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics; auto: PyBullet where it is
+    installed, else fast."""
     duration: float | None = None
     """Longest simulated time [s]; default: until the tour is finished."""
     driver: Annotated[DriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=DriverConfig)
@@ -73,9 +75,13 @@ class SimulatorOptions:
         if self.beams is not None and not 1 <= self.beams <= MAX_BEAMS:
             raise ValueError(f"beams must be 1 to {MAX_BEAMS}, got {self.beams}")
 
+    def settled(self) -> SimulatorOptions:
+        """Return the options with the backend decided, as `config.toml` holds them."""
+        return replace(self, backend=decided_backend(self.backend))
+
     def simulation(self, seeds: RunSeeds) -> SimulationConfig:
         """Return the settings of the simulator. Raises ValueError where the backend is not installed."""
-        if self.backend == "pybullet":
+        if decided_backend(self.backend) == "pybullet":
             import_pybullet()
         lidar, *further = (self._changed(load_lidar(name)) for name in self.lidars)
         return SimulationConfig(
@@ -192,18 +198,18 @@ SIMULATOR = SimulatorOptions()
 class FastSimulatorOptions(SimulatorOptions):
     """The simulated robot and its sensors; the fast backend and random routes by default."""
 
-    backend: Literal["pybullet", "fast"] = "fast"
-    """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics."""
+    backend: BackendName = "fast"
+    """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics; auto: PyBullet where it is
+    installed, else fast."""
     route: Route | None = None  # type: ignore[assignment]  # settled before use
     """What is driven. Default: stops, but fixed with --driver recorded. stops: to random stops on all floor, others for
     each seed, as far as the tour is long; random: the whole tour in another order and direction from another start for
     each seed; fixed: the tour of the world, the same for every seed."""
 
     def settled(self) -> FastSimulatorOptions:
-        """Return the options with the route decided."""
-        if self.route is not None:
-            return self
-        return replace(self, route="stops" if self.driver.kind == "tour" else "fixed")
+        """Return the options with backend and route decided."""
+        route = self.route or ("stops" if self.driver.kind == "tour" else "fixed")
+        return replace(self, backend=decided_backend(self.backend), route=route)
 
 
 FAST_SIMULATOR = FastSimulatorOptions()

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam._array_kernels import copy_values
 from slam._jit import kernel
 from testbed.simulation.drivers._pursuit_kernels import is_finished, is_stuck, steer
 from testbed.simulation.physics._motion_kernels import drive
@@ -43,13 +44,13 @@ def drive_tour(tour, progress, body, odometer, done, first, period):
         contact |= drive(body.state, (speed, turn_rate), body.step_time, body.vehicle, body.solid, done.poses[k])
         read_wheels(
             odometer.state,
-            body.state[5:],
+            (body.state[5], body.state[6]),
             odometer.uniform[k],
             odometer.normal[k],
             odometer.believed,
             odometer.encoders,
         )
-        done.odometry[k] = odometer.state[:3]
+        copy_values(odometer.state, done.odometry[k])
         if is_finished(tour, progress) or is_stuck(tour, progress):
             n = k + 1
             break

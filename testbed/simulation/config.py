@@ -10,6 +10,7 @@ from testbed.presets import LidarPreset, RobotPreset, load_lidar, load_robot, ro
 from testbed.seeds import RunSeeds
 from testbed.simulation.drivers.driver import DriverConfig
 from testbed.simulation.physics.backend import STEP_RATE
+from testbed.simulation.physics.pybullet import is_installed
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
 
@@ -19,6 +20,17 @@ CONTROL_PERIOD = CONTROL_STEPS / STEP_RATE
 """Time between two commands and two odometry readings [s]."""
 MAX_DURATION = 10_000_000.0
 """Longest simulated time [s], 116 days."""
+
+
+BackendName = Literal["auto", "pybullet", "fast"]
+"""What moves the robot and casts the rays."""
+
+
+def decided_backend(backend: BackendName) -> BackendName:
+    """Return the backend that `auto` stands for on this machine; the others as they are."""
+    if backend != "auto":
+        return backend
+    return "pybullet" if is_installed() else "fast"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +50,9 @@ class SimulationConfig:
     """Errors of the wheel odometry."""
     lidar_layers: LidarLayers = field(default_factory=LidarLayers)
     """Imperfections of the lidar."""
-    backend: Literal["pybullet", "fast"] = "pybullet"
-    """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics."""
+    backend: BackendName = "auto"
+    """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics; auto: PyBullet
+    where it is installed, else fast, decided here: it is never `auto` in a configuration that was made."""
     duration: float = 14_400.0
     """Longest simulated time [s]. The longest tour of the catalogue takes about 4000 s: the default stops only a drive
     that would go on for ever."""
@@ -47,6 +60,7 @@ class SimulationConfig:
     """Seeds of all random numbers."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "backend", decided_backend(self.backend))
         if not 0.0 < self.duration <= MAX_DURATION:
             raise ValueError(f"duration must be above 0 and at most {MAX_DURATION:,.0f} s, got {self.duration:g} s")
         if len(self.further_lidars) > len(self.robot.further_lidar_mounts):

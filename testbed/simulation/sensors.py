@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -128,8 +129,9 @@ class Sensors:
         fired, and odometry up to then."""
         periods = first
         while True:
-            device = min(self._devices, key=lambda d: d.stamp)
-            while device.complete > periods * CONTROL_PERIOD + 1e-9:
+            device = min(self._devices, key=lambda d: d.stamp) if len(self._devices) > 1 else self._devices[0]
+            complete = device.complete
+            while complete > periods * CONTROL_PERIOD + 1e-9:
                 if periods == last:
                     return
                 periods += 1
@@ -208,8 +210,8 @@ class Sensors:
         origins, directions = place_beams(poses, positions, lidar.true_mount, sweep.true_angles)
         hits = self._backend.cast(origins, directions, device.preset.range_max, device.height)
         hits = self._movers.before(hits, origins, directions, times, 1 + periods)
-        ranges = np.split(lidar.ranges(hits), sweep.starts[1:-1])
-        return list(zip(sweep.patterns, ranges, strict=True))
+        ranges, starts = lidar.ranges(hits), sweep.starts.tolist()
+        return [(pattern, ranges[a:b]) for pattern, (a, b) in zip(sweep.patterns, pairwise(starts), strict=True)]
 
     def _twist(self, due: list[_Due], stamps: NDArray[np.float64], periods: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the mean velocity in the robot's frame during each frame, (n, 3): over a scan, or a control period.

@@ -149,10 +149,10 @@ class Simulation(Iterator[Frame]):
 
 
 def simulate(world: World, config: SimulationConfig | None = None, driver: Driver | None = None) -> Simulation:
-    """Return the frames of a drive; the default is a TurtleBot 4 base with an RPLidar A2 in PyBullet.
+    """Return the frames of a drive; the default is a TurtleBot 4 base with an RPLidar A2, by PyBullet where installed.
 
     driver: steers the robot; None = along the tour of the world. Raises `WorldError` if the robot does not fit through
-    the tour or there is none, and `PyBulletMissingError` if PyBullet is not installed.
+    the tour or there is none, and `PyBulletMissingError` if the backend is `pybullet` and PyBullet is not installed.
     """
     return Simulation(world, config if config is not None else SimulationConfig(), driver)
 

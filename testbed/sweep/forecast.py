@@ -19,8 +19,11 @@ from testbed.sweep.execution.worker_process import CellFailedError, Limits, Work
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Costs, by_recording
 
-FIRST_DURATION = 2.0
+FIRST_DURATION = 1.0
 """Simulated time of the run that loads the kernels [s]."""
+BRIEF_DURATION = 2.0
+"""Simulated time of runs that show what the world takes rather than the way: its true map is drawn, its features are
+found, and the map is scored, which takes long in a large world however far the robot drives [s]."""
 PROBE_DURATION = (10.0, 40.0)
 """Shortest and longest simulated time of the runs that are measured [s]: in the longest the robot drives straight and
 turns; a small sweep is measured by shorter ones, since measuring is no work on its jobs."""
@@ -74,8 +77,12 @@ def measured_times(table: SweepTable, cells: Sequence[Cell], costs: Costs) -> Jo
 
 @dataclass(frozen=True)
 class Pace:
-    """Time of one core per metre driven [s/m]."""
+    """Time of one core for drives and jobs, whatever their length [s], and per metre driven [s/m]."""
 
+    drive: float
+    """Of a drive, whatever its length [s]."""
+    job: float
+    """Of a job, whatever its length and particle count [s]."""
     simulation: float
     """Of simulating, once per drive."""
     fixed: float
@@ -97,8 +104,9 @@ def probed_times(cells: Sequence[Cell], costs: Costs, workers: int) -> JobTimes 
     def seconds_of(cell: Cell) -> float:
         pace = paces.get(lidar_of(cell), usual)
         final_pass = pace.final_pass if cell.settings.get("refine", True) else 0.0
-        job = pace.fixed + pace.particle * Costs.filter_work(cell) + final_pass
-        return costs.length(cell) * (pace.simulation / jobs_of_drive.get(cell.place, 1) + job)
+        length, per_metre = costs.length(cell), pace.fixed + pace.particle * Costs.filter_work(cell) + final_pass
+        drive = pace.drive + length * pace.simulation
+        return drive / jobs_of_drive.get(cell.place, 1) + pace.job + length * per_metre
 
     return JobTimes(seconds_of, "estimated from the beginning of a run")
 
@@ -149,21 +157,32 @@ def lidar_of(cell: Cell) -> str:
 
 
 def _pace(cell: Cell, duration: float, *, refined: bool) -> Pace:
+    """The pace of runs like a cell, from a brief and a longer one: what both take is that of the world."""
     few, many = PROBE_PARTICLES
-    started = time.perf_counter()
-    probe = _probe(cell, duration, few, refine=False)
-    job_of(probe, recording_of(probe))  # this draws the true map, too, which is kept as the drive is
-    simulation = time.perf_counter() - started
-    smaller, length = _timed(cell, duration, few)  # its drive is there already
+    brief_drive, whole_drive = (_simulated(cell, seconds) for seconds in (BRIEF_DURATION, duration))
+    brief, start = _timed(cell, BRIEF_DURATION, few)  # the drives are there already
+    smaller, length = _timed(cell, duration, few)
     larger, _ = _timed(cell, duration, many)
-    particle = max(larger - smaller, 0.0) / (many - few)
+    way = max(length - start, 0.1)
+    simulation, per_metre = max(whole_drive - brief_drive, 0.0) / way, max(smaller - brief, 0.0) / way
+    particle = max(larger - smaller, 0.0) / (many - few) / length
     with_final_pass = _timed(cell, duration, few, refine=True)[0] if refined else smaller
     return Pace(
-        simulation=simulation / length,
-        fixed=max(smaller - few * particle, 0.0) / length,
-        particle=particle / length,
+        drive=max(brief_drive - start * simulation, 0.0),
+        job=max(brief - start * per_metre, 0.0),
+        simulation=simulation,
+        fixed=max(per_metre - few * particle, 0.0),
+        particle=particle,
         final_pass=max(with_final_pass - smaller, 0.0) / length,
     )
+
+
+def _simulated(cell: Cell, duration: float) -> float:
+    """Time in which the first seconds of a drive are simulated, with the true map that is kept with it [s]."""
+    started = time.perf_counter()
+    probe = _probe(cell, duration, PROBE_PARTICLES[0], refine=False)
+    job_of(probe, recording_of(probe))
+    return time.perf_counter() - started
 
 
 def _timed(cell: Cell, duration: float, particles: int, *, refine: bool = False) -> tuple[float, float]:

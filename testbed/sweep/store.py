@@ -282,6 +282,8 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
                 "requested: all runs of a sweep share their settings"
                 for name in changed
             ]
+        elif key == "drawn_seeds" and there is not None and (requested is None or requested > there):
+            pass  # more seeds
         elif key not in _QUESTIONS and there != requested:
             found.append(f"{key} is {_shown(there)} there, {_shown(requested)} requested")
     return found

@@ -54,8 +54,8 @@ class Suggestion:
     """The largest count of the experiment."""
     largest_holds: float
     reasons: tuple[Reason, ...]
-    outside: tuple[Predictor, ...]
-    """Predictors outside of what the experiment covered."""
+    outside: tuple[str, ...]
+    """Predictors outside of what the experiment covered, in words: the value, and what was measured."""
     record: str
     """How the expected counts did in worlds that were held out, in words; may be empty."""
 
@@ -74,7 +74,7 @@ def suggest(name: str, features: Mapping[str, Any], model: NeededCount) -> Sugge
         largest=model.max_count,
         largest_holds=largest_holds,
         reasons=tuple(_reason(model, at, k) for k in range(len(PREDICTORS))),
-        outside=tuple(model.outside(at)),
+        outside=tuple(_outside(model, at, predictor) for predictor in model.outside(at)),
         record=model.record,
     )
 
@@ -88,6 +88,12 @@ def _reason(model: NeededCount, at: np.ndarray, k: int) -> Reason:
         predictor.text(float(model.centre[k])),
         model.needed(usual),
     )
+
+
+def _outside(model: NeededCount, at: np.ndarray, predictor: Predictor) -> str:
+    k = PREDICTORS.index(predictor)
+    ends = (predictor.text(float(end[k])) for end in (model.low, model.high))
+    return f"{predictor.words}: {predictor.text(float(at[k]))}, measured were {' to '.join(ends)}"
 
 
 def is_world(name: str) -> bool:

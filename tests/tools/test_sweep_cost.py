@@ -41,5 +41,5 @@ def test_wrong_predictions_give_the_total_on_average_with_their_error():
 
 def test_presets_and_files_are_read(tmp_path):
     (tmp_path / "own.toml").write_text('worlds = ["loop"]\nseeds = 2\n')
-    assert len(specification("particles").worlds) == 6
+    assert len(specification("particles").worlds) == 23
     assert specification(str(tmp_path / "own.toml")).seeds == (0, 1)

@@ -3,7 +3,8 @@
 """Fit what decides the particle count to the designed experiment, and test the fit on worlds that are held out.
 
     testbed sweep --preset experiment --no-worst --out experiment
-    python -m tools.measure.needed_count experiment
+    testbed sweep --preset experiment-long --no-worst --out long
+    python -m tools.measure.needed_count experiment long
 
 Writes: docs/study.md (needed), docs/pictures/needed_count.png
 
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ from eval.files.atomic_write import atomic_write
 from eval.report.comparison_plots import COLOURS
 from eval.sweep import needed_count
 from eval.sweep.answers import particles
-from eval.sweep.experiment import HeldOut, brier_score, predict_held_out, runs_of
+from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, runs_of
 from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
 from eval.sweep.plots import WIDTHS, style
 from eval.sweep.results import SweepTable, read_sweep
@@ -33,6 +35,8 @@ from tools.pages import DOCS, write_table
 
 PAGE = DOCS / "study.md"
 PICTURE = DOCS / "pictures" / "needed_count.png"
+LOOP_BOUNDS = (0.0, 30.0, 60.0, 120.0, 250.0, 500.0, np.inf)
+"""Levels of the largest loop [m]."""
 QUANTILES = (0.1, 0.5, 0.9)
 """Each predictor is shown at these quantiles of the experiment, the others at their medians."""
 
@@ -40,22 +44,22 @@ QUANTILES = (0.1, 0.5, 0.9)
 def main() -> None:
     """Fit, test, and write data, tables and picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sweep", type=Path, help="directory of the sweep")
+    parser.add_argument("sweeps", type=Path, nargs="+", help="directories of the parts; a part may be unfinished")
     parser.add_argument("--print", action="store_true", help="print the tables and write nothing")
     arguments = parser.parse_args()
-    table = read_sweep(arguments.sweep)
-    runs = runs_of(table)
+    tables = [read_sweep(directory) for directory in arguments.sweeps]
+    runs = joined([runs_of(table) for table in tables])
     provenance = {
-        "command": table.command,
-        "code": table.code,
+        "command": "; ".join(table.command for table in tables),
+        "code": ", ".join(dict.fromkeys(table.code for table in tables)),
         "runs": len(runs.world),
         "drives": len(np.unique(runs.drive)),
         "worlds": len(np.unique(runs.world)),
     }
-    held_out = predict_held_out(runs, table.places)
+    held_out = predict_held_out(runs, [place for table in tables for place in table.places])
     provenance["held_out"] = {"worlds": len(held_out), "too_small": sum(world.is_too_small for world in held_out)}
     model = fit(runs, provenance)
-    text = page(table, model, runs.predictors, held_out)
+    text = page(tables, model, runs.predictors, held_out)
     if arguments.print:
         print(text)
         return
@@ -66,7 +70,7 @@ def main() -> None:
     write_table(PAGE, "needed", text)
 
 
-def page(table: SweepTable, model: NeededCount, predictors: np.ndarray, held_out: list[HeldOut]) -> str:
+def page(tables: Sequence[SweepTable], model: NeededCount, predictors: np.ndarray, held_out: list[HeldOut]) -> str:
     """The part of the page: growth of the needed count, levels of the design, held-out worlds."""
     own, constant = brier_score(held_out)
     facts = model.provenance
@@ -78,7 +82,7 @@ def page(table: SweepTable, model: NeededCount, predictors: np.ndarray, held_out
         growth_table(model, predictors),
         "![How the needed count grows](pictures/needed_count.png)",
         "Share of the runs that hold, by level of the design:",
-        level_table(table),
+        level_table(tables),
         "Held-out worlds: the model is fitted to the others and predicts the share of the runs that hold.",
         held_out_table(held_out),
         f"Mean squared error of these shares: {own:.3f}; predicting each world by the mean of the others gives "
@@ -107,28 +111,38 @@ def with_interval(model: NeededCount, at: np.ndarray) -> str:
     return f"{f'> {model.max_count}' if count is None else count} [{low}, {high}]"
 
 
-def level_table(table: SweepTable) -> str:
+def level_table(tables: Sequence[SweepTable]) -> str:
     """Share of the runs that hold, for each level of loops, clutter, odometry and lidar, by particle count."""
-    rows = [["", *map(particles, table.counts), "runs each"]]
+    counts = tables[0].counts
+    rows = [["", *map(particles, counts), "runs each"]]
+    masks = [_levels(table) for table in tables]
+    for name in dict.fromkeys(name for levels in masks for name in levels):
+        holds: list[list[np.ndarray]] = [[] for _ in counts]
+        for table, levels in zip(tables, masks, strict=True):
+            if name not in levels:
+                continue
+            complete = levels[name] & table.ran.all(axis=2, keepdims=True)
+            for c in range(len(counts)):
+                holds[c].append(~table.failed[:, :, c][complete[:, :, c]])
+        pooled = [np.concatenate(runs) for runs in holds]
+        if len(pooled[0]):
+            rows.append([name, *(f"{100.0 * runs.mean():.0f} %" for runs in pooled), str(len(pooled[0]))])
+    return markdown(rows)
+
+
+def _levels(table: SweepTable) -> dict[str, np.ndarray]:
+    """The runs (places, lines, counts, seeds) of each level of the design, by its name."""
     loop = np.nan_to_num(table.cube("features.largest_loop_m"))
-    bounds = [0.0, 30.0, 60.0, 120.0, np.inf]
-    groups: list[tuple[str, np.ndarray]] = [
-        (f"largest loop {low:.0f} to {high:.0f} m" if np.isfinite(high) else f"largest loop over {low:.0f} m", mask)
-        for low, high in itertools.pairwise(bounds)
-        if (mask := (loop >= low) & (loop < high)).any()
-    ]
     density = table.cube("features.clutter_per_10_m2")
-    groups += [(name, mask) for name, mask in (("no clutter", density == 0.0), ("clutter", density > 0.0))]
+    found = {}
+    for low, high in itertools.pairwise(LOOP_BOUNDS):
+        name = f"largest loop {low:.0f} to {high:.0f} m" if np.isfinite(high) else f"largest loop over {low:.0f} m"
+        found[name] = (loop >= low) & (loop < high)
+    found |= {"no clutter": density == 0.0, "clutter": density > 0.0}
     for word, column in (("odometry", "setting.odometry.grade"), ("lidar", "setting.lidar")):
         values = table.columns.get(column, np.full(table.shape, None))
-        groups += [(f"{word} {level}", values == level) for level in dict.fromkeys(values.ravel().tolist()) if level]
-    for name, mask in groups:
-        chosen = mask & table.ran
-        if not chosen.any(axis=(0, 1, 3)).all():
-            continue
-        shares = [(~table.failed[:, :, c][chosen[:, :, c]]).mean() for c in range(len(table.counts))]
-        rows.append([name, *(f"{100.0 * share:.0f} %" for share in shares), str(int(chosen[:, :, -1].sum()))])
-    return markdown(rows)
+        found |= {f"{word} {level}": values == level for level in dict.fromkeys(values.ravel().tolist()) if level}
+    return found
 
 
 def held_out_table(held_out: list[HeldOut]) -> str:
@@ -167,8 +181,8 @@ def draw(model: NeededCount, predictors: np.ndarray) -> Figure:
     ax.set_yticks([1, 2, 3, 5, 10, 20, 30, 1.6 * model.max_count])
     ax.set_yticklabels(["1", "2", "3", "5", "10", "20", "30", "more"])
     ax.minorticks_off()
-    ax.set_xticks([10, 20, 50, 100, 200])
-    ax.set_xticklabels(["10", "20", "50", "100", "200"])
+    lengths_shown = [10, 20, 50, 100, 200, 400, 800]
+    ax.set_xticks(lengths_shown, [str(length) for length in lengths_shown])
     ax.set_xlim(2.0 ** model.low[0], 2.0 ** model.high[0])
     ax.legend(frameon=False, loc="upper left")
     return figure

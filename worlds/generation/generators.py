@@ -30,7 +30,7 @@ CLEAR = 0.5
 """Smallest distance of generated tours from everything [m]: robots of that outer radius can drive them."""
 _WALL = 0.2
 """Thickness of walls [m]."""
-_MIN_SIDE, _MAX_SIDE = 8.0, 200.0
+_MIN_SIDE, _MAX_SIDE = 8.0, 220.0
 """Limits of the sides of the area [m]."""
 _SEEN_AGAIN = 12.0
 """Where a tour around blocks is back at its start, it goes on for this long [m]: a loop closes on known floor."""

@@ -32,7 +32,7 @@ def announce_compilation() -> None:
     """Compile the kernels if they are not compiled yet, and say so, because it takes a while."""
     if is_compiled():
         return
-    words = "Compiling the kernels: once per version, one to three minutes"
+    words = "Compiling the kernels: once per version, about half a minute on two free cores"
     started = said = time.perf_counter()
     if not console.is_terminal:
         console.print(f"{words} …")

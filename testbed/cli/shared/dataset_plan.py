@@ -6,21 +6,33 @@ from __future__ import annotations
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from testbed.datasets.index import SPLITS, splits
+from testbed.datasets.index import SPLITS, natural_order, splits
 
 MAX_MEASURED, MEASURING_TIME = 12, 6.0
-"""Drives are measured until there are this many, or until they have taken this long [s]."""
+"""Drives are measured until there are this many, or until they have taken this long [s]; of each world and each lidar,
+up to `MAX_KINDS` of them, one drive is measured however long that takes."""
+MAX_KINDS = 40
+"""Worlds, and lidars, of which a drive is measured for certain."""
 MAX_NAMED = 6
 """Worlds of a split that are named."""
 WORKER_START = 3.0
 """What the start of the workers takes [s]."""
+
+
+class Kind(NamedTuple):
+    """What drives have in common: those of one world are about as long, those of one lidar fill as much per second."""
+
+    world: str
+    """Name of the world, or kind of a generated one."""
+    lidar: str
+    """Names of the lidars."""
 
 
 class Measured(NamedTuple):
@@ -37,62 +49,122 @@ class Measured(NamedTuple):
 
 
 def measure_some(
-    kinds: Sequence[str], make: Callable[[int], Measured], *, clock: Callable[[], float] = time.monotonic
-) -> list[tuple[str, Measured]]:
-    """Make some of the drives until `MEASURING_TIME` is over, at least one of each of the first kinds.
+    kinds: Sequence[Kind], make: Callable[[int], Measured], *, clock: Callable[[], float] = time.monotonic
+) -> list[tuple[Kind, Measured]]:
+    """Make some of the drives until `MEASURING_TIME` is over, at least one of each world and of each lidar.
 
-    kinds: of each drive, such as its world and lidar: drives of one kind are alike
+    kinds: of each drive
     Returns the kind of each drive that was made, and what it took.
     """
     started = clock()
-    measured: list[tuple[str, Measured]] = []
-    for number in _in_turn(kinds)[:MAX_MEASURED]:
-        if len(measured) >= len(set(kinds)) and clock() - started > MEASURING_TIME:
+    order, needed = _in_turn(kinds)
+    measured: list[tuple[Kind, Measured]] = []
+    for number in order[: max(MAX_MEASURED, needed)]:
+        if len(measured) >= needed and clock() - started > MEASURING_TIME:
             break
         measured.append((kinds[number], make(number)))
     return measured
 
 
-def _in_turn(kinds: Sequence[str]) -> list[int]:
-    """Numbers of the drives, one of each kind in turn; those of one kind are spread over the job."""
+def _in_turn(kinds: Sequence[Kind]) -> tuple[list[int], int]:
+    """Numbers of the drives in the order in which they are measured, and how many of them have to be.
+
+    First comes one drive of each world and of each lidar, then one of each kind in turn; drives of one kind are spread
+    over the job.
+    """
     rng = np.random.default_rng(0)
-    turns = [
-        (turn, int(number))
+    of_kind = {
+        kind: rng.permutation([number for number, other in enumerate(kinds) if other == kind]).tolist()
         for kind in sorted(set(kinds))
-        for turn, number in enumerate(rng.permutation(np.flatnonzero(np.array(kinds) == kind)))
-    ]
-    return [number for _, number in sorted(turns, key=lambda item: item[0])]
+    }
+    first: list[Kind] = []
+    for field in (0, 1):
+        for value in sorted({kind[field] for kind in of_kind} - {kind[field] for kind in first})[:MAX_KINDS]:
+            # of the kinds with this value the one whose other value was measured least
+            first.append(
+                min(
+                    (kind for kind in of_kind if kind[field] == value),
+                    key=lambda kind: sum(kind[1 - field] == other[1 - field] for other in first),
+                )
+            )
+    needed = max(len(first), len(of_kind) if len(of_kind) <= MAX_MEASURED else 0)
+    later = [kind for kind in of_kind if kind not in first]
+    turns = [(turn, number) for kind in first + later for turn, number in enumerate(of_kind[kind])]
+    return [number for _, number in sorted(turns, key=lambda item: item[0])], needed
 
 
-def plan_lines(measured: Sequence[tuple[str, Measured]], kinds: Sequence[str], workers: int, out: Path) -> list[str]:
-    """What drives of these kinds will take, as the measured ones of their kind do; free space on the disk of `out`."""
-    everything = np.mean([values for _, values in measured], axis=0)
-    totals = np.zeros(len(Measured._fields))
+def plan_lines(measured: Sequence[tuple[Kind, Measured]], kinds: Sequence[Kind], workers: int, out: Path) -> list[str]:
+    """What drives of these kinds will take, as the measured ones do; whether the disk of `out` has room for them.
+
+    A drive is as long as those of its world are on average; time and size of a simulated second are those of its kind,
+    or of its lidar where the kind was not measured.
+    """
+    cost = seconds = metres = size = 0.0
     for kind, count in Counter(kinds).items():
-        of_kind = [values for measured_kind, values in measured if measured_kind == kind]
-        totals += count * (np.mean(of_kind, axis=0) if of_kind else everything)
-    cost, seconds, metres, size = totals.tolist()
+        of_world = _sums(measured, Kind(kind.world, ""))
+        of_kind = _sums(measured, kind, Kind("", kind.lidar))
+        lasts = count * of_world.seconds / of_world.drives
+        seconds += lasts
+        metres += count * of_world.metres / of_world.drives
+        size += lasts * of_kind.size / of_kind.seconds
+        cost += lasts * of_kind.cost / of_kind.seconds
     busy = min(workers, len(kinds))
     left = timedelta(seconds=round(cost / busy + (WORKER_START if busy > 1 else 0.0)))
     lines = [
         f"about {size / 1e6:.0f} MB, {seconds / 3600:.2f} h of driving, {metres / 1000:.2f} km; it takes about {left} "
         f"with {busy} worker{'' if busy == 1 else 's'} (measured by {len(measured)} of the drives)"
     ]
-    if left_out := sorted(set(kinds) - {kind for kind, _ in measured}):
-        lines[0] += f"; not measured, taken as the mean of the others: {len(left_out)} of {len(set(kinds))} kinds"
-    existing = next(path for path in (out, *out.resolve().parents) if path.exists())
-    free = shutil.disk_usage(existing).free
-    lines.append(f"free on this disk: {free / 1e9:.1f} GB" + (": not enough" if free < size else ""))
+    worlds = {kind.world for kind in kinds}
+    if left_out := worlds - {kind.world for kind, _ in measured}:
+        lines[0] += f"; not measured, taken as the mean of the others: {len(left_out)} of {len(worlds)} worlds"
+    if (free := free_space(out)) < size:
+        lines.append(f"not enough space on this disk: {free / 1e9:.1f} GB")
     return lines
 
 
-def split_line(worlds: Sequence[str]) -> str:
-    """The worlds of each split, as a hash of their names decides."""
-    of_world = splits(worlds)
+class _Sums(NamedTuple):
+    drives: int
+    cost: float
+    seconds: float
+    metres: float
+    size: float
+
+
+def _sums(measured: Sequence[tuple[Kind, Measured]], *kinds: Kind) -> _Sums:
+    """Sums over the measured drives of the first of these kinds that has any, over all drives where none has.
+
+    An empty name in a kind stands for any.
+    """
+    for wanted in (*kinds, Kind("", "")):
+        chosen = [
+            values
+            for kind, values in measured
+            if all(name in ("", there) for name, there in zip(wanted, kind, strict=True))
+        ]
+        if chosen:
+            break
+    return _Sums(len(chosen), *(float(sum(values)) for values in zip(*chosen, strict=True)))
+
+
+def free_space(path: Path) -> int:
+    """Free space on the disk of a path that need not exist [bytes]."""
+    existing = next(parent for parent in (path, *path.resolve().parents) if parent.exists())
+    return shutil.disk_usage(existing).free
+
+
+def split_lines(worlds: Iterable[str], chosen: Mapping[str, str]) -> list[str]:
+    """The worlds of each split, a line or two: what decides it is known before anything is made.
+
+    worlds: of all datasets that the collection will have
+    chosen: splits that were chosen for some of them, see `testbed.datasets.index.splits`
+    """
+    names = set(worlds)
+    of_world = splits(names, {world: split for world, split in chosen.items() if world in names})
     parts = []
     for split in SPLITS:
-        names = sorted(world for world, chosen in of_world.items() if chosen == split)
-        named = ", ".join(names[:MAX_NAMED]) + (f" and {len(names) - MAX_NAMED} more" if names[MAX_NAMED:] else "")
+        inside = sorted((world for world, its_split in of_world.items() if its_split == split), key=natural_order)
+        named = ", ".join(inside[:MAX_NAMED]) + (f" and {len(inside) - MAX_NAMED} more" if inside[MAX_NAMED:] else "")
         parts.append(f"{split}: {named or 'none'}")
-    few = "" if len(of_world) > 2 else "; three or more worlds give all splits"
-    return "; ".join(parts) + few
+    few = "three or more worlds give all splits; " if len(of_world) < len(SPLITS) else ""
+    how = "as chosen before" if chosen else f"{few}`testbed datasets index --help` says how to choose them"
+    return ["; ".join(parts), f"({how})"]

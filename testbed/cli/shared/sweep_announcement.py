@@ -22,6 +22,7 @@ from eval.sweep.statistics import min_values
 from eval.sweep.summary import summarise
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.sweep_options import Execution
+from testbed.kernels import is_compiled
 from testbed.sweep.forecast import MIN_COST, JobTimes, measured_times, probed_times
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.command import grouped
@@ -85,7 +86,7 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
         say(_margin(work))
         for sentence in _answers_so_far(work) or _foresight(work):
             say(sentence)
-    times = _times(work, execution) if work.cells else None  # last: it may take minutes, to compile
+    times = _times(work, execution, is_plan=is_plan) if work.cells else None  # last: it may take minutes, to compile
     if work.cells:
         say(_expected(work, times, execution))
     return times
@@ -100,14 +101,20 @@ def _size(work: Work) -> str:
     return f"{left} job{'' if left == 1 else 's'}{done}"
 
 
-def _times(work: Work, execution: Execution) -> JobTimes | None:
-    """Expected times of the jobs: from those that are done, else from a short measurement."""
+def _times(work: Work, execution: Execution, *, is_plan: bool) -> JobTimes | None:
+    """Expected times of the jobs: from those that are done, else from a short measurement, which needs the kernels."""
     if work.done is not None:
         times = measured_times(work.done, work.all_cells, work.costs)
         if times is not None:
             return times
     if execution.scheduler is not None or sum(map(work.costs, work.cells)) < MIN_COST:
         return None
+    if is_plan and not is_compiled():
+        console.print(
+            "The rest is the time that it takes. Measuring it needs the kernels, which are compiled first; Ctrl-C ends "
+            "here, nothing is lost.",
+            soft_wrap=True,
+        )
     announce_compilation()
     if any("world" in cell.source for cell in work.cells):
         console.print("measuring the beginning of a run (half a minute or less) …")
@@ -141,7 +148,8 @@ def _margin(work: Work) -> str:
     usual = ""
     if key == USUAL_MEASURE:
         share = share_words(margin.of(TYPICAL_ERROR), TYPICAL_ERROR)
-        usual = f" In apartment, office and loop, with errors of about {100.0 * TYPICAL_ERROR:.0f} cm, that is {share}."
+        error = f"{100.0 * TYPICAL_ERROR:.0f} cm"
+        usual = f" Of a usual error, about {error} in the reference worlds (apartment, office, loop), that is {share}."
     words = margin.words(is_length=key.endswith("_m"))
     return f"{said.format(words)}{usual} Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
 
@@ -161,12 +169,14 @@ def _foresight(work: Work) -> list[str]:
     margin = parse_margin(spec.margin)
     kinds = Counter(kind for kind in map(family, spec.worlds) if kind is not None)
     sampled = {kind: number for kind, number in kinds.items() if number > 1}
+    alike = {number: [kind for kind, own in sampled.items() if own == number] for number in sampled.values()}
     sentences = [
-        f"{kind}: {foresight(number, 'world', level=spec.level, margin=margin)}" for kind, number in sampled.items()
+        f"{', '.join(names)}: {foresight(number, 'world', level=spec.level, margin=margin)}"
+        for number, names in alike.items()
     ]
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
         said = foresight(len(spec.seeds), level=spec.level, margin=margin)
-        if not spec.until and len(spec.seeds) >= min_values(spec.level):
+        if not spec.until and spec.drawn_seeds is None and len(spec.seeds) >= min_values(spec.level):
             said += " --until decided looks at the results in between and stops where the answer is known."
         sentences.insert(0, said)
     return sentences
@@ -199,6 +209,6 @@ def _extent(spec: SweepSpec) -> str:
     counts = ", ".join(map(str, spec.particles))
     bound = "up to " if spec.until else ""
     seeds = f"{bound}{len(spec.seeds)} seed{'' if len(spec.seeds) == 1 else 's'}"
-    return (
-        f"{', '.join(places)}; {seeds}{_routes(spec)}{lines}; {counts} particle{'' if spec.particles == (1,) else 's'}"
-    )
+    drawn = f", {spec.drawn_seeds} of each drawn world" if spec.drawn_seeds is not None and spec.drawn_worlds else ""
+    particles = f"{counts} particle{'' if spec.particles == (1,) else 's'}"
+    return f"{', '.join(places)}; {seeds}{_routes(spec)}{drawn}{lines}; {particles}"

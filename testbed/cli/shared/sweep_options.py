@@ -39,7 +39,7 @@ class SweepOptions:
     """What is to be computed: a preset or flags. Flags override a file and a preset."""
 
     preset: str | None = None
-    """Specification in the package: particles, experiment, gate."""
+    """Specification in the package: particles, experiment, experiment-long, gate."""
     worlds: str | None = None
     """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds. No default: worlds, --preset, a
     file, or the --out of a sweep is needed."""
@@ -47,6 +47,9 @@ class SweepOptions:
     """Particle counts, separated by commas. Default: 1,2,5,10,20,50,100."""
     seeds: str | None = None
     """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10. Default: 10; with --until: 40."""
+    drawn_seeds: int | None = None
+    """With how many of the seeds each world of generated:KIND*N is driven, since there each world counts once.
+    Default: all of them."""
     route: Literal["fixed", "random"] | None = None
     """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
     direction from another start. Default: random, unless a file or preset says otherwise."""
@@ -92,6 +95,8 @@ class SweepOptions:
             flags["particles"] = _counts(self.particles)
         if self.seeds is not None:
             flags["seeds"] = self.seeds
+        if self.drawn_seeds is not None:
+            flags["drawn_seeds"] = self.drawn_seeds
         if self.measure is not None:
             flags["measure"] = self.measure
         if self.margin is not None:

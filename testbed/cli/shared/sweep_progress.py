@@ -29,8 +29,8 @@ from testbed.sweep.spec.cell import Cell
 
 REPORT_EVERY = 0.1
 """Without a terminal a line is printed each time this share of the work is done."""
-MEDIANS_AT = 0.5
-"""Without a terminal the medians are printed once, when this share of the work is done."""
+MEDIANS_EVERY = 0.25
+"""Without a terminal the medians are printed each time a further part of this size is done."""
 MAX_SHOWN_PLACES = 12
 """The live table of medians has at most this many rows."""
 
@@ -43,6 +43,8 @@ class Stage:
     """What follows: `to the look with 9 seeds`; empty for the end of the sweep."""
     worst: bool
     """Whether runs that failed are repeated then, which takes time too."""
+    groups: tuple[tuple[str, str], ...] = ()
+    """Places and lines in the order of the tables, in which the medians are shown too."""
 
 
 class SweepProgress:
@@ -80,10 +82,10 @@ class SweepProgress:
         if isinstance(event, Finished):
             self._note(event.cell, event.outcome)
         if not console.is_terminal and self._left.share >= self._reported + REPORT_EVERY:
-            passed_middle = self._reported < MEDIANS_AT <= self._left.share
+            passed = int(self._left.share / MEDIANS_EVERY) > int(self._reported / MEDIANS_EVERY)
             self._reported = self._left.share
             console.print(self._line(), soft_wrap=True)
-            if passed_middle and self._errors:
+            if passed and self._left.share < 1.0 and self._errors:
                 for line in self.median_lines():
                     console.print(line, soft_wrap=True, markup=False)
 
@@ -113,9 +115,14 @@ class SweepProgress:
         return f"median {self._measure.words}{of}, {self._measure.unit(0.0).name}".removesuffix(", ") + " (seeds)"
 
     def _named_errors(self) -> list[tuple[str, dict[int, dict[int, float]]]]:
+        order = {group: number for number, group in enumerate(self._stage.groups)}
+
+        def rank(group: tuple[str, str]) -> tuple[int, tuple[str, str]]:
+            return order.get(group, len(order)), group
+
         return [
             (place if line == "default" else f"{place}, {line}", groups)
-            for (place, line), groups in sorted(self._errors.items())[:MAX_SHOWN_PLACES]
+            for (place, line), groups in sorted(self._errors.items(), key=lambda item: rank(item[0]))[:MAX_SHOWN_PLACES]
         ]
 
     def _note(self, cell: Cell, outcome: CellResult | str) -> None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam._array_kernels import copy_values
 from slam._jit import kernel
 from testbed.simulation.physics._motion_kernels import Vehicle, drive
 from testbed.simulation.physics._ray_kernels import SegmentGrid, cast_rays
@@ -106,24 +107,32 @@ def step_robots(which, targets, robots, equipment, numbers, surroundings, contac
     targets (robots, 2): speed [m/s] and turn rate [rad/s]
     """
     n = equipment.angles.shape[0]
-    poses = np.empty((equipment.steps + 1, 3))
+    poses, angles = np.empty((equipment.steps + 1, 3)), np.empty(n)
     for i in which:
         body = robots.body[i]
-        poses[0] = body[:3]
+        copy_values(body, poses[0])
         contact[i] = drive(
-            body, targets[i], equipment.step_time, equipment.vehicle, grid_of(surroundings.solid, i), poses[1:]
+            body,
+            (targets[i, 0], targets[i, 1]),
+            equipment.step_time,
+            equipment.vehicle,
+            grid_of(surroundings.solid, i),
+            poses[1:],
         )
         row = numbers.reading_row[i]
         uniform, normal = numbers.reading_uniform[i, row], numbers.reading_normal[i, row]
-        read_wheels(robots.odometer[i], body[5:], uniform, normal, robots.believed[i], equipment.encoders)
+        wheels = (body[5], body[6])
+        read_wheels(robots.odometer[i], wheels, uniform, normal, robots.believed[i], equipment.encoders)
 
         row = numbers.beam_row[i]
         uniform, normal = numbers.beam_uniform[i, row], numbers.beam_normal[i, row]
-        angles = equipment.angles + normal[:n] * equipment.angle_noise
+        for k in range(n):
+            angles[k] = equipment.angles[k] + normal[k] * equipment.angle_noise
         origins, directions = place_beams(poses, equipment.positions, robots.device[i, 2:], angles)
         distances, cos_incidence = cast_rays(
             grid_of(surroundings.seen, i), origins, directions, equipment.optics.range_max
         )
-        ranges[i] = read_beams(
+        readings = read_beams(
             distances, cos_incidence, uniform.reshape(2, n), normal[n:-1], equipment.optics, robots.device[i, :2]
         )
+        copy_values(readings, ranges[i])

@@ -31,20 +31,23 @@ def nearest_mover(circles, segments, positions, origins, directions):
     """
     rays, last = directions.shape[0], circles.shape[0] - 1
     distances, cos_incidence = np.full(rays, np.inf), np.zeros(rays)
+    circle, segment = np.empty(3), np.empty(4)
     for i in range(rays):
         cos, sin = np.cos(directions[i]), np.sin(directions[i])
         k = min(max(int(positions[i]), 0), last)
         after, weight = min(k + 1, last), positions[i] - k
         x, y = origins[i, 0], origins[i, 1]
         for c in range(circles.shape[1]):
-            circle = circles[k, c] + weight * (circles[after, c] - circles[k, c])
+            for a in range(3):
+                circle[a] = circles[k, c, a] + weight * (circles[after, c, a] - circles[k, c, a])
             distance = _distance_to_circle(circle, x, y, cos, sin)
             if distance < distances[i]:
                 distances[i] = distance
                 across = (circle[0] - x) * sin - (circle[1] - y) * cos
                 cos_incidence[i] = np.sqrt(max(1.0 - (across / circle[2]) ** 2, 0.0))
         for s in range(segments.shape[1]):
-            segment = segments[k, s] + weight * (segments[after, s] - segments[k, s])
+            for a in range(4):
+                segment[a] = segments[k, s, a] + weight * (segments[after, s, a] - segments[k, s, a])
             distance = distance_along(segment, x, y, cos, sin)
             if distance < distances[i]:
                 distances[i] = distance

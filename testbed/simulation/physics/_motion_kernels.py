@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam._array_kernels import copy_values
 from slam._jit import kernel
 from testbed.simulation.physics._ray_kernels import SegmentGrid
 
@@ -89,5 +90,5 @@ def drive(state, target, step_time, vehicle, grid, poses):
             contact = True
         else:
             state[0], state[1] = x, y
-        poses[k] = state[:3]
+        copy_values(state, poses[k])
     return contact

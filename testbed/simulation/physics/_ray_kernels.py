@@ -59,7 +59,8 @@ def bin_segments(segments, shape, origin, cell):
     for fill in range(2):
         if fill:
             first = np.zeros_like(count)
-            first[1:] = np.cumsum(count[:-1])
+            for k in range(rows * cols):
+                first[k + 1] = first[k] + count[k]
             items = np.empty(first[-1], np.int64)
             used = first.copy()
         for s in range(segments.shape[0]):

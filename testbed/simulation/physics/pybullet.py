@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import os
+import platform
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,9 @@ from testbed.presets import RobotPreset
 from testbed.simulation.physics.backend import AccelerationLimits, Hits, Motion, ramp
 from testbed.simulation.physics.pybullet_scene import borrow, give_back
 from worlds import World
+
+MIN_FORK_PYTHON, MAX_FORK_PYTHON = (3, 12), (3, 14)
+"""PyBullet has wheels below the first of these versions of Python, its fork pybullet-arm64 below the second."""
 
 
 class PyBulletMissingError(ValueError):
@@ -88,22 +93,31 @@ class PyBulletBackend:
 
 
 def import_pybullet() -> Any:
-    """Return the module pybullet; raise `PyBulletMissingError` if it is absent or was built without numpy."""
+    """Return the module pybullet; raise `PyBulletMissingError` if it is absent."""
     try:
         with _silent_stdio():
             import pybullet
     except ImportError:
         raise PyBulletMissingError(
-            "PyBullet is not installed: use the fast backend, or run "
-            "'pip install numpy setuptools wheel; pip install --no-build-isolation pybullet' "
-            f"(ready-made up to Python 3.11, a long build on {sys.version_info[0]}.{sys.version_info[1]})"
+            "PyBullet is not installed: expected the backend fast, or auto, or that you run " + how_to_install()
         ) from None
-    if not pybullet.isNumpyEnabled():
-        raise PyBulletMissingError(
-            "PyBullet was built without numpy: run 'pip install numpy setuptools wheel; "
-            "pip install --force-reinstall --no-build-isolation pybullet'"
-        )
     return pybullet
+
+
+def is_installed() -> bool:
+    """Tell whether PyBullet can be imported, without importing it."""
+    return find_spec("pybullet") is not None
+
+
+def how_to_install() -> str:
+    """Return the command that installs PyBullet on this Python."""
+    release = sys.version_info[:2]
+    if platform.machine() != "aarch64":  # see pyproject.toml
+        if release < MIN_FORK_PYTHON and sys.platform == "linux":
+            return "'pip install pybullet==3.2.7'"
+        if release < MAX_FORK_PYTHON:
+            return "'pip install pybullet-arm64==3.2.8'"
+    return "'pip install pybullet', which compiles it for long: there is no wheel for this Python"
 
 
 @contextmanager

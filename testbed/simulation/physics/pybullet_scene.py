@@ -58,6 +58,7 @@ class PyBulletScene:
         p: the module pybullet; key: equal for equal scenes; opaque, glass: walls as upright rectangles (n, 4, 3) [m]
         """
         self._p, self.key = p, key
+        self._takes_arrays = bool(p.isNumpyEnabled())  # the wheels of the fork for new Pythons take lists only
         self._client: int = p.connect(p.DIRECT)
         p.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         p.setPhysicsEngineParameter(
@@ -114,9 +115,12 @@ class PyBulletScene:
         """Return the result of `rayTestBatch` for each ray among opaque walls; begin, end (rays, 3) [m]."""
         answers: list[Any] = []
         for low in range(0, len(begin), _RAYS_PER_CALL):
-            part = slice(low, low + _RAYS_PER_CALL)
+            ends = [points[low : low + _RAYS_PER_CALL] for points in (begin, end)]
             answers += self._p.rayTestBatch(
-                begin[part], end[part], numThreads=1, collisionFilterMask=_OPAQUE, physicsClientId=self._client
+                *(ends if self._takes_arrays else (points.tolist() for points in ends)),
+                numThreads=1,
+                collisionFilterMask=_OPAQUE,
+                physicsClientId=self._client,
             )
         return answers
 
@@ -142,8 +146,8 @@ class PyBulletScene:
             first = 4 * np.arange(len(corners))[:, None]
             shape = p.createCollisionShape(
                 p.GEOM_MESH,
-                vertices=corners.reshape(-1, 3),
-                indices=(first + np.array([0, 1, 2, 0, 2, 3])).ravel(),
+                vertices=corners.reshape(-1, 3).tolist(),
+                indices=(first + np.array([0, 1, 2, 0, 2, 3])).ravel().tolist(),
                 flags=p.GEOM_FORCE_CONCAVE_TRIMESH,
                 physicsClientId=self._client,
             )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slam._array_kernels import copy_values
 from slam._jit import kernel
 
 _EDGE = 0.1  # neighbouring beams whose ranges differ by more lie on two sides of an edge [m]
@@ -130,7 +131,8 @@ def read_sweeps(distances, cos_incidence, starts, uniform, normal, optics, devic
     n = uniform.shape[1] // 2
     for k in range(starts.shape[0] - 1):
         begin, end = starts[k], starts[k + 1]
-        readings[begin:end] = read_beams(
+        scan = read_beams(
             distances[begin:end], cos_incidence[begin:end], uniform[k].reshape(2, n), normal[k, n:-1], optics, device
         )
+        copy_values(scan, readings[begin:end])
     return readings

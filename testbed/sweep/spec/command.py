@@ -16,6 +16,8 @@ def command_of(spec: SweepSpec) -> str:
         return "testbed sweep SPEC.toml  # with the table [spec] of sweep.toml as its content"
     words = ["testbed", "sweep", "--worlds", ",".join(grouped(spec.worlds))]
     words += ["--particles", ",".join(map(str, spec.particles)), "--seeds", _seeds(spec.seeds)]
+    if spec.drawn_seeds is not None:
+        words += ["--drawn-seeds", str(spec.drawn_seeds)]
     if spec.measure:
         words += ["--measure", spec.measure]
     if spec.margin:

@@ -78,7 +78,7 @@ def _is_image(path: str) -> bool:
 
 def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
     """All cells in the order of the tables: by place, line, particle count, seed."""
-    lines = spec.lines()
+    lines, drawn = spec.lines(), spec.drawn_worlds
     return [
         Cell(
             place=name,
@@ -93,7 +93,7 @@ def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
         for name, source in _sources(spec)
         for line in lines
         for particles in spec.particles
-        for seed in spec.seeds
+        for seed in spec.seeds[: spec.drawn_seeds if source.get("world") in drawn else None]
     ]
 
 

@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from slam.config import FilterConfig
 from slam.config.renamed import present_name
 from testbed.settings.simulator import SimulatorOptions
+from testbed.simulation.config import decided_backend
 from testbed.stress.table import parse_perturbations
 from testbed.sweep.errors import SweepError
 from testbed.systems.program import DatasetFormat
@@ -85,6 +86,8 @@ def checked(name: str, value: object, *, recorded: bool) -> Value:
     except ValidationError as error:
         what = error.errors(include_url=False)[0]["msg"].replace("Input should be", "expected")
         raise SweepError(f"{name} = {value!r}: {what}") from None
+    if name == "backend":
+        validated = decided_backend(validated)  # jobs of one sweep have the same, wherever they run
     if not isinstance(validated, Value):
         raise SweepError(f"{name}: expected one word, number or switch, got {value!r}")
     try:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -20,7 +21,7 @@ from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_
 from testbed.sweep.spec.settings import FILES, Value, checked
 from testbed.systems.entrant import name_of
 from testbed.systems.finding import file_of
-from worlds import expand_names, label
+from worlds import expand_names, family, label
 
 MAX_FILE_BYTES = 1_000_000
 """Largest file of a specification [bytes]."""
@@ -86,6 +87,9 @@ class SweepSpec(BaseModel):
     """Recorded logs instead of worlds; the seed is then that of the filter only."""
     seeds: Annotated[tuple[Seed, ...], Field(max_length=MAX_SEEDS)] = tuple(range(10))
     """Also a single number, which is how many, from 0 on, or a text such as "0:10"."""
+    drawn_seeds: Annotated[int, Field(strict=True, ge=1, le=MAX_SEEDS)] | None = None
+    """With how many of the seeds each drawn world is driven (`drawn_worlds`), since there each world counts once; the
+    default is all of them."""
     particles: tuple[Count, ...] = (1, 2, 5, 10, 20, 50, 100)
     """Particle counts."""
     settings: dict[str, Any] = Field(default_factory=dict)
@@ -180,6 +184,8 @@ class SweepSpec(BaseModel):
         if self.baseline and self.baseline not in names:
             raise ValueError(f"baseline {self.baseline!r}: no such line, expected one of {', '.join(names)}")
         self._check_give_up()
+        if self.drawn_seeds is not None and self.until:
+            raise ValueError("drawn_seeds: expected without --until decided, which gives all worlds as many seeds")
         if self.names_systems and self.until:
             raise ValueError("until: asks how many particles are enough, expected it without SLAM systems")
         if self.names_systems and len(self.particles) > 1:
@@ -201,7 +207,16 @@ class SweepSpec(BaseModel):
     @property
     def size(self) -> int:
         """Number of cells."""
-        return (len(self.worlds) + len(self.logs)) * len(self.seeds) * len(self.lines()) * len(self.particles)
+        places, drawn, all_seeds = len(self.worlds) + len(self.logs), len(self.drawn_worlds), len(self.seeds)
+        few = len(self.seeds[: self.drawn_seeds])
+        return ((places - drawn) * all_seeds + drawn * few) * len(self.lines()) * len(self.particles)
+
+    @property
+    def drawn_worlds(self) -> frozenset[str]:
+        """Generated worlds of kinds of which there are several: samples, so that the answer is about the kind."""
+        kinds = {world: family(world) for world in self.worlds}
+        numbers = Counter(kinds.values())
+        return frozenset(world for world, kind in kinds.items() if kind is not None and numbers[kind] > 1)
 
     @property
     def key_measure(self) -> str:

@@ -3,8 +3,12 @@
 
 import re
 
-from eval.sweep.answers import answers
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from eval.sweep.answers import answers, likely_answer
 from eval.sweep.outlook import bound_for, chance_sentence
+from eval.sweep.report import write_sweep_report
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
@@ -34,11 +38,11 @@ def test_more_and_undecided_are_different_answers(tmp_path):
         "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=3)[0] == (
-        "hall_a, 1 route: 3 seeds cannot tell: at least 8 are needed; take 20 for now (5 particles were between 0.06 "
+        "hall_a, 1 route: too few seeds (3): at least 8 are needed; take 20 for now (5 particles were between 0.06 "
         "cm better and 0.04 cm worse than 20 in 3 runs; up to 0.5 cm (25 % of the error) would not matter)."
     )
     assert sentences(tmp_path, error=level(0.02, 0.02, 0.02), seeds=1)[0] == (
-        "hall_a, 1 route: 1 seed cannot tell: at least 8 are needed; take 20 for now (5 particles were 0.04 cm worse "
+        "hall_a, 1 route: too few seeds (1): at least 8 are needed; take 20 for now (5 particles were 0.04 cm worse "
         "than 20 in one run; up to 0.5 cm (25 % of the error) would not matter)."
     )
 
@@ -62,7 +66,8 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     assert re.fullmatch(words, answer.difference)
     summary = summarise(read_sweep(tmp_path))
     outlook = summary.decision("hall_a", "improved").outlook
-    assert answer.needs == chance_sentence(outlook, [bound_for(outlook)])
+    assert outlook.is_within
+    assert answer.needs == chance_sentence(outlook, [bound_for(outlook)], "1 is enough")
 
 
 def test_medians_stand_in_the_order_of_the_counts(tmp_path):
@@ -85,7 +90,28 @@ def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
     (answer, _) = answers(summary, "improved")
     assert "; 99 % interval]; up to 0.5 cm (25 % of the error) would not matter" in answer.difference
     outlook = summary.decision("hall_a", "improved").outlook
-    assert answer.needs == chance_sentence(outlook, [16, 24, 32, 40])
+    assert answer.needs == chance_sentence(outlook, [16, 24, 32, 40], "1 is enough")
+
+
+def test_the_chance_is_that_of_a_named_answer(tmp_path):
+    """The largest open count decides: it is probably worse, or enough together with the counts below that pass."""
+
+    def noisy(offset):
+        return lambda p, k, c, s: 0.1 + (0.0, offset + 0.015 * (s % 5 - 2), 0.0)[c]
+
+    def likely(name, error):
+        summary = summarise(read_sweep(write_sweep(tmp_path / name, error=error)))
+        return likely_answer(summary.decision("hall_a", "improved"), COUNTS)
+
+    assert likely("within", noisy(0.005)) == "1 is enough"  # 1 passes its own test
+    assert likely("worse", noisy(0.015)) == "more than 5"
+
+    def smallest_open(offset):
+        return lambda p, k, c, s: 0.1 + (offset + 0.015 * (s % 5 - 2), 0.0, 0.0)[c]
+
+    assert likely("lower", smallest_open(0.005)) == "1 is enough"
+    assert likely("lower_worse", smallest_open(0.015)) == "1 is not enough"
+    assert likely("decided", lambda p, k, c, s: 0.1) == ""
 
 
 def test_a_difference_says_which_side_is_better(tmp_path):
@@ -135,10 +161,32 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
         "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office, 1 route: 2 seeds cannot tell: at least 8 are needed; take 20 for now (5 particles were between 0.06 "
+        "office, 1 route: too few seeds (2): at least 8 are needed; take 20 for now (5 particles were between 0.06 "
         "cm better and 0.04 cm worse than 20 in 2 runs; up to 0.5 cm (25 % of the error) would not matter).",
     ]
     assert len(COUNTS) == 3
+
+
+def test_drawn_worlds_with_fewer_seeds_are_complete(tmp_path, monkeypatch):
+    """Rows of seeds that were not asked for are not in the table, and nothing is said to be missing."""
+    places = (*(f"rooms-{n}" for n in range(8)), "office")
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", places)
+    write_sweep(tmp_path, level(0.05, 0.02, 0.02), seeds=8, families=(*["rooms"] * 8, None), route="random")
+    tables = {name: pq.read_table(tmp_path / f"{name}.parquet") for name in ("sweep", "curves", "timings")}
+    own = tables["sweep"]
+    tables["sweep"] = own.filter(pc.or_(pc.equal(own["seed"], 0), pc.equal(own["place"], "office")))
+    for name, table in tables.items():
+        kept = table.filter(pc.is_in(table["key"], tables["sweep"]["key"].combine_chunks()))
+        pq.write_table(kept, tmp_path / f"{name}.parquet")
+    table = read_sweep(tmp_path)
+    found = [answer.sentence for answer in answers(summarise(table.judged()), "improved")]
+    assert found == [
+        "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+        "office, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+    ]
+    page = write_sweep_report(tmp_path).read_text()
+    assert "Incomplete" not in page
+    assert "1 to 8 seeds a world (seeds 0 in 8 worlds; 0 to 7 in 1 world): each seed drives another route" in page
 
 
 def test_the_answer_says_on_how_many_routes_it_rests(tmp_path):

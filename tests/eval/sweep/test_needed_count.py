@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import expit
 
-from eval.sweep.experiment import brier_score, predict_held_out
+from eval.sweep.experiment import brier_score, joined, predict_held_out
 from eval.sweep.needed_count import PREDICTORS, NeededCount, Runs, fit, predictors_of, shipped_model
 
 COUNTS = np.array([1, 3, 10, 30])
@@ -107,3 +107,14 @@ def test_the_shipped_fit_is_whole():
 def test_features_below_the_floor_count_as_the_floor():
     features = {"longest_unknown_m": 0.0, "odometry_deg_per_m": 1.0, "scan_observability": 0.5}
     np.testing.assert_allclose(predictors_of(features), [2.0, 0.0, -1.0])
+
+
+def test_parts_of_an_experiment_are_joined_by_their_complete_drives():
+    first, second = experiment(3), experiment(2, seed=1)
+    cut = second.of(np.arange(len(second.world) - 2))  # its last drive lacks two of its counts
+    whole = joined([first, cut])
+    assert len(whole.world) == len(first.world) + len(second.world) - len(COUNTS)
+    assert len(np.unique(whole.world)) == 5
+    assert len(np.unique(whole.drive)) == 5 * 9 - 1
+    np.testing.assert_array_equal(whole.error[len(first.world) :], second.error[: -len(COUNTS)])
+    assert len(predict_held_out(whole, list("abcde"))) == 5

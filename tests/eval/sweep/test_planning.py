@@ -12,12 +12,12 @@ from eval.sweep.statistics import min_values
 @pytest.mark.parametrize("level", [0.95, 0.99])
 def test_too_few_seeds_get_one_number_and_a_rule_of_thumb(level):
     said = foresight(3, level=level)
-    assert said.startswith("3 seeds cannot tell how many particles are enough: at least 8 are needed. ")
+    assert said.startswith("Too few seeds (3) to tell how many particles are enough: at least 8 are needed. ")
     outlook = typical_outlook(level=0.99)
     first, last = (5 * round(20 * outlook.chance(number)) for number in (8, 40))
     assert f"8 seeds decide a world with a chance of about {first} %, 40 with one of about {last} %" in said
-    assert said.endswith("from 8 on the chance is that of these worlds.")
-    assert foresight(1, "world") == ("1 world cannot tell how many particles are enough: at least 8 are needed.")
+    assert said.endswith(" With 8 seeds or more the chance is computed from your own runs.")
+    assert foresight(1, "world") == ("Too few worlds (1) to tell how many particles are enough: at least 8 are needed.")
 
 
 def test_enough_seeds_get_their_chance_and_what_it_rests_on():

@@ -95,5 +95,5 @@ def test_the_forecast_of_a_count_needs_features_and_the_default_filter(tmp_path,
     table.columns.update({f"features.{name}": np.full(table.shape, value) for name, value in values.items()})
     model = shipped_model()
     low, high = model.interval(predictors_of(values))
-    words = f"start with {high} ({model.needed(predictors_of(values))} expected, 95 % interval {low} to {high})"
+    words = f"start with {high} ({low} to {high} are needed with 95 % confidence)"
     assert suggested_counts(table) == f"hall_a: {words}; cave: {words}"

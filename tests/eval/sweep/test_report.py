@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 
 from eval.sweep.advice import advice
@@ -18,7 +19,7 @@ from eval.sweep.margin import MARGIN
 from eval.sweep.measure import Measure
 from eval.sweep.outlook import bound_for, rule_of_thumb
 from eval.sweep.paper_tables import latex_table, markdown_table
-from eval.sweep.plots import accuracy, pareto_front
+from eval.sweep.plots import accuracy, differences, pareto_front, style
 from eval.sweep.report import DRAWINGS, write_sweep_report
 from eval.sweep.results import SweepTableError, read_sweep
 from eval.sweep.statistics import paired_difference
@@ -123,7 +124,9 @@ def test_tables_for_papers_hold_the_medians_with_their_intervals(tmp_path):
     d = summary.decision("hall_a", "motion").differences[0]
     assert first[column] == f"{100 * d.value:+.1f} [{100 * d.low:+.1f}, {100 * d.high:+.1f}]"
     assert (differences[0][0], differences[0][column]) == ("against 20 [95 %]", "motion")
-    latex = [line.removesuffix(r" \\").replace("\\", "") for line in latex_table(summary).splitlines() if "&" in line]
+    rows = [line for line in latex_table(summary).splitlines() if "&" in line]
+    assert not any(re.search(r"[ \[]-\d", line) for line in rows)  # a hyphen would be printed
+    latex = [line.removesuffix(r" \\").replace("$-$", "-").replace("\\", "") for line in rows]
     assert [row.split(" & ") for row in latex] == [row for row in markdown + differences if row[0] != "---"]
     assert len(latex) == 2 * (1 + len(PLACES) * (len(COUNTS) + 1))
 
@@ -147,9 +150,13 @@ def test_a_single_line_has_errors_and_differences_side_by_side(tmp_path, monkeyp
     (row,) = [row for row in rows if row[:2] == ["cave", "5"]]
     assert row[4] == f"{100 * d.value:+.2f} [{100 * d.low:+.2f}, {100 * d.high:+.2f}]"
     assert [row[4] for row in rows if row[1] == "20"] == ["", ""]
-    assert "with its 99 % interval, which decides" in text
-    assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), each time with 99 % intervals" in text
-    assert "This is look 1, with 8 of at most 40 seeds." in text
+    caption, method = text.splitlines()[0], text.splitlines()[-1]
+    assert "with the 99 % interval that decides" in caption
+    assert len(caption.split(". ")) <= 4
+    assert method.startswith("Method: ")
+    assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), each time with 99 % intervals" in method
+    assert "This is look 1, with 8 of at most 40 seeds." in method
+    assert "looked at" not in caption
 
 
 def test_a_margin_that_was_chosen_after_a_look_is_said(tmp_path):
@@ -159,7 +166,7 @@ def test_a_margin_that_was_chosen_after_a_look_is_said(tmp_path):
     words = (
         "The margin was changed from 5 mm (10 % where that is more) to 13 mm after look 1, with 8 seeds had been seen"
     )
-    assert words in markdown_table(summarise(read_sweep(tmp_path)))
+    assert words in markdown_table(summarise(read_sweep(tmp_path))).splitlines()[0]
     assert words in write_sweep_report(tmp_path).read_text()
     back = facts | {"margin": "", "margin_changes": [change, {"before": "13mm", "margin": "", "seeds": 8}]}
     write_sweep(tmp_path, seeds=40, about=back)
@@ -174,8 +181,9 @@ def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path)
     assert "| hall_a | 20 | 3 * |" in table
     assert "| hall_a | 5 | 10 |" in table
     assert "| cave | 20 | 10 |" in table
-    assert "at most 2 mm (hall_a 10 %, cave 5 % of the error with 20) worse than 20 particles, as all larger" in table
-    assert "* Too few runs for an interval: the brackets hold the smallest and the largest run. At least 8" in table
+    assert "at most 2 mm (hall_a 10 %, cave 5 % of the error with 20) worse than 20 particles, with 95 %" in table
+    assert "* Too few runs for an interval: smallest and largest run." in table
+    assert "At least 8 runs are needed to show that a count is enough." in table
     assert "After the final pass, which is no part of the filter, the count " in table
     assert "Each seed drives another route through the whole world. Robot create3, lidar lds01." in table
     assert "Too few" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
@@ -288,7 +296,9 @@ def test_seeds_are_advised_where_they_will_probably_tell(tmp_path):
     wanted = int(re.search(r"--seeds (\d+) --until decided", more.command)[1])
     outlook = summarise(read_sweep(tmp_path)).decision("cave", "improved").outlook
     assert wanted == bound_for(outlook)
-    assert re.search(rf"Chance of an answer with {wanted} seeds: hall_a (about|over) \d+ %, cave", more.text)
+    assert re.search(
+        rf"Chance of an answer with {wanted} seeds: hall_a (about|over) \d+ % \(most likely: 5 ", more.text
+    )
 
 
 def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_path):
@@ -331,7 +341,7 @@ def test_few_runs_have_a_range_instead_of_a_band_and_an_interval(tmp_path):
     table = markdown_table(few)
     errors = [errors_of(0, 0, 0, s) for s in range(5)]
     assert f"[{100 * min(errors):.2f}, {100 * max(errors):.2f}]" in table
-    assert "smallest and largest run in brackets" in table
+    assert "median [smallest and largest run]" in table
     assert "against 20 [range]" in markdown_table(few) or len(few.table.lines) > 1
     assert "*" not in table  # all are too few: a mark would tell nothing
     assert "95 % bootstrap interval" not in table
@@ -342,6 +352,47 @@ def test_few_runs_have_a_range_instead_of_a_band_and_an_interval(tmp_path):
         bands[seeds] = sum(len(path.vertices) for c in drawn for path in c.get_paths())
     assert bands[5] == 0
     assert bands[6] > 0
+
+
+def test_every_mark_of_the_first_figures_is_in_their_legends(tmp_path):
+    def error(p, k, c, s):
+        """1 is worse, 5 is open, and one run is far above the others."""
+        return 0.02 * (1.0 + (1.0, 0.4 * ((5 * s) % 8 - 3.5) / 3.5, 0.0)[c] + 40.0 * ((p, k, c, s) == (0, 0, 0, 1)))
+
+    summary = summarise(read_sweep(write_sweep(tmp_path, error=error)))
+    (legend,) = accuracy(summary).legends
+    shared = {"no difference that matters", "one run", "above the axis", "open", "shown to be worse", *LINES}
+    own = {"95 % interval of the median", "after the final pass", f"{COUNTS[-1]} particles"}
+    assert {text.get_text() for text in legend.get_texts()} == shared | own
+    (legend,) = differences(summary).legends
+    own = {"margin", "95 % interval, which decides"}
+    assert {text.get_text() for text in legend.get_texts()} == shared | own
+
+
+@pytest.mark.parametrize("lines", [LINES[:1], LINES])
+@pytest.mark.parametrize("places", [PLACES[:1], PLACES, (*PLACES, "office"), (*PLACES, "rooms-0", "rooms-1")])
+def test_no_legend_is_cut_or_covers_a_panel(tmp_path, monkeypatch, places, lines):
+    """With all marks, in figures of one, two and three columns, also of a kind of building."""
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", places)
+    monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", lines)
+
+    def error(p, k, c, s):
+        """1 is worse, 5 is open or good, and one run is far above the others."""
+        noise = 0.4 * (k + p) * ((5 * s) % 8 - 3.5) / 3.5
+        return 0.02 * (1.0 + (1.0, noise, 0.0)[c] + 40.0 * ((p, k, c, s) == (0, 0, 0, 1)))
+
+    families = tuple("rooms" if place.startswith("rooms") else None for place in places)
+    summary = summarise(read_sweep(write_sweep(tmp_path, error=error, families=families)))
+    for drawing in DRAWINGS:
+        with style():
+            figure = drawing.draw(summary)
+            FigureCanvasAgg(figure).draw()
+        for legend in figure.legends:
+            box = legend.get_window_extent()
+            assert box.x1 <= figure.bbox.x1, drawing.name
+            assert box.y1 <= figure.bbox.y1, drawing.name
+            titles = [ax.title.get_window_extent().y1 for ax in figure.axes if ax.get_visible()]
+            assert box.y0 >= max(titles), drawing.name
 
 
 def test_answers_rest_on_complete_seeds_up_to_the_last_look(tmp_path):

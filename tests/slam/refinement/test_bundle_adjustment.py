@@ -64,12 +64,13 @@ def test_equations_are_those_of_the_least_cost_over_all_offsets(seed):
     poses, points, first, matches, normal = problem
     scans, n = len(poses), len(points)
     diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-    rows = SurfelObservations(first, np.empty(n, np.int32), np.empty(n), np.empty(n))
+    rows = SurfelObservations(first, np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
     collect(0, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
     used = np.concatenate([np.arange(begin, begin + c) for begin, c in zip(first, count, strict=False)])
-    observations = SurfelObservations(
-        np.concatenate([[0], np.cumsum(count)]), rows.surfel[used], rows.weight[used], rows.heading_jacobian[used]
-    )
+    observations = SurfelObservations(np.concatenate([[0], np.cumsum(count)]), *(column[used] for column in rows[1:]))
+    scan_of = np.repeat(np.arange(scans), count)
+    pull = observations.residual[:, None] * normal[observations.surfel]
+    np.testing.assert_allclose([pull[scan_of == i].sum(axis=0) for i in range(scans)], gradient[:, :2], atol=1e-9)
     for begin, end in pairwise(observations.first):  # one row for each surfel that a scan sees
         assert len(set(observations.surfel[begin:end])) == end - begin
     total = np.bincount(matches.surfel[matches.surfel >= 0], matches.weight[matches.surfel >= 0])

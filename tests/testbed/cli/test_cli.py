@@ -136,9 +136,30 @@ def test_bad_world_file_is_one_line(here, capsys, line, complaint):
 
 
 def test_without_pybullet_one_line_says_what_to_do(here, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pybullet", None)  # as on Python 3.12 and later
-    assert_refused(capsys, "pip install --no-build-isolation pybullet", "run", "office", "--out", "run")
+    monkeypatch.setitem(sys.modules, "pybullet", None)  # as where it has no wheel
+    assert_refused(capsys, "'pip install pybullet", "run", "office", "--backend", "pybullet", "--out", "run")
+    assert_refused(capsys, "'pip install pybullet", "simulate", "office", "--backend", "pybullet", "--out", "run")
     assert not Path("run").exists()
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_the_backend_is_decided_before_it_is_written(here, capsys, monkeypatch, installed):
+    monkeypatch.setattr("testbed.simulation.config.is_installed", lambda: installed)
+    if installed:
+        pytest.importorskip("pybullet")
+    assert call("run", "loop", "--duration", "0.5", "--particles", "1", "--no-refine", "--out", "run") == 0
+    backend = tomllib.loads(Path("run/config.toml").read_text())["settings"]["backend"]
+    assert backend == ("pybullet" if installed else "fast")
+    lines = [line for line in capsys.readouterr().err.splitlines() if "PyBullet" in line]
+    assert len(lines) == (0 if installed else 1)
+    assert call("run", "--config", "run/config.toml", "--out", "again") == 0
+    assert "PyBullet" not in capsys.readouterr().err  # it is named now
+
+
+def test_datasets_are_made_by_the_fast_backend(here, capsys):
+    assert call("simulate", "loop", "--duration", "0.5", "--format", "parquet", "--out", "data") == 0
+    assert tomllib.loads(Path("data/loop-0000/config.toml").read_text())["settings"]["backend"] == "fast"
+    assert "PyBullet" not in capsys.readouterr().err
 
 
 def test_a_directory_with_other_work_is_left_alone(here, capsys):

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Progress and plan of a job that makes datasets."""
 
+from collections import Counter
 from itertools import count
 
 import pytest
 
 from testbed.cli.shared import dataset_plan, dataset_progress
-from testbed.cli.shared.dataset_plan import Measured, measure_some, plan_lines, split_line
+from testbed.cli.shared.dataset_plan import Kind, Measured, measure_some, plan_lines, split_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress
 
 
@@ -26,41 +27,75 @@ def test_the_start_of_the_workers_does_not_count(monkeypatch):
     assert progress.line() == "3 of 10 datasets, 15 MB, writing index (0 s)"
 
 
-def test_kinds_are_measured_in_turn_until_time_is_over():
-    kinds = ["a"] * 90 + ["b"] * 10
+A, B = Kind("office", "lds01"), Kind("loop", "rplidar_a2")
+
+
+def measured_of(kinds, **options):
+    """The kinds that were measured, where each drive takes a second."""
     made = []
 
     def make(number):
         made.append(number)
         return Measured(1.0, 2.0, 3.0, 4)
 
-    found = measure_some(kinds, make, clock=count(0.0, 1.0).__next__)
-    assert [kind for kind, _ in found] == ["a", "b"] * 4
-    assert len(set(made)) == len(made) == 2 + dataset_plan.MEASURING_TIME
-    assert len(measure_some(kinds, make, clock=count(0.0, 100.0).__next__)) == 2
+    found = [kind for kind, _ in measure_some(kinds, make, **options)]
+    assert len(set(made)) == len(made) == len(found)
+    return found
+
+
+def test_kinds_are_measured_in_turn_until_time_is_over():
+    kinds = [A] * 90 + [B] * 10
+    found = measured_of(kinds, clock=count(0.0, 1.0).__next__)
+    assert found == [B, A] * 4
+    assert len(found) == 2 + dataset_plan.MEASURING_TIME
+    assert len(measured_of(kinds, clock=count(0.0, 100.0).__next__)) == 2
+
+
+def test_each_world_and_each_lidar_is_measured():
+    kinds = [Kind(f"world-{k}", lidar) for k in range(15) for lidar in ("lds01", "rplidar_a2", "lms200")]
+    found = measured_of(kinds * 4, clock=count(0.0, 100.0).__next__)
+    assert {kind.world for kind in found} == {kind.world for kind in kinds}
+    assert Counter(kind.lidar for kind in found) == {"lds01": 5, "rplidar_a2": 5, "lms200": 5}
+    few = kinds[:6]
+    assert set(measured_of(few * 4, clock=count(0.0, 100.0).__next__)) == set(few)
+    one_world = [Kind("office", f"lidar-{k}") for k in range(20)]
+    assert set(measured_of(one_world, clock=count(0.0, 100.0).__next__)) == set(one_world)
 
 
 def test_a_plan_weights_kinds_by_how_many_there_are(tmp_path):
-    measured = [("a", Measured(1.0, 100.0, 50.0, 10_000_000)), ("b", Measured(3.0, 200.0, 70.0, 30_000_000))]
-    line, free = plan_lines(measured, ["a"] * 30 + ["b"] * 10, 2, tmp_path / "new")
+    measured = [(A, Measured(1.0, 100.0, 50.0, 10_000_000)), (B, Measured(3.0, 200.0, 70.0, 30_000_000))]
+    (line,) = plan_lines(measured, [A] * 30 + [B] * 10, 2, tmp_path / "new")
     assert line.startswith("about 600 MB, 1.39 h of driving, 2.20 km; it takes about 0:00:33 with 2 workers")
-    assert free.startswith("free on this disk: ")
-    assert "not enough" in plan_lines([("a", Measured(1.0, 1.0, 1.0, 10**15))], ["a"], 1, tmp_path)[1]
+    assert "not enough" in plan_lines([(A, Measured(1.0, 1.0, 1.0, 10**15))], [A], 1, tmp_path)[1]
+
+
+def test_a_plan_takes_length_by_world_and_size_by_lidar(tmp_path):
+    measured = [(A, Measured(1.0, 100.0, 50.0, 10_000_000)), (B, Measured(4.0, 200.0, 70.0, 60_000_000))]
+    (line,) = plan_lines(measured, [Kind(A.world, B.lidar)] * 36, 1, tmp_path)
+    assert line.startswith("about 1080 MB, 1.00 h of driving, 1.80 km; it takes about 0:01:12 ")
 
 
 @pytest.mark.parametrize(("workers", "time"), [(1, "0:00:01 with 1 worker "), (5, "0:00:01 with 1 worker ")])
 def test_one_dataset_needs_one_worker(tmp_path, workers, time):
-    assert f"it takes about {time}" in plan_lines([("a", Measured(1.0, 1.0, 1.0, 1))], ["a"], workers, tmp_path)[0]
+    assert f"it takes about {time}" in plan_lines([(A, Measured(1.0, 1.0, 1.0, 1))], [A], workers, tmp_path)[0]
 
 
 def test_a_plan_names_the_worlds_of_each_split():
-    assert split_line(["office", "apartment"] * 3) == (
-        "train: apartment; validation: none; test: office; three or more worlds give all splits"
-    )
-    assert split_line([f"rooms-{k}" for k in range(50)]).startswith("train: rooms-0, ")
-    assert " more; validation: " in split_line([f"rooms-{k}" for k in range(50)])
+    names, why = split_lines(["office", "apartment"] * 3, {})
+    assert names == "train: apartment; validation: none; test: office"
+    assert why.startswith("(three or more worlds give all splits; ")
+    names, why = split_lines([f"rooms-{k}" for k in range(50)], {})
+    assert names.startswith("train: rooms-0, ")
+    assert " more; validation: " in names
+    assert "three" not in why
+
+
+def test_a_plan_keeps_splits_that_were_chosen():
+    names, why = split_lines(["office", "apartment"], {"apartment": "test", "lab": "validation"})
+    assert names == "train: office; validation: none; test: apartment"
+    assert why == "(as chosen before)"
 
 
 def test_a_plan_says_what_was_not_measured(tmp_path):
-    (line, _) = plan_lines([("a", Measured(1.0, 1.0, 1.0, 1))], ["a", "b"], 1, tmp_path)
-    assert line.endswith("not measured, taken as the mean of the others: 1 of 2 kinds")
+    (line,) = plan_lines([(A, Measured(1.0, 1.0, 1.0, 1))], [A, B], 1, tmp_path)
+    assert line.endswith("not measured, taken as the mean of the others: 1 of 2 worlds")

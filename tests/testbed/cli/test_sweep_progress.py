@@ -148,6 +148,15 @@ def test_medians_so_far_stand_by_world_and_count(cells, clock):
     assert shown(progress)[-1].split() == [cells[0].place, "40.0", "(2)", "3.0", "(2)"]
 
 
+def test_medians_stand_in_the_order_of_the_tables(cells):
+    left = TimeLeft(cells, Costs({cells[0].place: 1.0}), 2, is_in_seconds=False)
+    stage = Stage("", worst=False, groups=(("loop", "default"), ("apartment", "default")))
+    progress = SweepProgress(cells[:1], left, MEASURE, stage)
+    for place in ("apartment", "another", "loop"):
+        progress.event(Finished(replace(cells[0], place=place, line="default"), result(0.02)))
+    assert [line.split(":")[0].strip() for line in progress.median_lines()[1:]] == ["loop", "apartment", "another"]
+
+
 def test_runs_that_were_there_before_count_among_the_medians(cells, tmp_path):
     progress = progress_of([replace(cell, particles=n) for cell, n in zip(cells, COUNTS, strict=True)])
     progress.note_table(read_sweep(write_sweep(tmp_path / "before")))

@@ -68,6 +68,28 @@ def test_a_plan_makes_nothing(tmp_path, capsys):
     assert "0 datasets to make; 6 exist already" in capsys.readouterr().out
 
 
+def test_a_plan_says_first_what_needs_no_kernels(tmp_path, capsys, monkeypatch):
+    def stop():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("testbed.cli.simulate.announce_compilation", stop)
+    arguments = ("office,loop", "--count", "3", "--out", tmp_path / "data", *DRAWS)
+    assert call("simulate", *arguments, "--plan") != 0
+    output = capsys.readouterr().out
+    assert "6 datasets to make\ntrain: office; validation: none; test: loop\n" in output
+    assert "free on this disk: " in output
+
+
+def test_a_missing_split_is_said_before_anything_is_made(made, tmp_path, capsys):
+    common = ("--duration", "4", "--format", "parquet")
+    assert call("simulate", "office", "--count", "2", "--out", tmp_path / "two", *common) == 0
+    err = capsys.readouterr().err
+    assert "train: office; validation: none; test: none\n(three or more worlds give all splits;" in err
+    shutil.copytree(made, tmp_path / "three")
+    assert call("simulate", "office", "--seed", "70", "--out", tmp_path / "three", *common) == 0
+    assert "validation" not in capsys.readouterr().err
+
+
 def test_worlds_without_a_comma_are_refused_with_advice(tmp_path, capsys):
     assert_refused(capsys, "unexpected lab; several worlds", "simulate", "office", "lab", "--out", tmp_path / "data")
     assert not (tmp_path / "data").exists()

@@ -6,8 +6,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from testbed.formats import LogError, open_log
+from slam.scan import Scan
+from testbed.formats import Log, LogError, open_log
+from testbed.formats.head import LogHead
+from testbed.formats.parquet import GROUP_ROWS, write_parquet
 from testbed.formats.write import write_log
+from testbed.frame import Frame
 from tests.testbed.recordings import two_lidar_drive
 
 
@@ -53,3 +57,28 @@ def test_stamps_in_nanoseconds_are_read_as_seconds(tmp_path, table):
     log = open_log(tmp_path / "nano.parquet")
     assert log.table.stamps == pytest.approx(stamps, abs=1e-5)
     assert "stamps are in nanoseconds; they are read as seconds" in log.notes
+
+
+def test_rows_are_written_in_large_groups_and_read_the_same(tmp_path):
+    """From blocks of any size, with one beam pattern that all scans share, and with several."""
+    wide, narrow = np.linspace(-1.0, 1.0, 3), np.array([0.5, 0.75])
+    angles = [wide] * 1200 + [wide, narrow] * 200
+    n = len(angles)
+    frames = [
+        Frame(
+            stamp=0.1 * k,
+            odometry=np.array([k, 0.0, 0.0]),
+            scan=Scan(ranges=k + np.arange(len(angles[k])), angles=angles[k], range_max=1e9),
+        )
+        for k in range(n)
+    ]
+    log = Log.from_frames(frames, path=tmp_path / "drive", format="simulation")
+    write_parquet(tmp_path / "drive", log.table.blocks(), LogHead.of(log))
+    written = pq.ParquetFile(tmp_path / "drive" / "frames.parquet")
+    groups = [written.metadata.row_group(k).num_rows for k in range(written.num_row_groups)]
+    assert groups == [GROUP_ROWS, n - GROUP_ROWS]
+    read = open_log(tmp_path / "drive").frames
+    assert len(read) == n
+    for frame, back in zip(frames, read, strict=True):
+        np.testing.assert_array_equal(back.scan.ranges, frame.scan.ranges)
+        np.testing.assert_array_equal(back.scan.angles, frame.scan.angles)

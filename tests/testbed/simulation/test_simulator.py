@@ -3,6 +3,9 @@
 
 import dataclasses
 import math
+import sys
+import types
+from importlib.machinery import ModuleSpec
 
 import numpy as np
 import pytest
@@ -294,14 +297,22 @@ def test_worlds_without_a_fitting_tour_are_refused():
 
 
 def test_missing_pybullet_is_explained_in_one_line(monkeypatch):
-    import sys
-
     from testbed.simulation.physics.pybullet import PyBulletMissingError
 
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    with pytest.raises(PyBulletMissingError, match="pip install --no-build-isolation pybullet") as caught:
+    with pytest.raises(PyBulletMissingError, match="pip install pybullet") as caught:
         next(simulate(room(), perfect(backend="pybullet")))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("module", "backend"), [(types.ModuleType("pybullet"), "pybullet"), (None, "fast")])
+def test_auto_is_pybullet_where_it_is_installed(monkeypatch, module, backend):
+    if module is not None:
+        module.__spec__ = ModuleSpec("pybullet", None)
+    monkeypatch.setitem(sys.modules, "pybullet", module)
+    assert SimulationConfig().backend == SimulationConfig(backend="auto").backend == backend
+    assert SimulationConfig(backend="fast").backend == "fast"
+    assert SimulationConfig(backend="pybullet").backend == "pybullet"
 
 
 def test_presets_of_several_rates_fit_together():

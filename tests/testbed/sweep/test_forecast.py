@@ -24,13 +24,13 @@ def planned(folder: Path, **document):
 def test_each_drive_is_simulated_once_and_each_particle_counts(tmp_path, monkeypatch):
     settings = {"refine": False}
     cells, costs = planned(tmp_path, particles=[1, 4], seeds=3, settings=settings)
-    pace = Pace(simulation=100.0, fixed=10.0, particle=1.0, final_pass=1e6)
+    pace = Pace(drive=7.0, job=0.5, simulation=100.0, fixed=10.0, particle=1.0, final_pass=1e6)
     monkeypatch.setattr(forecast, "measure_pace", lambda *_: {"": pace})
     times = probed_times(cells, costs, 1)
     per_seed = 100.0 + 2 * 10.0 + (1 + 4)
-    length = costs.length(cells[0])
-    assert times.total(cells, 1) - REPORT_SECONDS == pytest.approx(3 * per_seed * length)
-    assert times.total(cells, 2) - REPORT_SECONDS == pytest.approx(1.5 * per_seed * length)
+    seed = 7.0 + 2 * 0.5 + per_seed * costs.length(cells[0])
+    assert times.total(cells, 1) - REPORT_SECONDS == pytest.approx(3 * seed)
+    assert times.total(cells, 2) - REPORT_SECONDS == pytest.approx(1.5 * seed)
 
 
 def test_jobs_that_are_done_say_what_the_others_take(tmp_path):
@@ -62,16 +62,17 @@ def test_the_pace_separates_what_it_measures(tmp_path, monkeypatch):
     simulated = set()
 
     def simulate(cell):
-        """Costs 5 s once a drive."""
+        """Costs 3 s once a drive, and 2 s a metre; the robot drives 0.25 m/s."""
         drive = cell.settings["lidar"], cell.settings["duration"]
-        clock["now"] += 5.0 * (drive not in simulated)
+        clock["now"] += (3.0 + 0.5 * cell.settings["duration"]) * (drive not in simulated)
         simulated.add(drive)
 
     def compute(cell):
-        """Costs 2 s for the job, 0.1 s a particle, 4 s for the final pass; 2 m are driven."""
+        """Costs 1.5 s for the job; a metre costs 1 s, 0.05 s for each particle, and 2 s for the final pass."""
         simulate(cell)
-        clock["now"] += 2.0 + 0.1 * cell.particles + 4.0 * cell.settings["refine"]
-        return type("Result", (), {"metrics": {"trajectory": {"length_m": 2.0}}})
+        metres = 0.25 * cell.settings["duration"]
+        clock["now"] += 1.5 + metres * (1.0 + 0.05 * cell.particles + 2.0 * cell.settings["refine"])
+        return type("Result", (), {"metrics": {"trajectory": {"length_m": metres}}})
 
     monkeypatch.setattr(forecast, "compute", compute)
     monkeypatch.setattr(forecast, "recording_of", simulate)
@@ -80,7 +81,7 @@ def test_the_pace_separates_what_it_measures(tmp_path, monkeypatch):
     paces = measure_pace(cells, costs, 1)
     assert paces.keys() == {"lds01", "rplidar_a1"}
     for pace in paces.values():
-        assert tuple(vars(pace).values()) == pytest.approx((2.5, 1.0, 0.05, 2.0))
+        assert tuple(vars(pace).values()) == pytest.approx((3.0, 1.5, 2.0, 1.0, 0.05, 2.0))
 
 
 def test_logs_and_small_sweeps_are_not_measured(tmp_path):

@@ -18,6 +18,8 @@ import pytest
 from eval.sweep.paper_tables import markdown_table
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
+from testbed.cli import sweep as sweep_command
+from testbed.cli.shared import sweep_announcement
 from testbed.cli.shared.sweep_options import SweepOptions
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execute import check_code, prepare
@@ -256,10 +258,31 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
     assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nThe margin: " in said
-    assert "In apartment, office and loop, with errors of about 2 cm, that is 25 %." in said
+    assert "Of a usual error, about 2 cm in the reference worlds (apartment, office, loop), that is 25 %." in said
     assert said.endswith("That takes some seconds.\n")
-    assert "3 seeds cannot tell how many particles are enough: at least 8 are needed." in said
+    assert "Too few seeds (3) to tell how many particles are enough: at least 8 are needed." in said
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_plan_says_what_needs_no_kernels_before_it_compiles(tmp_path, monkeypatch, capsys):
+    class CompilationError(Exception):
+        pass
+
+    def compiles():
+        raise CompilationError
+
+    monkeypatch.setattr(sweep_announcement, "is_compiled", lambda: False)
+    monkeypatch.setattr(sweep_announcement, "announce_compilation", compiles)
+    with pytest.raises(CompilationError):
+        call("sweep", "--worlds", "apartment", "--particles", "1,30", "--seeds", "3", "--plan")
+    said = capsys.readouterr()
+    assert "Too few seeds (3)" in said.out
+    assert "that is 25 %" in said.out
+    assert "Measuring it needs the kernels, which are compiled first; Ctrl-C ends here" in said.err
+    monkeypatch.setattr(sweep_command, "announce_compilation", compiles)
+    with pytest.raises(CompilationError):  # the sweep itself too
+        call("sweep", "--worlds", "apartment", "--particles", "1,30", "--seeds", "3", "--out", tmp_path / "out")
+    assert "Too few seeds (3)" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -82,7 +82,7 @@ def test_clutter_fills_the_floor():
     ("settings", "message"),
     [
         ({"kind": "castle"}, "expected one of rooms, corridors"),
-        ({"kind": "maze", "size": (5.0, 10.0)}, "expected sides of 8 to 200 m"),
+        ({"kind": "maze", "size": (5.0, 10.0)}, "expected sides of 8 to 220 m"),
         ({"kind": "maze", "clutter": -1.0}, "expected clutter"),
         ({"kind": "maze", "loops": -1}, "expected clutter"),
     ],

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Scenes of PyBullet are used again: as good as new, and memory stays where it is."""
 
+import types
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,21 @@ def test_a_scene_that_was_used_gives_the_same_bits_as_a_new_one():
     runs.append(drive(second))
     for run in runs[1:]:
         assert all(np.array_equal(a, b) for a, b in zip(run, runs[0], strict=True))
+
+
+def test_rays_in_lists_are_the_same_bits_as_in_arrays():
+    """Wheels that were built without numpy take lists only."""
+    backend = PyBulletBackend(load("office"), load_robot("create3"), LIMITS)
+    arguments = np.tile([3.0, 5.5], (360, 1)), np.linspace(-np.pi, np.pi, 360), 12.0, 0.2
+    in_arrays = backend.cast(*arguments)
+    backend._scene._takes_arrays = False
+    seen = []
+    rays = backend._scene._p.rayTestBatch
+    backend._scene._p = types.SimpleNamespace(rayTestBatch=lambda *ends, **o: seen.append(ends) or rays(*ends, **o))
+    in_lists = backend.cast(*arguments)
+    assert all(isinstance(end, list) for ends in seen for end in ends)
+    for first, second in zip(in_arrays, in_lists, strict=True):
+        np.testing.assert_array_equal(first, second)
 
 
 def test_few_scenes_are_kept_one_per_world_and_robot():

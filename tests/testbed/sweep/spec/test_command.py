@@ -16,6 +16,7 @@ from testbed.sweep.spec.spec import parse_spec
     [
         {"worlds": ["office", "loop"], "seeds": 3, "particles": [1, 5]},
         {"worlds": "generated:rooms*4,office,generated:loops:size=30x20:3", "seeds": "4:9", "measure": "online"},
+        {"worlds": ["office", "generated:cave*3"], "seeds": 8, "drawn_seeds": 2},
         {"worlds": "generated:cave:5", "seeds": [7], "settings": {"refine": False, "route": "random"}},
         {
             "worlds": ["a b.toml"],
@@ -32,8 +33,11 @@ def test_the_command_gives_the_same_specification(document):
     assert (program, command) == ("testbed", "sweep")
     options: dict = {}
     for name, value in zip(words[::2], words[1::2], strict=True):
-        key = name.removeprefix("--")
-        options[key] = (*options.get(key, ()), value) if key in ("axis", "set") else value
+        key = name.removeprefix("--").replace("-", "_")
+        if key == "drawn_seeds":
+            options[key] = int(value)
+        else:
+            options[key] = (*options.get(key, ()), value) if key in ("axis", "set") else value
     expected = spec.document()
     if "route" not in document.get("axes", {}):  # the command is exact where the specification leaves the default
         expected["settings"] = {"route": "fixed"} | expected.get("settings", {})

@@ -12,11 +12,21 @@ from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.plan import Costs, Shard, by_recording, input_digests, plan, seed_by_seed
 from testbed.sweep.spec.settings import RunSettings, checked, known
 from testbed.sweep.spec.spec import parse_spec, parsed_axes, presets, read_document, read_preset
+from testbed.sweep.store import Manifest, check_extends
 from tests.testbed.sweep.room import room_cell, room_file
 
 
 def spec_of(document: dict, folder: Path = Path()):
     return parse_spec(document, "x.toml", folder)
+
+
+@pytest.mark.parametrize(("installed", "backend"), [(True, "pybullet"), (False, "fast")])
+def test_jobs_of_a_sweep_share_a_backend_that_is_decided(monkeypatch, installed, backend):
+    monkeypatch.setattr("testbed.simulation.config.is_installed", lambda: installed)
+    assert checked("backend", "auto", recorded=False) == backend
+    spec = spec_of({"worlds": ["office"], "settings": {"backend": "auto"}})
+    assert [line.settings["backend"] for line in spec.lines()] == [backend]
+    assert RunSettings().simulator.backend == "fast"
 
 
 def test_lines_are_all_combinations_of_variants_and_axes():
@@ -97,6 +107,31 @@ def test_worlds_and_seeds_are_lists_texts_or_numbers():
     assert spec_of({"worlds": "office, loop"}).worlds == ("office", "loop")
 
 
+def test_drawn_worlds_can_have_fewer_seeds():
+    """A single generated world is no sample of its kind, so it has all of them."""
+    worlds = ["office", "generated:rooms*2", "generated:cave:4"]
+    spec = spec_of({"worlds": worlds, "seeds": "2:5", "drawn_seeds": 1, "particles": [1, 3]})
+    cells = plan(spec, "code", {})
+    seeds = {place: sorted({cell.seed for cell in cells if cell.place == place}) for place in ("office", "rooms-1")}
+    assert seeds == {"office": [2, 3, 4], "rooms-1": [2]}
+    assert len([cell for cell in cells if cell.place == "cave-4"]) == 6
+    assert spec.size == len(cells) == 2 * (3 + 1 + 1 + 3)
+    assert len(plan(spec.model_copy(update={"drawn_seeds": None}), "code", {})) == 2 * 4 * 3
+
+
+def test_a_sweep_grows_by_seeds_of_its_drawn_worlds(tmp_path):
+    def extends(there: int | None, requested: int | None) -> None:
+        kind = {"worlds": ["generated:rooms*2"]}
+        specs = [spec_of(kind if number is None else kind | {"drawn_seeds": number}) for number in (there, requested)]
+        check_extends(tmp_path, *(Manifest(spec, "code", {}, "commit") for spec in specs))
+
+    for there, requested in ((1, 1), (1, 2), (1, None), (None, None)):
+        extends(there, requested)
+    for there, requested in ((2, 1), (None, 1)):
+        with pytest.raises(SweepError, match=r"drawn_seeds is .* there, 1 requested"):
+            extends(there, requested)
+
+
 def test_values_take_the_type_of_their_setting():
     assert repr(checked("filter.match.hit_sigma", 1, recorded=False)) == "1.0"
     assert checked("filter.proposal.samples", 7, recorded=True) == 7
@@ -133,6 +168,7 @@ def test_values_take_the_type_of_their_setting():
         ({"worlds": ["office"], "seeds": list(range(20_000))}, "seeds: "),
         ({"worlds": ["generated:rooms*3", "office"], "seeds": 10_000}, "280000 jobs, expected at most 100000"),
         ({"worlds": ["generated:rooms*1000000000"]}, "expected a number of worlds from 1 to 1000"),
+        ({"worlds": ["office"], "until": "decided", "drawn_seeds": 1}, "drawn_seeds: expected without --until decided"),
         ({"worlds": ["generated:castle*3"]}, "unknown kind of world 'castle'"),
         ({"worlds": ["office"], "measure": "accuracy"}, "measure 'accuracy': expected one of online, filter, refined"),
         ({"worlds": ["office"], "measure": "trajectory"}, "measure 'trajectory': expected one of"),
@@ -162,7 +198,8 @@ def test_shipped_presets_are_valid():
     assert {"gate", "particles"} <= set(presets())
     specs = {name: parse_spec(read_preset(name), name, Path()) for name in presets()}
     study = specs["particles"]
-    assert (len(study.worlds), len(study.seeds), study.particles) == (6, 10, (1, 2, 5, 10, 20, 40, 80))
+    assert (len(study.worlds), len(study.seeds), study.particles) == (23, 8, (1, 2, 5, 10, 20, 40, 80))
+    assert (len(study.drawn_worlds), study.drawn_seeds) == (20, 1)  # the unit of both kinds is the world
     assert [line.name for line in study.lines()] == ["improved", "scan-match", "motion"]
 
 

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: MIT
+"""Covariances of the refined poses, against errors whose distribution is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slam import FilterConfig, refine, se2
+from slam.refinement._chain_kernels import chain_covariances, factor_chain
+from tests.slam.rooms import drive, scan_at
+
+CONFIG = FilterConfig()
+
+
+def noisy_run(seed, sigma, turned=0.0):
+    """Truth and result of a final pass: ranges with noise [m], odometry with noise, the frame turned [rad]."""
+    rng = np.random.default_rng(seed)
+    truth = drive(30, distance=0.12, turn=0.06)
+    motions = se2.between(truth[:-1], truth[1:]) + rng.normal(scale=(0.01, 0.005, 0.006), size=(30, 3))
+    odometry = np.zeros_like(truth)
+    for k, motion in enumerate(motions):
+        odometry[k + 1] = se2.compose(odometry[k], motion)
+    scans = []
+    for pose in truth:
+        scan = scan_at(pose, beams=120)
+        scans.append(replace(scan, ranges=scan.ranges + rng.normal(scale=sigma, size=scan.ranges.shape)))
+    start = se2.compose((0.0, 0.0, turned), truth)
+    return truth, refine(odometry, scans, start, CONFIG, threads=1)
+
+
+def squared_errors(truth, result):
+    """Squared errors relative to the first pose, in variances, (frames - 1,)."""
+    expected = se2.compose(result.poses[0], se2.between(truth[0], truth))
+    error = result.poses - expected
+    error[:, 2] = se2.wrap_angle(error[:, 2])
+    return np.einsum("ni,nij,nj->n", error[1:], np.linalg.inv(result.covariances[1:]), error[1:])
+
+
+def test_squared_errors_are_three_variances_over_many_seeds():
+    means = [squared_errors(*noisy_run(seed, sigma=0.02)).mean() for seed in range(16)]
+    assert 1.5 < np.mean(means) < 4.5, means  # 3 where the covariance is exact; 16 means scatter by 0.5
+
+
+def test_covariances_are_relative_to_the_first_pose_and_positive():
+    _, result = noisy_run(0, sigma=0.02)
+    np.testing.assert_array_equal(result.covariances[0], 0.0)
+    assert np.linalg.eigvalsh(result.covariances[1:]).min() > 0.0
+    np.testing.assert_allclose(result.covariances, result.covariances.swapaxes(1, 2), atol=1e-15)
+
+
+def test_covariances_turn_with_the_frame():
+    _, straight = noisy_run(3, sigma=0.02)
+    _, turned = noisy_run(3, sigma=0.02, turned=np.pi / 2.0)
+    R = se2.rotation(np.array(np.pi / 2.0))
+    expected = R @ straight.covariances @ R.T
+    largest = np.abs(expected).max(axis=(1, 2), keepdims=True)[1:]
+    assert np.median(np.abs(turned.covariances - expected)[1:] / largest) < 0.05  # walls meet other cells
+
+
+def test_more_noise_makes_less_certain():
+    exact, noisy = (noisy_run(1, sigma)[1].covariances[1:] for sigma in (0.01, 0.08))
+    assert np.median(noisy[:, 0, 0] / exact[:, 0, 0]) > 2.0
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_blocks_of_the_inverse_of_a_chain(n):
+    rng = np.random.default_rng(n)
+    root = rng.normal(size=(n, 3, 3))
+    diagonal = root @ root.swapaxes(1, 2) + 5.0 * np.eye(3)
+    coupling = rng.normal(size=(max(n - 1, 0), 3, 3))
+    dense = np.zeros((n, 3, n, 3))
+    for i in range(n):
+        dense[i, :, i] = diagonal[i]
+    for i in range(n - 1):
+        dense[i, :, i + 1], dense[i + 1, :, i] = coupling[i], coupling[i].T
+    factors, eliminated, out = np.empty((n, 3, 3)), np.empty((max(n - 1, 0), 3, 3)), np.empty((n, 3, 3))
+    assert factor_chain(diagonal, coupling, factors, eliminated)
+    chain_covariances(factors, eliminated, out)
+    inverse = np.linalg.inv(dense.reshape(3 * n, 3 * n)).reshape(n, 3, n, 3)
+    np.testing.assert_allclose(out, [inverse[i, :, i] for i in range(n)], atol=1e-12)
