@@ -19,6 +19,7 @@ from eval.filter.closing_loop import largest_closing_loop
 from eval.filter.step_table import column, updates
 from eval.first_failure import BAD_DEG, BAD_M
 from eval.loss_watch import Spell, spells
+from eval.mended import drift_in
 from eval.report import plots
 from eval.report.check_story import times_in_words
 from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
@@ -127,16 +128,12 @@ def _drift_before(context: ReportContext) -> str:
         for spell in spells(steps, "drifted")
         if spell.start < failure.stamp
     ]
-    stamps, errors = column(steps, "stamp"), column(steps, "error_m")
     if not before:
         return ""
-    within = np.zeros(len(stamps), np.bool_)
-    for spell in before:
-        within |= (stamps >= spell.start) & (stamps <= (spell.end or failure.stamp))
     times = times_in_words(before, context.start)
     return (
         f"The map was bent before: the pose while driving had drifted {times}, by up to "
-        f"{length(float(np.nanmax(errors[within])))}, so that a wall seen before and after may lie in it twice."
+        f"{length(drift_in(steps, before))}, so that a wall seen before and after may lie in it twice."
     )
 
 
@@ -175,7 +172,7 @@ def _loop_rows(run: RunFiles, start: float) -> list[dict[str, str]]:
     """The loops that the final pass found, in words, in the order of time."""
     rows = []
     for loop in sorted(run.metric("loops.list") or [], key=lambda loop: loop["stamp"]):
-        decision = "closed by the filter" if loop["closed_by_filter"] else "left open by the filter, closed now"
+        decision = "closed by the filter" if loop["closed_by_filter"] else "left open, closed now"
         rows.append(
             {
                 "time": at_time(loop["stamp"] - start),

@@ -10,7 +10,8 @@ from typing import Literal
 from eval.files.run_reader import RunFiles
 from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
 from eval.loss_watch import spells
-from eval.report.check_story import self_check_story
+from eval.mended import Mended, drift_in, find_mended
+from eval.report.check_story import self_check_story, times_in_words
 from eval.report.report_context import ReportContext
 from eval.wording import at_time, length, share, spread, up_to_a_tenth
 
@@ -70,6 +71,8 @@ class Verdict:
     severity: Severity
     lead: str
     sentences: tuple[str, ...]
+    mended_time: float | None
+    """When to watch what was wrong before the final pass, since the first scan [s]; None where nothing was."""
     loop: Loop
     headlines: tuple[Headline, ...]
 
@@ -86,25 +89,44 @@ def verdict(run: RunFiles) -> Verdict:
         lead += _moment_and_cause(run, float(stamps[0]), float(stamps[-1] - stamps[0]))
     elif outcome == "unjudged" and run.metric("self_check"):
         lead, severity = UNJUDGED_LEADS.get(str(run.metric("self_check.verdict")), (lead, severity))
+    mended = find_mended(run.metrics, run.path)
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [
         self_check_story(context),
         _sentence(reason),
-        _other_outcomes(run, outcome),
+        _mended_sentence(context, mended),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
         _closed_loops_sentence(run),
     ]
-    return Verdict(outcome, severity, lead, tuple(filter(None, sentences)), _loop(context), tuple(_headlines(run)))
+    return Verdict(
+        outcome=outcome,
+        severity=severity,
+        lead=lead,
+        sentences=tuple(filter(None, sentences)),
+        mended_time=None if mended is None else mended.time_to_watch,
+        loop=_loop(context),
+        headlines=tuple(_headlines(run)),
+    )
 
 
-def _other_outcomes(run: RunFiles, outcome: str) -> str:
-    """Name the outcomes of the pose while driving and of the filter's own path where they are worse than the run's."""
-    words = (("online", "While driving"), ("filter", "On the filter's own path"))
-    found = [(which, run.metric(f"outcome_{key}")) for key, which in words]
-    worse = [f"{which}: {other}" for which, other in found if other not in (None, outcome, "ok", "unjudged")]
-    return f"The final pass mended more. {'. '.join(worse)}." if worse and outcome in ("ok", "drift") else ""
+def _mended_sentence(context: ReportContext, mended: Mended | None) -> str:
+    """Say when and why the estimate was wrong before the final pass mended it; empty where it was not."""
+    if mended is None:
+        return ""
+    cause = mended.cause or "the data show no fault at this moment"
+    text = (
+        f"The final pass has mended what was wrong before it. {_sentence(mended.which).rstrip('.')} the outcome is "
+        f"{mended.outcome}: at {at_time(mended.stamp - context.start)} {mended.reason}. Cause: {cause}."
+    )
+    drifted = [] if context.run.steps is None else spells(context.run.steps, "drifted")
+    if drifted and context.run.steps is not None:
+        text += (
+            f" The pose while driving had drifted {times_in_words(drifted, context.start)}, by up to "
+            f"{length(drift_in(context.run.steps, drifted))}."
+        )
+    return text
 
 
 def _sentence(text: str) -> str:
@@ -223,7 +245,8 @@ def _loop(context: ReportContext) -> Loop:
         error_before, error_after = loop.errors
         text += (
             f" The position error while driving, aligned at the first scan as in the plot below and in the recording, "
-            f"was {length(error_before)} before it and {length(error_after)} at {at_time(loop.stamp - start)}"
+            f"was {length(error_before)} at the update before it and {length(error_after)} at "
+            f"{at_time(loop.stamp - start)}"
         )
         text += ": little had to be corrected." if max(error_before, error_after) < SMALL_ERROR_M else "."
     if lost and first_loss - loop.stamp <= SOON_S:

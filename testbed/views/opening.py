@@ -89,7 +89,7 @@ def moments_of(run: Path) -> Callable[[float], bytes] | None:
 
 
 def events_of(run: Path) -> list[Event] | None:
-    """The event log of a run, in the order of time; None where it has no recording.
+    """The event log of a run and its changes of state, in the order of time; None where it has no recording.
 
     run: a directory, or a recording
 
@@ -100,7 +100,8 @@ def events_of(run: Path) -> list[Event] | None:
         return None
     from testbed.views.rerun.recorded import Recorded
 
-    return Recorded(recording).events()
+    recorded = Recorded(recording)
+    return sorted([*recorded.events(), *recorded.states()], key=lambda event: event.time)
 
 
 def _pictures_of(run: Path) -> MomentPictures | None:

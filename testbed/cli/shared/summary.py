@@ -19,6 +19,7 @@ from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
 from eval.filter.step_table import column
 from eval.first_failure import Failure
 from eval.loss_watch import spells
+from eval.mended import find_mended
 from eval.report.check_story import self_check_sentence
 from eval.wording import at_time, up_to_a_tenth
 from testbed.views import recording_of
@@ -61,9 +62,14 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         failure, stamps = found
         cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
         table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}{cause}")
+    mended = None if run is None else find_mended(metrics, run)
     loop = _largest_loop(run)
     if loop is not None:
         table.add_row("largest loop closure", _loop_in_words(*loop))
+    if mended is not None and run is not None:
+        start = float(read_tum(run / "truth.tum").stamps[0])
+        cause = mended.cause.split(":")[0] if mended.cause else mended.reason
+        table.add_row(f"went wrong {mended.which}, mended", f"at {at_time(mended.stamp - start)}: {cause}")
     while_driving = _value(metrics, "outcome_online")
     if while_driving not in (None, metrics["outcome"], "unjudged"):
         table.add_row("outcome while driving", f"{while_driving}")
@@ -80,18 +86,22 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
 
 
 def watch_command(metrics: Mapping[str, Any], run: Path) -> str | None:
-    """Name the moment of a run that is most worth watching, with the command that shows it: where it went wrong, else
-    its largest loop closure; None where it has neither, or no recording.
+    """Name the moment of a run that is most worth watching, with the command that shows it: where it went wrong, also
+    where the final pass has mended that, else its largest loop closure; None where it has neither, or no recording.
 
     Raises ValueError for damaged files in its directory.
     """
     if recording_of(run) is None:
         return None
     found, loop, time = _failure_of(metrics, run), _largest_loop(run), None
+    mended = find_mended(metrics, run)
     if found is not None:
         what, time = "where it went wrong", found[0].time_to_watch(found[1])
+    elif mended is not None:
+        what, time = f"where it went wrong {mended.which}", mended.time_to_watch
     elif loop is not None:
-        what, time = "the largest loop closure", up_to_a_tenth(loop[0].to_watch - loop[1])
+        when = "" if loop[0].most_died is None else ", as particles die"
+        what, time = f"the largest loop closure{when}", up_to_a_tenth(loop[0].to_watch - loop[1])
     return None if time is None else f"watch {what}: testbed view {shlex.quote(str(run))} --time {time:.1f}"
 
 

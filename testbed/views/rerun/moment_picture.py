@@ -63,6 +63,7 @@ POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
 """Of several events at one time the one of the highest level is printed."""
 OWN_COVARIANCE = "95 % by the filter's own covariance, around the best"
+TRUTH_THEN = "truth at the update of the particles"
 RECENT_EVENT_S = 20.0
 """The last event is printed for this long [s]."""
 UNSEEN = tuple(part / 255.0 for part in styles.UNSEEN)
@@ -196,7 +197,8 @@ class MomentPictures:
                 at = np.searchsorted(times, jumps - 1e-3).clip(max=len(times) - 1)
                 axes.plot(times[at], values[at], "D", ms=3.5, mew=0.0, color=_rgb(styles.PROPOSAL))
             axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
-            axes.set(title=f"{name}{f' [{unit}]' if unit else ''}, line: now", xlim=(0.0, self._end), ylim=(0.0, None))
+            reach = f", up to {np.nanmax(values):.3g}{f' {unit}' if unit else ''}" if len(values) else ""
+            axes.set(title=f"{name}{reach}; line: now", xlim=(0.0, self._end), ylim=(0.0, None))
             axes.set_xlabel("time since the first scan [s]")
             axes.margins(y=0.1)
 
@@ -242,7 +244,8 @@ class MomentPictures:
             shape = _moved(self._T_world_map, ellipse(spread))
             off = se2.transform_points(se2.inverse([*shape.centre, shape.angle]), [pose(then)[:2]])[0]
             within = bool(np.hypot(*(off / np.maximum(shape.half, ELLIPSE_SIGMAS * MIN_DEVIATION))) <= 1.0)
-        return in_words(se2.compose(self._T_world_map, pose(robot)), None if true is None else pose(true), within)
+        age = 0.0 if spread is None else float(robot[TIME] - spread[TIME])
+        return in_words(se2.compose(self._T_world_map, pose(robot)), None if true is None else pose(true), within, age)
 
     def _curves(self) -> list[tuple[str, str, NDArray[np.float64], NDArray[np.float64], Any]]:
         """Name, unit, times, values and colour of the curves below the maps; those that the run does not have are left
@@ -337,8 +340,13 @@ class MomentPictures:
                 axes,
                 _moved(T, ellipse(spread)),
                 styles.COVARIANCE,
-                "95 % by the filter's own covariance, around the best",
+                OWN_COVARIANCE,
             )
+            then = self._recorded.latest(entities.TRUE_ROBOT, spread[TIME])
+            if then is not None:
+                axes.plot(
+                    *pose(then)[:2], "P", color=_rgb(styles.TRUTH), ms=7.0, mec="white", zorder=9, label=TRUTH_THEN
+                )
         if particles is not None:
             turned = se2.transform_points([0.0, 0.0, T[2]], points(particles["Arrows3D:vectors"]))
             turned *= 0.25 * reach / np.maximum(np.hypot(*turned.T), 1e-9)[:, None]

@@ -15,6 +15,8 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.views.rerun.drawing import ELLIPSE_SIGMAS
 
+SAME_TIME_S = 0.05
+"""An ellipse that is no older than this belongs to the same moment [s]."""
 MIN_DEVIATION = 1e-4
 """At the first scan the covariance is 0, and the truth lies where the estimate is but for rounding [m]."""
 
@@ -28,10 +30,10 @@ def within_ellipse(place: NDArray[np.float64], pose: Pose, covariance: NDArray[n
     return bool(yy * x * x - 2.0 * xy * x * y + xx * y * y <= ELLIPSE_SIGMAS**2 * determinant)
 
 
-def in_words(estimate: Pose, truth: Pose | None, within: bool | None) -> str:
-    """Name both positions in the world's frame, and whether the true one lies within the filter's ellipse.
+def in_words(estimate: Pose, truth: Pose | None, within: bool | None, age: float = 0.0) -> str:
+    """Name both positions in the world's frame, and whether the filter's ellipse held the truth at the last update.
 
-    estimate, truth: poses (3,); truth, within: None = unknown
+    estimate, truth: poses (3,); truth, within: None = unknown. age: time since that update [s]
     """
     words = f"robot {_position(estimate)}"
     if truth is None:
@@ -39,7 +41,8 @@ def in_words(estimate: Pose, truth: Pose | None, within: bool | None) -> str:
     words += f", truth {_position(truth)}"
     if within is None:
         return words
-    return f"{words}, which is {'inside' if within else 'outside'} the filter's 95 % ellipse"
+    is_, when = ("is", "") if age < SAME_TIME_S else ("was", f" {age:.1f} s before, at the last update")
+    return f"{words}, which {is_} {'inside' if within else 'outside'} the filter's 95 % ellipse{when}"
 
 
 def _position(pose: Pose) -> str:
@@ -49,7 +52,7 @@ def _position(pose: Pose) -> str:
 
 @dataclass(frozen=True, eq=False)
 class NowColumns:
-    """Sentences; rows (estimate (3,), truth (3,) or None, within or None), the estimate in the map's frame."""
+    """Sentences; rows (estimate (3,), truth (3,) or None, within or None, age), the estimate in the map's frame."""
 
     T_world_map: Pose
 

@@ -92,6 +92,18 @@ class Recorded:
         parts = (rows.column(f"TextLog:{name}").to_pylist() for name in ("level", "text"))
         return [Event(time, level[0], text[0]) for time, level, text in zip(times.tolist(), *parts, strict=True)]
 
+    def states(self) -> list[Event]:
+        """All changes of state as lines with the level STATE, lane by lane."""
+        found = []
+        for lane in self.names(entities.STATE):
+            times, rows = self._of(lane)
+            names = rows.column("StateChange:state").to_pylist() if len(times) else []
+            words = lane.rpartition("/")[2].replace("_", "-")
+            found += [
+                Event(time, "STATE", f"{words}: {name[0]}") for time, name in zip(times.tolist(), names, strict=True)
+            ]
+        return found
+
     def _of(self, entity: str) -> tuple[NDArray[np.float64], pa.Table]:
         """Times (n,) and rows of an entity in the order of time."""
         if entity not in self._rows:

@@ -97,6 +97,7 @@ class RerunView:
         self._styled: set[str] = set()
         self._hits: columns.Values | None = None  # of the last scan that was added
         self._within: bool | None = None  # whether the ellipse of the last update held the truth
+        self._within_at = 0.0  # its stamp [s]
         self._whole_map: OccupancyGrid | None = None
         self._refined = False
         run = str(uuid.uuid4())  # of its own: a viewer would merge runs of one id
@@ -282,7 +283,9 @@ class RerunView:
         if snapshot.truth is not None and snapshot.step is not None and snapshot.step.updated:
             step, T_map_world = snapshot.step, se2.inverse(self._T_world_map)
             self._within = within_ellipse(se2.compose(T_map_world, snapshot.truth), step.pose, step.covariance)
-        add(entities.NOW, snapshot.estimate, snapshot.truth, self._within, build=self._now)
+            self._within_at = snapshot.stamp
+        age = abs(snapshot.stamp - self._within_at)
+        add(entities.NOW, snapshot.estimate, snapshot.truth, self._within, age, build=self._now)
         self._hits = None if snapshot.scan is None else drawing.thinned_hits(snapshot.scan, MAX_POINTS)
         if self._hits is not None:
             add(entities.SCAN, *self._hits)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from eval.filter.closing_loop import CLOSING_S
+from eval.wording import at_time
 from slam.step.step_report import StepReport
 
 
@@ -96,9 +97,9 @@ class LoopWatch:
         if loop.spread is None or loop.least is None:
             return [LoopLine("INFO", text)]
         most, at = loop.most_died
-        when = f" (at {at:.1f} s)" if most else ""
+        when = f" ({'' if most == loop.died else 'most '}at {at_time(at)})" if most else ""
         least, least_at = loop.least
-        spread = f"the spread went from {100 * loop.spread:.1f} to {100 * least:.1f} cm (at {least_at:.1f} s)"
+        spread = f"the spread went from {100 * loop.spread:.1f} to {100 * least:.1f} cm (at {at_time(least_at)})"
         return [LoopLine("INFO", f"{text}: {count_of(loop.died)} died{when}, {spread}")]
 
 

@@ -110,4 +110,5 @@ def _disagree(
 
 
 def _in_words(motion: Pose) -> str:
-    return f"{np.hypot(motion[0], motion[1]):.2f} m and {np.degrees(motion[2]):.0f}°"
+    degrees = round(float(np.degrees(motion[2]))) + 0  # no "-0"
+    return f"{np.hypot(motion[0], motion[1]):.2f} m and {degrees}°"

@@ -124,7 +124,10 @@ def test_the_largest_loop_of_a_good_run_is_to_be_watched(tmp_path: Path) -> None
     assert row.split("closure")[1].strip() == (
         "57 m of driving, closed at 34.0 s; 13 of 30 particles died, most at 32.0 s"
     )
-    assert watch_command(metrics, run) == f"watch the largest loop closure: testbed view {run} --time 32.0"
+    assert (
+        watch_command(metrics, run)
+        == f"watch the largest loop closure, as particles die: testbed view {run} --time 32.0"
+    )
     (run / "recording.rrd").unlink()
     assert watch_command(metrics, run) is None
     lost = with_a_loop(write_run(tmp_path / "lost", broken=True))

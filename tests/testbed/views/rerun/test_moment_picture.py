@@ -41,7 +41,7 @@ def test_picture_and_viewer_say_the_same_of_both_positions(recorded: Recorded) -
     rows = Reader(recorded.path)
     pictures = MomentPictures(recorded.path)
     start, said = recorded.snapshots[0].stamp, set()
-    for snapshot in recorded.snapshots[::20]:
+    for snapshot in recorded.snapshots[::7]:
         time = snapshot.stamp - start
         row = rows.latest(entities.NOW, time)
         assert row is not None
@@ -49,8 +49,8 @@ def test_picture_and_viewer_say_the_same_of_both_positions(recorded: Recorded) -
         assert words == pictures._places(time)
         x, y, _ = snapshot.truth
         assert f"truth ({x:.2f}, {y:.2f}) m" in words
-        said.add(words.split("which is ")[1])
-    assert said == {"inside the filter's 95 % ellipse", "outside the filter's 95 % ellipse"}
+        said.update(word for word in ("inside", "outside", "is", "was") if f" {word} " in words)
+    assert said == {"inside", "outside", "is", "was"}
 
 
 def test_a_time_beyond_the_run_shows_its_end(recorded: Recorded) -> None:

@@ -46,8 +46,11 @@ def test_positions_are_named(truth: np.ndarray | None, within: bool | None, word
 def test_the_estimate_is_named_in_the_frame_of_the_truth() -> None:
     """The map's frame is turned by 90 degrees."""
     build = NowColumns(np.array([1.0, 2.0, np.pi / 2.0]))
-    rows = [(np.array([3.0, 0.0, 0.0]), np.array([1.0, 5.0, 0.0]), True)]
+    rows = [(np.array([3.0, 0.0, 0.0]), np.array([1.0, 5.0, 0.0]), True, 0.3)]
     (column,) = build(rows)
     assert column.as_arrow_array().to_pylist() == [
-        ["robot (1.00, 5.00) m, truth (1.00, 5.00) m, which is inside the filter's 95 % ellipse"]
+        [
+            "robot (1.00, 5.00) m, truth (1.00, 5.00) m, which was inside the filter's 95 % ellipse 0.3 s before, "
+            "at the last update"
+        ]
     ]

@@ -40,7 +40,8 @@ def test_a_loop_is_said_at_once_and_again_when_it_has_settled() -> None:
         105: [
             (
                 "INFO",
-                "loop of 40 m closed: 5 particles died (at 95.0 s), the spread went from 8.0 to 2.0 cm (at 98.0 s)",
+                "loop of 40 m closed: 5 particles died (most at 95.0 s), the spread went from 8.0 to 2.0 cm "
+                "(at 98.0 s)",
             )
         ],
     }

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""What the final pass has mended has a moment, a reason and a cause, as what it has not."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from eval.files.run_reader import read_run
+from eval.files.tum import read_tum
+from eval.mended import find_mended
+from eval.report.run_report import write_report
+from eval.report.verdict import verdict
+from tests.eval.synthetic_run import BREAK, write_run
+
+
+def mended_run(folder: Path, outcome: str) -> Path:
+    """A good run whose pose while driving turns by 12 degrees at the scan `BREAK`."""
+    run, wrong = write_run(folder / "run"), write_run(folder / "wrong", broken=True)
+    shutil.copy(wrong / "estimate.tum", run / "online.tum")
+    metrics = json.loads((run / "metrics.json").read_text())
+    assert metrics["outcome"] == "ok"
+    (run / "metrics.json").write_text(json.dumps(metrics | {"outcome_online": outcome, "outcome_filter": "ok"}))
+    return run
+
+
+def test_the_moment_is_that_of_the_pose_while_driving(tmp_path: Path) -> None:
+    run = mended_run(tmp_path, "broken loop")
+    metrics = json.loads((run / "metrics.json").read_text())
+    found = find_mended(metrics, run)
+    assert found is not None
+    broken_at = 1000.0 + 0.1 * BREAK
+    assert broken_at <= found.stamp <= broken_at + 2.0
+    assert (found.outcome, found.which) == ("broken loop", "while driving")
+    sentences = " ".join(verdict(read_run(run)).sentences)
+    moment = f"While driving the outcome is broken loop: at {found.stamp - 1000.0:.1f} s the estimate leaves the truth"
+    assert moment in sentences
+    assert f"--time {found.time_to_watch:.1f}</code>" in write_report(run).read_text()
+    assert find_mended(metrics | {"outcome_online": "ok"}, run) is None
+    assert find_mended(metrics | {"outcome": "lost"}, run) is None  # nothing was mended
+
+
+def test_without_a_moment_it_is_the_longest_drift(tmp_path: Path) -> None:
+    """From 30 s to 60 s the pose while driving is 0.4 m off, and for a second at 80 s."""
+    run = mended_run(tmp_path, "drift")
+    shutil.copy(run / "estimate.tum", run / "online.tum")
+    estimate = read_tum(run / "estimate.tum")
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    off = np.zeros(len(estimate))
+    off[300:600], off[800:830] = 0.4, 0.4
+    true = np.column_stack([table[f"true_{name}"] for name in ("x", "y", "theta")])
+    table |= {"x": true[:, 0], "y": true[:, 1] + off, "theta": true[:, 2], "error_m": off}
+    pq.write_table(pa.table(table), run / "steps.parquet")
+    found = find_mended(json.loads((run / "metrics.json").read_text()), run)
+    assert found is not None
+    assert found.stamp == pytest.approx(1030.0, abs=0.6)
+    assert found.reason == "the pose while driving drifts for 30 s, by up to 0.40 m"
+    assert found.cause is None
