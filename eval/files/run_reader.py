@@ -40,6 +40,8 @@ class RunFiles:
     """Columns of `steps.parquet`; nulls of numbers are NaN."""
     failure: ShownFailure | None
     """Where it went wrong."""
+    covariances: NDArray[np.float64] | None = None
+    """Covariances of the poses of the estimate relative to the first, (scans, 3, 3)."""
 
     @property
     def name(self) -> str:
@@ -70,6 +72,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFiles:
         truth_grid=_map(folder / "truth_map.yaml"),
         steps=read_steps(folder / "steps.parquet"),
         failure=read_failure(folder / "finding.json") if (folder / "finding.json").is_file() else None,
+        covariances=_covariances(folder / "estimate_covariance.parquet"),
     )
 
 
@@ -94,6 +97,14 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 def _trajectory(path: Path) -> Trajectory | None:
     return read_tum(path) if path.is_file() else None
+
+
+def _covariances(path: Path) -> NDArray[np.float64] | None:
+    columns = read_steps(path)
+    if columns is None:
+        return None
+    entries = [columns[f"cov_{name}"] for name in ("xx", "xy", "xt", "xy", "yy", "yt", "xt", "yt", "tt")]
+    return np.stack(entries, axis=-1).reshape(-1, 3, 3)
 
 
 def _map(path: Path) -> OccupancyGrid | None:

@@ -14,7 +14,7 @@ from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_differe
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext, positions_in
 from eval.wording import at_time
-from slam.se2 import Pose, compose, inverse
+from slam.se2 import Pose, compose, inverse, rotation
 
 TRUTH = plots.GOOD
 """The truth is green, as in the recording and in the pictures of moments."""
@@ -24,6 +24,14 @@ CROP_GAPS = 3.0
 """… so many times the distance of the two poses, …"""
 CROP_SHARE, CROP_POINTS = 0.3, 40
 """… and this share of the scan, or so many of its end points."""
+ELLIPSES = 40
+"""Ellipses along the path."""
+ELLIPSE_95 = 5.991
+"""Squared radius of the ellipse that holds 95 % of a plane Gaussian, in variances."""
+ELLIPSE_SCALES = (1, 2, 5, 10, 20, 50, 100, 200)
+"""Enlargements of ellipses: the largest that keeps …"""
+ELLIPSE_SHARE = 0.04
+"""… the largest of them within this share of the building."""
 
 
 def map_plots(context: ReportContext) -> Iterator[Plot]:
@@ -67,6 +75,35 @@ def path_plots(context: ReportContext) -> Iterator[Plot]:
     yield Plot("Trajectories", source, f"Seen from above over the estimated map; {how}.")
     if context.errors is not None:
         yield _error_by_place(context)
+    if run.covariances is not None and len(run.covariances) == len(estimate):
+        yield _uncertainty(context, run.covariances)
+
+
+def _uncertainty(context: ReportContext, covariances: NDArray[np.float64]) -> Plot:
+    """Ellipses in which the positions of the final path lie with 95 %, enlarged so that they can be seen."""
+    run, T = context.run, context.T_frame_start
+    assert run.estimate is not None
+    path = positions_in(T, run.estimate)
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    rows = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], ELLIPSES)).clip(max=len(path) - 1))
+    R = rotation(T[2])[:2, :2]
+    shapes = ELLIPSE_95 * (R @ covariances[rows, :2, :2] @ R.T)
+    largest = float(np.sqrt(np.linalg.eigvalsh(shapes)[:, -1].max()))
+    room = ELLIPSE_SHARE * float(np.ptp(path, axis=0).max())
+    scale = max((s for s in ELLIPSE_SCALES if s * largest <= room), default=1)
+    source = plots.ellipses(path, path[rows], scale**2 * shapes, background=_background(context, T))
+    enlarged = "in their true size" if scale == 1 else f"drawn {scale} times larger"
+    inside = run.metric("covariance.inside_95_share")
+    judged = (
+        ""
+        if inside is None
+        else f" The truth (position and heading) lies inside at {100.0 * inside:.0f} % of the poses."
+    )
+    caption = (
+        f"Where the positions lie with 95 %, relative to the first pose, as the final pass itself says: {enlarged}. "
+        f"The largest reaches {100.0 * largest:.1f} cm.{judged}"
+    )
+    return Plot("How far the final path may err", source, caption)
 
 
 def _error_by_place(context: ReportContext) -> Plot:

@@ -143,6 +143,30 @@ def paths(curves: Sequence[Series], *, background: Picture | None = None) -> str
         return svg_uri(figure)
 
 
+def ellipses(
+    path: ArrayLike,
+    centres: NDArray[np.float64],
+    shapes: NDArray[np.float64],
+    *,
+    background: Picture | None = None,
+) -> str:
+    """Draw a path (n, 2) [m] from above and ellipses x^T shape^-1 x = 1 about centres (k, 2) [m]; shapes (k, 2, 2)."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 49)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    values, axes = np.linalg.eigh(shapes)
+    outlines = (axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ circle
+    with rc_context(STYLE):
+        figure, ax = _figure(_size_for(background.extent if background is not None else None))
+        _ground(ax, background)
+        xy = np.asarray(path, dtype=np.float64)[:: -(-len(np.asarray(path)) // MAX_POINTS)]
+        ax.plot(xy[:, 0], xy[:, 1], color=QUIET, lw=1.0, label="estimate")
+        drawn = (centres[:, :, None] + outlines).swapaxes(1, 2)
+        ax.add_collection(LineCollection(list(drawn), colors=ESTIMATE, linewidths=1.1, label="95 % ellipses"))
+        ax.autoscale_view()
+        _legend(ax)
+        return svg_uri(figure)
+
+
 def links(
     path: ArrayLike, groups: Sequence[tuple[str, NDArray[np.float64], str]], *, background: Picture | None = None
 ) -> str:

@@ -6,8 +6,11 @@ import json
 import numpy as np
 import pytest
 
+from eval.files.run_reader import read_run
 from eval.files.tum import read_tum
+from eval.report.run_report import write_report
 from eval.scoring import Reference, score
+from eval.trajectory.consistency import path_nees
 from slam.config import FilterConfig
 from testbed.cli.shared.console import progress_line
 from testbed.run.execute import execute_job
@@ -77,3 +80,21 @@ def test_without_a_final_pass_the_estimate_is_the_filters(frames, tmp_path):
     assert metrics["outcome_filter"] == metrics["outcome"]
     assert metrics["trajectory_filter"]["ate_rmse_m"] == metrics["trajectory"]["ate_rmse_m"]
     assert metrics["trajectory_online"]["ate_rmse_m"] != metrics["trajectory"]["ate_rmse_m"]
+
+
+def test_covariances_have_a_row_for_each_pose_and_are_judged_by_the_truth(frames, tmp_path):
+    metrics, _ = carried_out(frames, tmp_path / "run", refine=True)
+    run = read_run(tmp_path / "run")
+    assert run.covariances.shape == (len(run.estimate.stamps), 3, 3)
+    largest = np.sqrt(np.linalg.eigvalsh(run.covariances[:, :2, :2])[:, -1].max())
+    assert metrics["covariance"]["sigma_position_max_m"] == pytest.approx(largest, rel=0.02)  # that is of all frames
+    nees = path_nees(run.estimate.poses, run.truth.poses, run.covariances)
+    assert metrics["covariance"]["nees_mean"] == pytest.approx(np.nanmean(nees), rel=0.3)
+    write_report(tmp_path / "run")
+    assert "How far the final path may err" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_without_a_final_pass_there_are_no_covariances(frames, tmp_path):
+    metrics, _ = carried_out(frames, tmp_path / "run", refine=False)
+    assert "covariance" not in metrics
+    assert read_run(tmp_path / "run").covariances is None
