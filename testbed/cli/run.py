@@ -13,7 +13,7 @@ from eval.map.grids import grid_from_true_map
 from eval.scoring import Reference
 from slam.gmapping import GMapping
 from slam.step.step_report import StepReport
-from testbed.cli.shared.backend import with_backend
+from testbed.cli.shared.backend import announce_backend
 from testbed.cli.shared.console import SlowProgress, announce_world, console, progress_line
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
@@ -53,7 +53,6 @@ def run(
         A world without a tour gets a tour of all the floor that the robot can reach.
     """
     seeds = RunSeeds.from_seed(estimator.seed)
-    simulator = with_backend(simulator)
     config = simulator.simulation(seeds)
     output.check_directory()
     filter_config = estimator.filter_config  # raises before anything takes time
@@ -64,10 +63,11 @@ def run(
     announce_world(loaded)
     exact = true_map(loaded, estimator.filter.map.cell, height=config.robot.lidar_mount.height)
     truth = grid_from_true_map(exact)
-    settings = {"world": world, **asdict(simulator), **estimator.settings(), **systems.settings()}
+    settings = {"world": world, **asdict(simulator.settled()), **estimator.settings(), **systems.settings()}
     document = config_document(settings, simulator.files(world))
     if entrants:
         with _driver(simulator, config) as driver, simulate(loaded, config, driver) as simulation:
+            announce_backend(simulator)
             frames = drive(simulation, simulator.duration)
             ended = simulation.ended(simulator.duration)
         reference = Reference(grid=truth, walls=exact.walls)
@@ -82,6 +82,7 @@ def run(
         robot_radius=config.robot.footprint_radius,
     )
     with _driver(simulator, config) as driver, simulate(loaded, config, driver) as simulation:
+        announce_backend(simulator)
         job = Job(
             source=SimulatedFrames(simulation, simulator.duration),
             document=document,

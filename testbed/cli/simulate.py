@@ -24,7 +24,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
-from testbed.cli.shared.backend import with_backend
+from testbed.cli.shared.backend import announce_backend
 from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, console, results
 from testbed.cli.shared.dataset_plan import Kind, Measured, free_space, measure_some, plan_lines, split_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
@@ -118,7 +118,8 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
     """
     if simulator.driver.kind in ("explore", "teleop"):
         raise ValueError(f"--driver {simulator.driver.kind} needs a mapper or a person: use testbed run")
-    jobs = all_jobs = _jobs(world, datasets, with_backend(simulator))
+    jobs = all_jobs = _jobs(world, datasets, simulator.settled())
+    announce_backend(simulator)
     if datasets.shard is not None:
         from testbed.sweep.spec.plan import Shard  # here, since a plain job does without the sweep
 

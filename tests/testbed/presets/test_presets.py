@@ -67,6 +67,7 @@ def test_lidars_have_sane_angles_and_times(name):
 
 @pytest.mark.parametrize("name", robots())
 def test_every_robot_drives_straight_and_turns_true_in_pybullet(name):
+    pytest.importorskip("pybullet")
     module = pytest.importorskip("testbed.simulation.physics.pybullet")
     robot = load_robot(name)
     speed, turn_rate = 0.9 * robot.max_speed, min(0.5, robot.max_turn_rate)

@@ -29,6 +29,7 @@ LIMITS = AccelerationLimits(0.5, 3.0)
 def make_backend(kind, world, robot):
     if kind == "fast":
         return FastBackend(world, robot, LIMITS)
+    pytest.importorskip("pybullet")
     module = pytest.importorskip("testbed.simulation.physics.pybullet")
     return module.PyBulletBackend(world, robot, LIMITS)
 
@@ -274,6 +275,7 @@ def test_a_tour_is_finished_and_the_robot_stands_at_its_end(kind):
 
 
 def test_closing_early_frees_the_physics_client():
+    pytest.importorskip("pybullet")
     module = pytest.importorskip("testbed.simulation.physics.pybullet")
     closed = []
     original = module.PyBulletBackend.close

@@ -79,6 +79,7 @@ def test_nothing_is_seen_beyond_the_reach_or_from_off_the_grid():
 @pytest.mark.parametrize("seed", range(4))
 def test_both_backends_see_the_same_world(seed):
     """99.9 % of the beams agree to 1 mm, all others pass a corner within 1 mm; medians agree to a micrometre."""
+    pytest.importorskip("pybullet")
     pybullet_backend = pytest.importorskip("testbed.simulation.physics.pybullet")
     rng = np.random.default_rng(seed)
     world, robot = random_world(rng), load_robot("create3")
@@ -101,6 +102,7 @@ def test_both_backends_see_the_same_world(seed):
 
 
 def test_glass_is_not_seen_by_either_backend():
+    pytest.importorskip("pybullet")
     pybullet_backend = pytest.importorskip("testbed.simulation.physics.pybullet")
     world = room().model_copy(
         update={"walls": [*room().walls, Wall(points=[(2.0, -4.0), (2.0, 4.0)], glass=True, thickness=0.02)]}
@@ -114,6 +116,7 @@ def test_glass_is_not_seen_by_either_backend():
 
 
 def test_more_rays_than_pybullet_takes_in_one_call():
+    pytest.importorskip("pybullet")
     pybullet_backend = pytest.importorskip("testbed.simulation.physics.pybullet")
     backend = pybullet_backend.PyBulletBackend(room(), load_robot("create3"), LIMITS)
     n = 16_384
