@@ -3,8 +3,7 @@
 """Copies of small arrays for kernels.
 
 numba compiles an assignment of an array to a part of another, such as `out[i] = pose`, together with the message for
-shapes that do not fit, written by its whole machinery for strings. That took a quarter of the time that all kernels
-take to compile. A loop compiles to what is needed.
+shapes that do not fit, written by its whole machinery for strings. A loop compiles to what is needed.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from numba.core import config as numba_config
 from slam._kernel_cache import GuardedCache, cache_folder
 
 OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-"""Of all kernels; none is called from C, and a wrapper for that would be a tenth of the work."""
+"""Of all kernels; none is called from C, and a wrapper for that would take time to compile."""
 
 
 def top_package(source: Path) -> Path:
