@@ -96,6 +96,8 @@ class _Case:
     """seed or world."""
     given_up: bool
     """Whether no more seeds are added, since they would hardly tell."""
+    left_by_user: bool = False
+    """Whether the user gave the world up, so that no more seeds are added."""
 
     @property
     def largest(self) -> int:
@@ -134,6 +136,7 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
         failed_of,
         "seed",
         summary.table.given_up([place], line),
+        place in summary.table.left,
     )
     return _answer(case, place, line, _scope(summary.table, [place], line))
 
@@ -264,7 +267,7 @@ def _difference(case: _Case, c: int) -> str:
     value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
     digits = _decimals(value, low, high)
     size = f"{abs(value):.{digits}f} {unit.name}".rstrip()
-    compared = f"{size} {_side(value)} than {case.largest}"
+    compared = f"{size} {_side(value)} than {case.largest} in the median pair of runs"
     ends = f"{abs(low):.{digits}f}{'' if _side(low) == _side(high) else f' {_side(low)}'} to {abs(high):.{digits}f}"
     interval = f"[{ends} {_side(high)}; {100.0 * case.table.level:.3g} % interval]"
     return f"{particles(count)} {'is' if count == 1 else 'are'} {compared} {interval}; {matters}"
@@ -368,6 +371,9 @@ def _needs(case: _Case) -> str:
     if decision.outlook is None:
         return "how many would tell cannot be said"
     words = _chance_of_more(case)
+    if case.left_by_user:
+        units = _count(decision.units, case.unit)
+        return f"you gave this world up after {units} (--give-up none takes it up again); {words}"
     return f"{words}, so no more are added" if case.given_up else words
 
 

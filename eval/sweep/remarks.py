@@ -62,23 +62,31 @@ def real_time(summary: SweepSummary) -> str:
 
 
 def overconfidence(summary: SweepSummary) -> str:
-    """Whether the covariance of the baseline can be trusted, by the largest count; empty if it can."""
+    """Whether the covariance of the baseline can be trusted; empty if it can.
+
+    With the count that is enough where one is known, else with the largest.
+    """
     table = summary.table
     base = table.lines.index(table.baseline)
     inside = table.cube("filter.consistency.inside_share")[:, base]
-    shares = [row[np.isfinite(row)] for row in inside[:, -1]]
-    known = [(float(np.median(row)), place) for row, place in zip(shares, table.places, strict=True) if len(row)]
+    known: list[tuple[float, str, int]] = []
+    for p, place in enumerate(table.places):
+        decision = summary.decision(place, table.baseline)
+        count = decision.count if decision.kind == "enough" and decision.count is not None else table.counts[-1]
+        row = inside[p, table.counts.index(count)]
+        row = row[np.isfinite(row)]
+        if len(row):
+            known.append((float(np.median(row)), place, count))
     if not known or min(known)[0] >= MIN_INSIDE:
         return ""
-    if len(table.places) == 1:
-        where = f"{100.0 * known[0][0]:.0f} %"
-    elif len(known) <= MAX_NAMED:
-        where = " and ".join(f"{100.0 * share:.0f} % ({place})" for share, place in known)
+    if len(known) <= MAX_NAMED:
+        where = " and ".join(f"{100.0 * share:.0f} % ({place}, {particles(count)})" for share, place, count in known)
     else:
         where = f"{100.0 * min(known)[0]:.0f} to {100.0 * max(known)[0]:.0f} %, by world"
+    alone = " With one particle there is one map and no choice between maps: it is scan matching."
     return (
         "The filter is overconfident: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "
-        f"with {particles(table.counts[-1])} it does at {where}."
+        f"it does at {where}.{alone if any(count == 1 for _, _, count in known) else ''}"
     )
 
 
@@ -115,9 +123,17 @@ def look_rule(table: SweepTable) -> str:
         return ""
     return (
         f"The results are looked at up to {len(looks)} times (after {', '.join(map(str, looks[:-1]))} and {looks[-1]} "
-        f"seeds), each time with {100.0 * table.level:.3g} % intervals, so that all answers together hold with "
-        f"{100.0 * LEVEL:.0f} % (Bonferroni). {_present_look(table)}"
+        f"seeds), each time with {100.0 * table.level:.3g} % intervals, so that of each world the answers of all "
+        f"looks together hold with {100.0 * LEVEL:.0f} % (Bonferroni). {_present_look(table)}{_left_words(table)}"
     )
+
+
+def _left_words(table: SweepTable) -> str:
+    """Which worlds the user gave up; empty for none."""
+    if not table.left:
+        return ""
+    seeds = [f"{place} after {table.seeds_of(table.places.index(place))} seeds" for place in table.left]
+    return f" By the user's decision, not by the rule, no more seeds were added in {', '.join(seeds)}."
 
 
 def _present_look(table: SweepTable) -> str:
@@ -206,16 +222,17 @@ def suggested_counts(table: SweepTable) -> str:
         if len(drives):
             names = [predictor.name for predictor in PREDICTORS]
             features = dict(zip(names, np.median(drives, axis=0).tolist(), strict=True))
-            found.append(f"{place}: {_suggested(model, predictors_of(features))}")
+            unlike = sum(bool(model.outside(predictors_of(dict(zip(names, drive, strict=True))))) for drive in drives)
+            found.append(f"{place}: {_suggested(model, predictors_of(features), unlike, len(drives))}")
     return "; ".join(found) if 0 < len(found) <= MAX_NAMED else ""
 
 
-def _suggested(model: NeededCount, at: NDArray[np.float64]) -> str:
-    """`start with 10 (4 to 10 are needed with 95 % confidence)`."""
+def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: int, drives: int) -> str:
+    """`start with 10 (4 to 10 are needed with 95 % confidence)`; unlike: drives outside of what was measured."""
     low, high = (f"more than {model.max_count}" if end is None else str(end) for end in model.interval(at))
     first = model.interval(at)[1] or model.max_count
-    unlike = "; but this drive is unlike those that were measured" if model.outside(at) else ""
-    return f"start with {first} ({low} to {high} are needed with 95 % confidence{unlike})"
+    reach = f"; but {unlike} of the {drives} drives here are unlike those of the experiment" if unlike else ""
+    return f"start with {first} ({low} to {high} are needed with 95 % confidence{reach})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

@@ -213,6 +213,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "advice": advice(summary, str(folder), os.cpu_count() or 1),
         "workers": os.cpu_count() or 1,
         "margins": margin_words(summary),
+        "goes_on": bool(np.isin(status, ("missing", "later")).any()),
         "left_out": int((status == LEFT_OUT).sum()),
         "commit": _commit(folder),
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],

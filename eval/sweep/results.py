@@ -77,6 +77,8 @@ class SweepTable:
     """When another margin was chosen after results had been seen."""
     recorded: bool
     """Whether the places are recorded logs."""
+    left: tuple[str, ...]
+    """Places that the user gave up (`--give-up`), whose answers may be open for that reason only."""
     command: str
     """The command that repeats the sweep."""
     conditions: str
@@ -263,6 +265,7 @@ def _sweep_table(of_runs: _Content, of_curves: _Content, of_timings: _Content) -
         margin=parse_margin(str(about.get("margin", ""))),
         margin_changes=tuple(MarginChange(**change) for change in about.get("margin_changes", ())),
         recorded=bool(about.get("recorded", False)),
+        left=tuple(about.get("give_up", ())),
         command=str(about.get("command", "")),
         conditions=str(about.get("conditions", "")),
         columns=columns,

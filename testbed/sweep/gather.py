@@ -141,6 +141,7 @@ def _about(directory: SweepDirectory) -> dict[str, Any]:
         "margin_changes": [asdict(change) for change in manifest.margin_changes],
         "conditions": conditions(spec),
         "recorded": bool(spec.logs),
+        "give_up": list(spec.give_up),
     }
 
 

@@ -65,7 +65,8 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     assert answer.today == "take 20 for now; 1 will probably do"
     assert answer.medians == "10.2 cm with 1 to 20"
     words = (
-        r"5 particles are \d\.\d\d cm (better|worse) than 20 \[\d\.\d\d better to \d\.\d\d worse; 95 % interval\]; "
+        r"5 particles are \d\.\d\d cm (better|worse) than 20 in the median pair of runs "
+        r"\[\d\.\d\d better to \d\.\d\d worse; 95 % interval\]; "
         r"up to 1 cm \(10 % of the error\) would not matter"
     )
     assert re.fullmatch(words, answer.difference)
@@ -123,12 +124,14 @@ def test_a_difference_says_which_side_is_better(tmp_path):
     """Both ends of the interval are worse, or there is no difference."""
     write_sweep(tmp_path / "worse", error=lambda p, k, c, s: 0.02 + (0.001 + 0.0001 * s) * (c < 2))
     (answer, _) = answers(summarise(read_sweep(tmp_path / "worse")), "improved")
-    assert answer.difference.startswith("1 particle is 0.14 cm worse than 20 [0.1")
+    assert answer.difference.startswith("1 particle is 0.14 cm worse than 20 in the median pair of runs [0.1")
     assert " worse; 95 % interval]; up to 0.5 cm (25 % of the error) does not matter" in answer.difference
     assert "better" not in answer.difference
     write_sweep(tmp_path / "same", error=lambda p, k, c, s: 0.02)
     (answer, _) = answers(summarise(read_sweep(tmp_path / "same")), "improved")
-    assert answer.difference.startswith("1 particle is 0.00 cm worse than 20 [0.00 to 0.00 worse; ")
+    assert answer.difference.startswith(
+        "1 particle is 0.00 cm worse than 20 in the median pair of runs [0.00 to 0.00 worse; "
+    )
 
 
 def test_more_failures_that_keep_an_answer_open_are_named(tmp_path):

@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from eval.sweep.answers import answers
 from eval.sweep.needed_count import predictors_of, shipped_model
 from eval.sweep.remarks import (
     after_final_pass,
@@ -36,7 +37,29 @@ def test_overconfidence_is_said_of_the_baseline_only(tmp_path):
     # 90 % inside for `improved`, 70 % for `motion`
     assert overconfidence(summarise(read_sweep(write_sweep(tmp_path / "a")))) == ""
     sure = summarise(read_sweep(write_sweep(tmp_path / "b", about={"baseline": "motion"})))
-    assert overconfidence(sure).endswith("with 20 particles it does at 70 % (hall_a) and 70 % (cave).")
+    assert overconfidence(sure).endswith("it does at 70 % (hall_a, 20 particles) and 70 % (cave, 20 particles).")
+    same = write_sweep(tmp_path / "c", error=lambda p, k, c, s: 0.02, about={"baseline": "motion"})
+    said = overconfidence(summarise(read_sweep(same)))
+    assert "it does at 70 % (hall_a, 1 particle) and 70 % (cave, 1 particle)." in said
+    assert said.endswith("it is scan matching.")
+
+
+def test_a_world_that_the_user_gave_up_is_not_said_to_be_hopeless(tmp_path):
+    def noisy(p, k, c, s):
+        return 0.02 + 0.001 * (0.0, 6.0 * ((5 * s) % 8 - 3.5) / 3.5, 0.0)[c]
+
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40))
+    facts = {"level": 0.99, "give_up": ["hall_a"]}
+    write_sweep(tmp_path, error=noisy, seeds=40, missing=missing, about=facts)
+    summary = summarise(read_sweep(tmp_path).judged())
+    left, other = answers(summary, "improved")
+    assert left.needs.startswith(
+        "you gave this world up after 8 seeds (--give-up none takes it up again); with 40 seeds"
+    )
+    assert "you gave" not in other.needs
+    assert look_rule(summary.table).endswith(
+        "By the user's decision, not by the rule, no more seeds were added in hall_a after 8 seeds."
+    )
 
 
 def test_what_seeds_change_is_said(tmp_path):
@@ -81,8 +104,8 @@ def test_the_rule_of_looks_says_where_each_world_stands(tmp_path):
     table = read_sweep(write_sweep(tmp_path / "b", seeds=40, missing=later | done, about={"level": 0.99})).judged()
     assert look_rule(table) == (
         "The results are looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), each time with 99 % intervals, so "
-        "that all answers together hold with 95 % (Bonferroni). Here hall_a has look 2 (16 seeds), cave has look 1 (8 "
-        "seeds), of at most 40 seeds."
+        "that of each world the answers of all looks together hold with 95 % (Bonferroni). Here hall_a has look 2 (16 "
+        "seeds), cave has look 1 (8 seeds), of at most 40 seeds."
     )
 
 

@@ -328,7 +328,7 @@ def test_each_look_writes_the_page_and_says_what_it_has_shown(world, tmp_path, m
     assert written == [out]
     assert "  room, 16 routes: undecided with 16 seeds" in printed.out  # at the end
     assert re.search(r"  room, 8 routes: undecided with 8 seeds; take 3 for now.*\.\n    2 is open.*\.\n", printed.err)
-    assert re.search(r"\n    2 particles are \d\.\d\d cm \w+ than 3 \[.*\.\n", printed.err)
+    assert re.search(r"\n    2 particles are \d\.\d\d cm \w+ than 3 in the median pair of runs \[.*\.\n", printed.err)
     assert re.search(r"Next look with 16 seeds, 16 jobs, in about \d+ s; at most 16 jobs and about \d+ s in all", said)
     assert said.count("Looked at the results") == 1  # after the last look the page of the whole sweep follows
 

@@ -25,6 +25,7 @@ from testbed.sweep.spec.spec import parse_spec
         },
         {"worlds": ["office"], "axes": {"route": ["fixed", "random"]}, "margin": "5%,2mm"},
         {"worlds": ["office"], "settings": {"filter.gate.distance": 0.3}, "until": "decided", "seeds": 40},
+        {"worlds": ["office", "loop"], "until": "decided", "seeds": 40, "give_up": ["loop"]},
     ],
 )
 def test_the_command_gives_the_same_specification(document):
