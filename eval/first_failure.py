@@ -355,8 +355,8 @@ def _failure_of_loop(
     for number, (begin, moment, back) in enumerate(excursions):
         if any(begin < visit <= back for visit in (first, last)):
             reason = (
-                f"the estimate leaves the truth for {stamps[back] - stamps[moment]:.1f} s; what it saw meanwhile lies "
-                f"at a wrong place, off by {amount} from what another visit saw there"
+                f"for {stamps[back] - stamps[moment]:.1f} s the path lies elsewhere than before and after; what it saw "
+                f"meanwhile lies at a wrong place, off by {amount} from what another visit saw there"
             )
             others = blips[:number] + blips[number + 1 :]
             return _failure(matched, begin, moment, reason, bad=True, blips=others)
