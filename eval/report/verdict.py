@@ -97,9 +97,9 @@ def verdict(run: RunFiles) -> Verdict:
         )
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [
+        _mended_sentence(context, mended),
         self_check_story(context),
         _sentence(reason),
-        _mended_sentence(context, mended),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),

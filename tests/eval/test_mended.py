@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -49,6 +50,28 @@ def test_the_moment_is_that_of_the_pose_while_driving(tmp_path: Path) -> None:
     assert f"--time {found.time_to_watch:.1f}</code>" in page
     assert find_mended(metrics | {"outcome_online": "ok"}, run) is None
     assert find_mended(metrics | {"outcome": "lost"}, run) is None  # nothing was mended
+
+
+def test_the_report_draws_the_moment_and_the_update_before_it(tmp_path: Path) -> None:
+    run = mended_run(tmp_path, "broken loop")
+    found = find_mended(json.loads((run / "metrics.json").read_text()), run)
+    assert found is not None
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    updates = np.array(table["stamp"])[np.array(table["updated"], bool)] - 1000.0
+
+    class Drawn:
+        another_best = np.zeros(0)
+        times: ClassVar[list[float]] = []
+
+        def png(self, time: float) -> bytes:
+            self.times.append(time)
+            return b"picture"
+
+    page = write_report(run, Drawn()).read_text()
+    before = max(updates[updates < found.stamp - 1000.0 - 1e-6])
+    for time, name in ((before, "At the update before it"), (found.time_to_watch, "Where it went wrong while driving")):
+        assert any(drawn == pytest.approx(time, abs=0.1) for drawn in Drawn.times)
+        assert name in page
 
 
 def test_another_best_particle_at_the_moment_is_its_cause(tmp_path: Path) -> None:
