@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.loops import LoopClosing, close_loops
 from slam.occupancy import OccupancyGrid
+from slam.refinement.bent_scans import Sweeps, between_neighbours, path_twists
 from slam.refinement.bundle_adjustment import Adjustment
 from slam.refinement.covariance import pose_covariances
 from slam.refinement.noise import Noise
@@ -35,6 +37,9 @@ from slam.refinement.scan_frames import middle_frames
 from slam.refinement.surfels import make_cloud, transform_cloud
 from slam.scan import Scan
 from slam.sensor.rays import Rays, make_rays
+
+ROUNDS_AFTER = 2
+"""Rounds of the adjustment after bent scans were laid out anew."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +86,8 @@ def refine(
     odometry = np.asarray(odometry, dtype=np.float64)
     if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
         raise ValueError("odometry and initial must be finite")
-    rays = _rays_by_frame(scans, stamps, twists if config.deskew else None, config)
+    layout = _Layout(scans, stamps, twists if config.deskew else None, config)
+    rays = layout.rays()
     seen = {i: ray for i, ray in rays.items() if ray.hit.any()}
     if not seen:
         raise ValueError("no frame has a scan with a hit: nothing to refine")
@@ -91,8 +97,14 @@ def refine(
     closing = close_loops(odometry, initial, seen, config, workers) if settings.close_loops else None
     poses = np.array(initial if closing is None else closing.path, dtype=np.float64)
     for passed in range(settings.rounds):
-        poses += adjustment.step(poses, max(settings.first_gate * settings.gate_decay**passed, settings.last_gate))
-        poses[:, 2] = se2.wrap_angle(poses[:, 2])
+        gate = max(settings.first_gate * settings.gate_decay**passed, settings.last_gate)
+        poses = _moved(poses, adjustment.step(poses, gate))
+    if straightened := layout.straighten(poses):
+        rays.update(straightened.rays)
+        cloud = make_cloud([rays[i] for i in seen], settings.max_points)
+        adjustment.cloud, poses = cloud, straightened.poses
+        for _ in range(ROUNDS_AFTER):
+            poses = _moved(poses, adjustment.step(poses, settings.last_gate))
     # The first pose defines the frame, but it errs as any other: it moves with them, then the whole is moved back.
     poses = se2.compose(se2.compose(initial[0], se2.inverse(poses[0])), poses)
     cells, _, surfels = adjustment.walls(
@@ -110,6 +122,13 @@ def refine(
     )
 
 
+def _moved(poses: se2.Pose, step: NDArray[np.float64]) -> se2.Pose:
+    """Poses (n, 3) after a step (n, 3)."""
+    moved = poses + step
+    moved[:, 2] = se2.wrap_angle(moved[:, 2])
+    return moved
+
+
 def _turned(covariances: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
     """Covariances (n, 3, 3) along axes that were turned by an angle [rad]."""
     R = se2.rotation(np.array(angle))
@@ -117,24 +136,62 @@ def _turned(covariances: NDArray[np.float64], angle: float) -> NDArray[np.float6
     return turned
 
 
-def _rays_by_frame(
-    scans: Sequence[Scan | None],
-    stamps: NDArray[np.float64] | None,
-    twists: Sequence[NDArray[np.float64] | None] | None,
-    config: FilterConfig,
-) -> dict[int, Rays]:
-    """Rays of all scans by the frame that each is seen from, in the order of the frames."""
-    taken = [i for i, scan in enumerate(scans) if scan is not None]
-    seen_from = {i: i for i in taken} if stamps is None else middle_frames(stamps, scans)
-    rays = {
-        seen_from[i]: make_rays(
-            [scan],
-            usable_range=config.map.usable_range,
-            free_range=config.map.free_range,
-            twist=twists[i] if twists is not None else None,
-            reference=None if stamps is None else float(stamps[seen_from[i]]),
+class _Straightened(NamedTuple):
+    """Bent scans laid out by the path."""
+
+    rays: dict[int, Rays]
+    """By the frame that each is seen from."""
+    poses: se2.Pose
+    """Poses from which to go on, (frames, 3)."""
+
+
+class _Layout:
+    """The rays of all scans, each seen from the frame nearest to the middle of its sweep."""
+
+    def __init__(
+        self,
+        scans: Sequence[Scan | None],
+        stamps: NDArray[np.float64] | None,
+        twists: Sequence[NDArray[np.float64] | None] | None,
+        config: FilterConfig,
+    ) -> None:
+        self._stamps, self._config = stamps, config
+        self._scans = {i: scan for i, scan in enumerate(scans) if scan is not None}
+        self._twists = dict.fromkeys(self._scans) if twists is None else {i: twists[i] for i in self._scans}
+        self._seen_from = {i: i for i in self._scans} if stamps is None else middle_frames(stamps, scans)
+
+    def rays(self) -> dict[int, Rays]:
+        """Rays by the frame that their scan is seen from, in the order of the frames."""
+        return dict(sorted((self._seen_from[i], self._lay_out(i, self._twists[i])) for i in self._scans))
+
+    def straighten(self, poses: se2.Pose) -> _Straightened | None:
+        """The scans that were bent by a motion that is not that of poses (frames, 3); None where there are none."""
+        sweeps = self._sweeps()
+        if self._stamps is None or sweeps is None:
+            return None
+        twists = path_twists(sweeps, poses, self._stamps)
+        if not twists:
+            return None
+        rays = {int(sweeps.frames[k]): self._lay_out(int(sweeps.taken[k]), twist) for k, twist in twists.items()}
+        return _Straightened(rays, between_neighbours(sweeps.frames, np.array(list(twists)), poses))
+
+    def _lay_out(self, i: int, twist: NDArray[np.float64] | None) -> Rays:
+        return make_rays(
+            [self._scans[i]],
+            usable_range=self._config.map.usable_range,
+            free_range=self._config.map.free_range,
+            twist=twist,
+            reference=None if self._stamps is None else float(self._stamps[self._seen_from[i]]),
         )
-        for i in taken
-        if (scan := scans[i]) is not None
-    }
-    return dict(sorted(rays.items()))
+
+    def _sweeps(self) -> Sweeps | None:
+        """The scans whose beams have times and whose motion the odometry tells; None where there are none."""
+        timed = [
+            (i, self._seen_from[i], float(np.ptp(scan.time_offsets)), twist)
+            for i, scan in self._scans.items()
+            if scan.time_offsets is not None and scan.time_offsets.size and (twist := self._twists[i]) is not None
+        ]
+        if not timed:
+            return None
+        taken, frames, seconds, twists = zip(*timed, strict=True)
+        return Sweeps(np.array(taken), np.array(frames), np.array(seconds), np.array(twists, dtype=np.float64))

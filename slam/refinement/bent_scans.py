@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: MIT
+"""Scans that were laid out with a motion that the robot did not make: laid out anew as it moved by the path.
+
+While a wheel slips the odometry reports turns of hundreds of degrees a second. A scan whose beams are moved together by
+such a turn is bent, lies on no wall, and is drawn where there is none.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam import se2
+
+MAX_BEND = np.radians(1.0)
+"""A scan is bent if odometry and path disagree by more than this turn within half a sweep [rad]: more than a robot that
+accelerates by 10 rad/s^2 turns about its mean speed in the tenth of a second that most sweeps take."""
+
+
+class Sweeps(NamedTuple):
+    """The scans whose beams have times, in the order of the recording."""
+
+    taken: NDArray[np.int64]
+    """Frames with which they were taken, (scans,)."""
+    frames: NDArray[np.int64]
+    """Frames from which they are seen, (scans,)."""
+    seconds: NDArray[np.float64]
+    """Times between their first and last beams [s], (scans,)."""
+    twists: NDArray[np.float64]
+    """Velocities by odometry while they were taken, (scans, 3)."""
+
+
+def path_twists(sweeps: Sweeps, poses: se2.Pose, stamps: NDArray[np.float64]) -> dict[int, NDArray[np.float64]]:
+    """Velocities (3,) by the path of the scans that are bent, by their number in `sweeps`.
+
+    poses (frames, 3), stamps (frames,) [s]. The velocity is that between the nearest scans before and after that are
+    not bent, since the pose of a bent scan is not known well.
+    """
+    frames, n = sweeps.frames, len(sweeps.frames)
+    # the pose of one bent scan is in the velocities of its neighbours too, but not in those on their other side
+    spans = [(np.arange(n) + begin).clip(0, n - 1) for begin in (-2, -1, 1, 2)]
+    pairs = (spans[1], spans[2]), (spans[0], spans[1]), (spans[2], spans[3])
+    bends = [_bend(sweeps, _twists(poses, stamps, frames[begin], frames[end])) for begin, end in pairs]
+    bent = np.min(bends, axis=0) > MAX_BEND
+    straight = np.flatnonzero(~bent)
+    if not bent.any() or len(straight) < 2:
+        return {}
+    numbers = np.flatnonzero(bent)
+    at = np.searchsorted(straight, numbers).clip(1, len(straight) - 1)
+    found = _twists(poses, stamps, frames[straight[at - 1]], frames[straight[at]])
+    return dict(zip(numbers.tolist(), found, strict=True))
+
+
+def _bend(sweeps: Sweeps, twists: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn within half a sweep by which odometry and twists (scans, 3) disagree [rad], (scans,)."""
+    return 0.5 * sweeps.seconds * np.abs(sweeps.twists[:, 2] - twists[:, 2])
+
+
+def _twists(
+    poses: se2.Pose, stamps: NDArray[np.float64], begin: NDArray[np.int64], end: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Mean velocities (n, 3) between the poses of two frames each, in the robot's frame; 0 within no time."""
+    seconds = stamps[end] - stamps[begin]
+    moved = se2.between(poses[begin], poses[end])
+    return np.divide(moved, seconds[:, None], out=np.zeros_like(moved), where=seconds[:, None] > 0.0)
+
+
+def between_neighbours(frames: NDArray[np.int64], bent: NDArray[np.int64], poses: se2.Pose) -> se2.Pose:
+    """Poses (frames, 3) with those of the scans number `bent` (k,), and of the frames about them, evenly between the
+    nearest scans that are not bent."""
+    result = poses.copy()
+    straight = np.setdiff1d(np.arange(len(frames)), bent)
+    for number in bent.tolist():
+        at = int(np.searchsorted(straight, number))
+        if at in (0, len(straight)):
+            continue
+        begin, end = int(frames[straight[at - 1]]), int(frames[straight[at]])
+        share = (np.arange(begin + 1, end) - begin) / (end - begin)
+        result[begin + 1 : end] = se2.compose(poses[begin], share[:, None] * se2.between(poses[begin], poses[end]))
+    return result
