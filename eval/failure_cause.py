@@ -56,6 +56,19 @@ def find_cause(
     )
 
 
+def another_best(stamp: float, steps: Columns | None) -> str | None:
+    """Say that the reported pose jumped at an update [s] because another particle became the best; None where it did
+    not, or where the table does not know. A cause for the pose while driving only: no path of a single particle jumps
+    so."""
+    if steps is None or "best_moved_m" not in steps:
+        return None
+    stamps, moved = column(steps, "stamp"), column(steps, "best_moved_m")
+    at = int(np.argmin(np.abs(stamps - stamp)))
+    if not moved[at] > MIN_SLIP_M:
+        return None
+    return f"another particle became the best: the reported pose moved by {length(float(moved[at]))}"
+
+
 def _lost_scans(stamp: float, odometry: Trajectory | None) -> str | None:
     if odometry is None or len(odometry) < 3:
         return None

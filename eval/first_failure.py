@@ -156,7 +156,7 @@ def first_bad_stretch(
         begin, end = int(first[pieces[0]]), int(last[pieces].max())
         worst = (float(translation[pieces].max()), float(rotation[pieces].max()))
         returned = _back_at(matched, begin, end, next_begin)
-        moment = _moment(matched, begin, int(last[pieces[0]]))
+        begin, moment = _departure(matched, begin, int(last[pieces[0]]))
         if returned is None and passing[number] and not all(passing[number + 1 :]):
             returned = end  # the map drifts on after it; the estimate is lost later
         if returned is None:
@@ -299,12 +299,35 @@ def _mean_alignment(true: Pose, estimated: Pose) -> Pose:
 
 
 def _moment(matched: Association, begin: int, end: int) -> int:
-    """The first row after `begin` at which half of what makes a metre bad has come about."""
+    """The first row after `begin` at which half of what makes a metre bad has come about, and has not gone at the next
+    one."""
     rows = np.arange(begin + 1, end + 1)
+    wrong = _severity(matched, begin, rows) > 0.5
+    lasting = np.flatnonzero(wrong & np.append(wrong[1:], True))
+    return int(rows[lasting[0]]) if len(lasting) else end
+
+
+def _departure(matched: Association, begin: int, end: int) -> tuple[int, int]:
+    """The row from which on an error comes about, and the row at which half of what makes a metre bad has.
+
+    A pose that is off by itself, at a single update, is neither: where that at `begin` is, the row before it takes its
+    place.
+    """
+    moment = _moment(matched, begin, end)
+    if begin == 0:
+        return begin, moment
+    alone, then = _severity(matched, begin - 1, np.array([begin, moment])).tolist()
+    if alone > 0.5 and then <= 0.5:
+        return begin - 1, _moment(matched, begin - 1, end)
+    return begin, moment
+
+
+def _severity(matched: Association, begin: int, rows: Rows) -> NDArray[np.float64]:
+    """How wrong the motions from the row `begin` to other rows (n,) are, in units of what makes a metre bad, (n,)."""
     pairs = (np.full(len(rows), begin), rows)
     translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, pairs)
-    wrong = np.flatnonzero(np.maximum(translation / BAD_M, rotation / BAD_DEG) > 0.5)
-    return int(rows[wrong[0]]) if len(wrong) else end
+    severity: NDArray[np.float64] = np.maximum(translation / BAD_M, rotation / BAD_DEG)
+    return severity
 
 
 def _open_loop(matched: Association) -> tuple[int, int] | None:
@@ -332,8 +355,8 @@ def _failure_of_loop(
     for number, (begin, moment, back) in enumerate(excursions):
         if any(begin < visit <= back for visit in (first, last)):
             reason = (
-                f"the estimate leaves the truth for {stamps[back] - stamps[moment]:.1f} s; what it saw meanwhile lies "
-                f"at a wrong place, off by {amount} from what another visit saw there"
+                f"for {stamps[back] - stamps[moment]:.1f} s the path lies elsewhere than before and after; what it saw "
+                f"meanwhile lies at a wrong place, off by {amount} from what another visit saw there"
             )
             others = blips[:number] + blips[number + 1 :]
             return _failure(matched, begin, moment, reason, bad=True, blips=others)
@@ -347,9 +370,7 @@ def _shown(matched: Association, begin: int, moment: int) -> int:
     else the row up to `SHOWN_S` after it at which it is most wrong."""
     stamps = matched.estimate.stamps
     rows = moment + np.flatnonzero(np.abs(stamps[moment:] - stamps[moment]) <= SHOWN_S)
-    pairs = np.full(len(rows), begin), rows
-    translation, rotation = pair_errors(matched.estimate.poses, matched.reference.poses, pairs)
-    severity = np.maximum(translation / BAD_M, rotation / BAD_DEG)
+    severity = _severity(matched, begin, rows)
     return moment if severity[0] >= CLEAR_SEVERITY else int(rows[np.argmax(severity)])
 
 

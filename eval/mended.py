@@ -11,19 +11,40 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.failure_cause import find_cause
+from eval.failure_cause import another_best, find_cause
 from eval.files.run_reader import read_steps
 from eval.files.tum import read_tum
-from eval.filter.step_table import Columns, column
+from eval.filter.step_table import Columns, column, updates
 from eval.first_failure import find_failure
 from eval.loss_watch import Spell, spells
 from eval.trajectory.trajectory import Trajectory
-from eval.wording import up_to_a_tenth
+from eval.wording import at_time, length, up_to_a_tenth
 
 WORSE = ("lost", "broken loop", "drift")
 """Outcomes of an estimate that the final pass can mend, the worst first."""
 ESTIMATES = (("online", "while driving"), ("filter", "on the filter's own path"))
 """Names of the estimates in files and keys, and in words."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """When the pose while driving was off the truth. Stamps [s]."""
+
+    spells: tuple[Spell, ...]
+    """Times in which it had drifted or was lost, in their order."""
+    worst: float
+    """When it was most wrong …"""
+    metres: float
+    """… and by how much [m]."""
+
+    def in_words(self, start: float) -> str:
+        """Say when it was first off, worst, and back, since a start [s]."""
+        end = self.spells[-1].end
+        back = "not back by the end" if end is None else f"back for good at {at_time(end - start)}"
+        return (
+            f"the pose was first off the truth at {at_time(self.spells[0].start - start)}, worst at "
+            f"{at_time(self.worst - start)} ({length(self.metres)}), and {back}"
+        )
 
 
 @dataclass(frozen=True)
@@ -36,11 +57,15 @@ class Mended:
     stamp: float
     """The moment [s]."""
     time_to_watch: float
-    """When a viewer shows it, since the first scan [s]."""
+    """The same since the first scan [s], rounded up to a tenth: when a viewer shows it."""
     reason: str
     """A sentence with the numbers."""
     cause: str | None
     """What the data show at the moment, see `eval.failure_cause`."""
+    course: Course | None
+    """When the pose while driving was off; None where it is the filter's own path, or where that is unknown."""
+    errors: tuple[float, float] | None
+    """Position error of the pose while driving at the update before the moment and at it [m]; None likewise."""
 
 
 def find_mended(metrics: Mapping[str, Any], run: Path) -> Mended | None:
@@ -67,10 +92,13 @@ def find_mended(metrics: Mapping[str, Any], run: Path) -> Mended | None:
                 return found
             continue
         whole = steps if steps is not None and "hits" in steps else None  # tables of older releases have none
-        cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=whole, estimate=estimate)
-        time = failure.time_to_watch(estimate.stamps)
-        assert time is not None  # the failure is that of one of its scans
-        return Mended(outcome, which, failure.stamp, time, failure.reason, cause)
+        jump = another_best(failure.stamp, steps) if name == "online" else None
+        cause = jump or find_cause(failure.stamp, odometry=odometry, reference=truth, steps=whole, estimate=estimate)
+        time = up_to_a_tenth(failure.stamp - float(estimate.stamps[0]))
+        course, errors = None, None
+        if name == "online" and steps is not None:
+            course, errors = _course(steps), _errors_at(failure.stamp, steps)
+        return Mended(outcome, which, failure.stamp, time, failure.reason, cause, course, errors)
     return None
 
 
@@ -86,13 +114,38 @@ def _longest_drift(outcome: str, which: str, estimate: Trajectory, steps: Column
         f"the pose while driving drifts for {until - longest.start:.0f} s, by up to {drift_in(steps, [longest]):.2f} m"
     )
     time = up_to_a_tenth(longest.start - float(estimate.stamps[0]))
-    return Mended(outcome, which, longest.start, time, reason, None)
+    return Mended(outcome, which, longest.start, time, reason, None, _course(steps), _errors_at(longest.start, steps))
+
+
+def _errors_at(stamp: float, steps: Columns) -> tuple[float, float] | None:
+    """Position errors of the pose while driving at the update before a stamp [s] and at it [m]; None where unknown."""
+    rows = updates(steps)
+    now = int(np.searchsorted(column(steps, "stamp")[rows], stamp - 1e-6))
+    if "error_m" not in steps or not 0 < now < rows.sum():
+        return None
+    before, at = column(steps, "error_m")[rows][now - 1 : now + 1].tolist()
+    return (before, at) if np.isfinite([before, at]).all() else None
+
+
+def _course(steps: Columns) -> Course | None:
+    """When the pose while driving was off; None where it never was."""
+    found = sorted(spells(steps, "drifted") + spells(steps, "lost"), key=lambda spell: spell.start)
+    if not found:
+        return None
+    stamps, errors = column(steps, "stamp"), np.where(_within(steps, found), column(steps, "error_m"), np.nan)
+    worst = int(np.nanargmax(errors))
+    return Course(tuple(found), float(stamps[worst]), float(errors[worst]))
 
 
 def drift_in(steps: Columns, found: list[Spell]) -> float:
     """Largest position error of the pose while driving in these times [m]."""
-    stamps: NDArray[np.float64] = column(steps, "stamp")
+    return float(np.nanmax(column(steps, "error_m")[_within(steps, found)]))
+
+
+def _within(steps: Columns, found: list[Spell]) -> NDArray[np.bool_]:
+    """The updates in these times, as a mask (n,)."""
+    stamps = column(steps, "stamp")
     within = np.zeros(len(stamps), np.bool_)
     for spell in found:
         within |= (stamps >= spell.start) & (stamps <= (np.inf if spell.end is None else spell.end))
-    return float(np.nanmax(column(steps, "error_m")[within]))
+    return within & updates(steps)

@@ -19,7 +19,7 @@ from eval.filter.closing_loop import largest_closing_loop
 from eval.filter.step_table import column, updates
 from eval.first_failure import BAD_DEG, BAD_M
 from eval.loss_watch import Spell, spells
-from eval.mended import drift_in
+from eval.mended import Mended, drift_in
 from eval.report import plots
 from eval.report.check_story import times_in_words
 from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
@@ -63,12 +63,14 @@ def write_report(run_directory: str | os.PathLike[str], recording: Recording | N
 def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, Any]:
     context = ReportContext.of(run)
     draw_moment, another_best = (None, np.zeros(0)) if recording is None else (recording.png, recording.another_best)
-    failure = context.failure
+    failure, judged = context.failure, verdict(run)
+    mended = judged.mended
+    moment = failure.stamp if failure and failure.bad else mended.stamp if mended else None
     return {
         "name": run.name,
         "path": shlex.quote(str(run.path.resolve())),  # a command that works wherever it is typed
         "title": _title(run),
-        "verdict": verdict(run),
+        "verdict": judged,
         "metrics": run.metrics,
         "command": run.config.get("command", ""),
         "failure": failure,
@@ -80,9 +82,11 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "limits": (BAD_M, BAD_DEG),
         "failure_plot": failure_plot(context),
-        "moment_plots": list(moment_plots(context, another_best)),
+        "mended_pictures": _mended_pictures(context, mended, draw_moment),
+        "moment_plots": list(moment_plots(context, another_best, moment)),
         "start": context.start,
         "length": length,
+        "at_time": at_time,
         "maps": list(map_plots(context)),
         "path_plots": [*path_plots(context), *loop_plots(context)],
         "error_plots": list(error_plots(context, another_best)),
@@ -227,6 +231,20 @@ def _failure_picture(context: ReportContext, draw_moment: DrawMoment | None) -> 
         return None
     worst = column(run.steps, "stamp")[np.nanargmax(errors)] - context.start
     return _moment_picture("The largest error while driving", up_to_a_tenth(worst), draw_moment)
+
+
+def _mended_pictures(context: ReportContext, mended: Mended | None, draw_moment: DrawMoment | None) -> list[Plot]:
+    """The update before the moment that the final pass has mended, and the moment; nothing without either."""
+    steps = context.run.steps
+    if draw_moment is None or mended is None or steps is None:
+        return []
+    moments = {mended.time_to_watch: f"Where it went wrong {mended.which}"}
+    stamps = column(steps, "stamp")[updates(steps)]
+    before = stamps[stamps < mended.stamp - 1e-6]
+    if len(before):
+        time = up_to_a_tenth(before[-1] - context.start)
+        moments = {time: "At the update before it", **moments} if time < mended.time_to_watch else moments
+    return [_moment_picture(name, time, draw_moment) for time, name in moments.items()]
 
 
 def _moment_picture(name: str, time: float, draw_moment: DrawMoment) -> Plot:

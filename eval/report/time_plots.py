@@ -67,20 +67,20 @@ def error_plots(context: ReportContext, another_best: NDArray[np.float64]) -> It
     yield Plot("Heading error", plots.over_time(time, heading, "error [deg]", cursor=cursor), FROM_START)
 
 
-def moment_plots(context: ReportContext, another_best: NDArray[np.float64]) -> Iterator[Plot]:
-    """Position and heading error of the pose while driving about the moment of a failure; nothing without both.
+def moment_plots(context: ReportContext, another_best: NDArray[np.float64], stamp: float | None) -> Iterator[Plot]:
+    """Position and heading error of the pose while driving about a moment [s]; nothing without both.
 
     another_best (n,): times at which another particle became the best, since the first scan [s]
     """
-    steps, failure = context.run.steps, context.failure
-    if steps is None or failure is None or not failure.bad or "error_m" not in steps:
+    steps = context.run.steps
+    if steps is None or stamp is None or "error_m" not in steps:
         return
     stamps = column(steps, "stamp")
-    near = np.abs(stamps - failure.stamp) <= AROUND_S
+    near = np.abs(stamps - stamp) <= AROUND_S
     if not np.isfinite(column(steps, "error_m")[near]).any():
         return
     around = {name: np.asarray(values)[near] for name, values in steps.items()}
-    time, cursor = stamps[near] - context.start, context.failure_time
+    time, cursor = stamps[near] - context.start, stamp - context.start
     jumped = another_best[(another_best >= time[0]) & (another_best <= time[-1])]
     caption = f"Of the pose while driving. {FROM_START}{JUMPS if len(jumped) else ''}"
     for name, key, unit in (("Position", "error_m", "m"), ("Heading", "error_deg", "deg")):
@@ -104,7 +104,7 @@ def _event_marks(steps: Columns, start: float) -> dict[str, plots.Marks]:
     stamps = column(steps, "stamp") - start
     return {
         "resampled": plots.Marks(stamps[column(steps, "resampled") == 1.0], plots.ODOMETRY),
-        "loop closed": plots.Marks(stamps[column(steps, "loop_closed") == 1.0], LOOPS),
+        "old walls in view again": plots.Marks(stamps[column(steps, "loop_closed") == 1.0], LOOPS),
     }
 
 

@@ -10,8 +10,8 @@ from typing import Literal
 from eval.files.run_reader import RunFiles
 from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
 from eval.loss_watch import spells
-from eval.mended import Mended, drift_in, find_mended
-from eval.report.check_story import self_check_story, times_in_words
+from eval.mended import Mended, find_mended
+from eval.report.check_story import self_check_story
 from eval.report.report_context import ReportContext
 from eval.wording import at_time, length, share, spread, up_to_a_tenth
 
@@ -71,8 +71,8 @@ class Verdict:
     severity: Severity
     lead: str
     sentences: tuple[str, ...]
-    mended_time: float | None
-    """When to watch what was wrong before the final pass, since the first scan [s]; None where nothing was."""
+    mended: Mended | None
+    """What was wrong before the final pass; None where nothing was."""
     loop: Loop
     headlines: tuple[Headline, ...]
 
@@ -90,11 +90,16 @@ def verdict(run: RunFiles) -> Verdict:
     elif outcome == "unjudged" and run.metric("self_check"):
         lead, severity = UNJUDGED_LEADS.get(str(run.metric("self_check.verdict")), (lead, severity))
     mended = find_mended(run.metrics, run.path)
+    if mended is not None:
+        lead += (
+            f" That is the final path: {mended.which} the outcome was {mended.outcome}, see “What the final pass "
+            f"mended”."
+        )
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [
+        _mended_sentence(context, mended),
         self_check_story(context),
         _sentence(reason),
-        _mended_sentence(context, mended),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
@@ -105,7 +110,7 @@ def verdict(run: RunFiles) -> Verdict:
         severity=severity,
         lead=lead,
         sentences=tuple(filter(None, sentences)),
-        mended_time=None if mended is None else mended.time_to_watch,
+        mended=mended,
         loop=_loop(context),
         headlines=tuple(_headlines(run)),
     )
@@ -115,18 +120,10 @@ def _mended_sentence(context: ReportContext, mended: Mended | None) -> str:
     """Say when and why the estimate was wrong before the final pass mended it; empty where it was not."""
     if mended is None:
         return ""
-    cause = mended.cause or "the data show no fault at this moment"
-    text = (
-        f"The final pass has mended what was wrong before it. {_sentence(mended.which).rstrip('.')} the outcome is "
-        f"{mended.outcome}: at {at_time(mended.stamp - context.start)} {mended.reason}. Cause: {cause}."
-    )
-    drifted = [] if context.run.steps is None else spells(context.run.steps, "drifted")
-    if drifted and context.run.steps is not None:
-        text += (
-            f" The pose while driving had drifted {times_in_words(drifted, context.start)}, by up to "
-            f"{length(drift_in(context.run.steps, drifted))}."
-        )
-    return text
+    cause = (mended.cause or "the data show no fault at this moment").rstrip(".")
+    course = "" if mended.course is None else f"While driving {mended.course.in_words(context.start)}. "
+    when = at_time(mended.stamp - context.start)
+    return f"{course}The outcome {mended.which}, {mended.outcome}, comes from {when}. Cause: {cause}."
 
 
 def _sentence(text: str) -> str:
@@ -236,9 +233,9 @@ def _loop(context: ReportContext) -> Loop:
     if loop is None:
         return Loop("")
     start = context.start
-    times = f"closed at {at_time(loop.stamp - start)}"
+    times = f"old walls in view again at {at_time(loop.stamp - start)}"
     if loop.began < loop.stamp:
-        times = f"closed from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
+        times = f"old walls in view again from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
     before = " before the estimate was lost" if lost else ""
     text = f"The largest loop closure{before}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
     if loop.errors is not None:

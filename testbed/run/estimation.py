@@ -101,7 +101,8 @@ class Estimation:
         else:
             self._waiting[frame.lidar] = frame.odometry, frame.scan
         seconds = time.perf_counter() - start
-        self.steps.add(frame, report, seconds, self.mapper.poses, self.mapper.weights)
+        best = self.mapper.best if isinstance(self.mapper, GMapping) else None
+        self.steps.add(frame, report, seconds, self.mapper.poses, self.mapper.weights, best)
         self._online.append(report.pose)
         return report
 

@@ -18,6 +18,7 @@ from slam.se2 import Pose
 from slam.sensor.rays import BeamCounts
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
+from testbed.views.another_best import moved_by_another_best
 
 FLAGS = ("updated", "resampled", "loop_closed", "odometry_jumped")
 COUNTS = ("scan", "particles", "match_failures", "particles_died", "unique_ancestors", "map_bytes", *BeamCounts._fields)
@@ -38,13 +39,21 @@ class StepTable:
     """Whether truth is in its own frame and must be aligned; otherwise it is in the map's frame."""
     rows: list[dict[str, Any]] = field(default_factory=list)
     _first: tuple[Pose, Pose] | None = None
+    _best: int | None = None  # number of the best particle after the last scan
 
     def add(
-        self, frame: Frame, report: StepReport, filter_seconds: float, poses: Pose, weights: NDArray[np.float64]
+        self,
+        frame: Frame,
+        report: StepReport,
+        filter_seconds: float,
+        poses: Pose,
+        weights: NDArray[np.float64],
+        best: int | None = None,
     ) -> None:
         """Append the row of one scan.
 
-        filter_seconds: time spent in the filter [s];  poses (particles, 3), weights (particles,): after the scan
+        filter_seconds: time spent in the filter [s];  poses (particles, 3), weights (particles,), best (the number of
+        the best particle; None = particles have no lasting numbers): after the scan
         """
         cov = report.covariance
         row: dict[str, Any] = {
@@ -68,6 +77,7 @@ class StepTable:
             "log_evidence": report.log_evidence,
             "particles_died": report.particles - len(np.unique(poses, axis=0)) if report.resampled else 0,
             "spread_m": spread_of(poses, weights) if report.updated else math.nan,
+            "best_moved_m": moved_by_another_best(self._best, report),
             "unique_ancestors": report.unique_ancestors,
             **report.readings._asdict(),
             "map_bytes": report.map_bytes,
@@ -79,6 +89,7 @@ class StepTable:
             "filter_s": filter_seconds,
             **{f"{stage}_s": report.seconds.get(stage, 0.0) for stage in ("match", "sample", "map", "resample")},
         }
+        self._best = best
         self.rows.append(row | self._truth(frame, report.pose))
 
     def _truth(self, frame: Frame, pose: Pose) -> dict[str, float]:

@@ -51,6 +51,17 @@ def test_a_jump_spread_over_the_poses_between_updates_is_one_update():
     np.testing.assert_allclose(failure.estimated, [12.0, 0.8, 0.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("turned", [110, 115])
+def test_an_excursion_does_not_begin_at_a_single_turned_pose(turned: int):
+    """One update is turned by less than the limit, within the metre before the jump; the next one is right again."""
+    truth = straight()
+    poses = truth.poses.copy()
+    poses[120:160, 1] += 0.8
+    poses[turned, 2] = np.radians(3.4)
+    (blip,) = first_bad_stretch(Trajectory(truth.stamps, poses), truth).blips
+    assert blip.stamp == pytest.approx(12.0)
+
+
 def test_the_worst_pose_of_a_good_path_is_shown_and_not_a_good_one():
     """One pose is turned; it is aligned at one that is right, whichever of the two comes first."""
     truth = straight()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -38,12 +39,58 @@ def test_the_moment_is_that_of_the_pose_while_driving(tmp_path: Path) -> None:
     broken_at = 1000.0 + 0.1 * BREAK
     assert broken_at <= found.stamp <= broken_at + 2.0
     assert (found.outcome, found.which) == ("broken loop", "while driving")
-    sentences = " ".join(verdict(read_run(run)).sentences)
-    moment = f"While driving the outcome is broken loop: at {found.stamp - 1000.0:.1f} s the estimate leaves the truth"
-    assert moment in sentences
-    assert f"--time {found.time_to_watch:.1f}</code>" in write_report(run).read_text()
+    assert found.time_to_watch == pytest.approx(found.stamp - 1000.0, abs=0.1)  # what is named is what is shown
+    assert found.errors is not None
+    judged = verdict(read_run(run))
+    assert "That is the final path: while driving the outcome was broken loop" in judged.lead
+    moment = f"The outcome while driving, broken loop, comes from {found.time_to_watch:.1f} s. Cause: "
+    assert moment in " ".join(judged.sentences)
+    page = write_report(run).read_text()
+    assert "<h2>What the final pass mended</h2>" in page
+    assert f"--time {found.time_to_watch:.1f}</code>" in page
     assert find_mended(metrics | {"outcome_online": "ok"}, run) is None
     assert find_mended(metrics | {"outcome": "lost"}, run) is None  # nothing was mended
+
+
+def test_the_report_draws_the_moment_and_the_update_before_it(tmp_path: Path) -> None:
+    run = mended_run(tmp_path, "broken loop")
+    found = find_mended(json.loads((run / "metrics.json").read_text()), run)
+    assert found is not None
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    updates = np.array(table["stamp"])[np.array(table["updated"], bool)] - 1000.0
+
+    class Drawn:
+        another_best = np.zeros(0)
+        times: ClassVar[list[float]] = []
+
+        def png(self, time: float) -> bytes:
+            self.times.append(time)
+            return b"picture"
+
+    page = write_report(run, Drawn()).read_text()
+    before = max(updates[updates < found.stamp - 1000.0 - 1e-6])
+    for time, name in ((before, "At the update before it"), (found.time_to_watch, "Where it went wrong while driving")):
+        assert any(drawn == pytest.approx(time, abs=0.1) for drawn in Drawn.times)
+        assert name in page
+
+
+def test_another_best_particle_at_the_moment_is_its_cause(tmp_path: Path) -> None:
+    run = mended_run(tmp_path, "broken loop")
+    metrics = json.loads((run / "metrics.json").read_text())
+    found = find_mended(metrics, run)
+    assert found is not None
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    moved = np.zeros(len(table["stamp"]))
+    at = int(np.argmin(np.abs(np.array(table["stamp"]) - found.stamp)))
+    for row, expected in ((at, True), (at + 5, False)):  # another update says nothing of this one
+        moved[:] = 0.0
+        moved[row] = 0.23
+        pq.write_table(pa.table(table | {"best_moved_m": moved}), run / "steps.parquet")
+        again = find_mended(metrics, run)
+        assert again is not None
+        assert again.stamp == found.stamp
+        words = "another particle became the best: the reported pose moved by 23\N{NO-BREAK SPACE}cm"
+        assert (again.cause == words) is expected
 
 
 def test_without_a_moment_it_is_the_longest_drift(tmp_path: Path) -> None:
@@ -62,3 +109,8 @@ def test_without_a_moment_it_is_the_longest_drift(tmp_path: Path) -> None:
     assert found.stamp == pytest.approx(1030.0, abs=0.6)
     assert found.reason == "the pose while driving drifts for 30 s, by up to 0.40 m"
     assert found.cause is None
+    assert found.course is not None
+    assert len(found.course.spells) == 2
+    words = found.course.in_words(1000.0)
+    assert words.startswith("the pose was first off the truth at 30.")
+    assert words.endswith("s (40\N{NO-BREAK SPACE}cm), and back for good at 83.0 s")

@@ -41,6 +41,8 @@ HEADLINES = (
     (("realtime_factor",), "speed", "{:.1f} x real time"),
 )
 """Keys in metrics.json, words, format of their values."""
+MAX_CAUSE = 90
+"""Of a longer cause the terminal prints what stands before its colon [characters]."""
 
 
 def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table:
@@ -68,8 +70,12 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         table.add_row("largest loop closure", _loop_in_words(*loop))
     if mended is not None and run is not None:
         start = float(read_tum(run / "truth.tum").stamps[0])
-        cause = mended.cause.split(":")[0] if mended.cause else mended.reason
+        cause = mended.reason if mended.cause is None else mended.cause
+        if len(cause) > MAX_CAUSE:
+            cause = cause.split(":")[0]
         table.add_row(f"went wrong {mended.which}, mended", f"at {at_time(mended.stamp - start)}: {cause}")
+        if mended.course is not None:
+            table.add_row("while driving", mended.course.in_words(start))
     while_driving = _value(metrics, "outcome_online")
     if while_driving not in (None, metrics["outcome"], "unjudged"):
         table.add_row("outcome while driving", f"{while_driving}")
@@ -121,7 +127,10 @@ def _loop_in_words(loop: ClosingLoop, start: float) -> str:
     if loop.died and loop.most_died is not None:
         most = "" if loop.resamplings == 1 else "most "
         deaths = f"; {loop.died} of {loop.particles} particles died, {most}at {at_time(loop.most_died - start)}"
-    return f"{loop.metres:.0f} m of driving, closed at {at_time(loop.stamp - start)}{deaths}"
+    times = f"at {at_time(loop.stamp - start)}"
+    if loop.began < loop.stamp:
+        times = f"from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
+    return f"{loop.metres:.0f} m of driving, old walls in view again {times}{deaths}"
 
 
 def _failure_of(metrics: Mapping[str, Any], run: Path | None) -> tuple[Failure, NDArray[np.float64]] | None:

@@ -22,10 +22,12 @@ from typing import Self
 import numpy as np
 import rerun as rr
 
+from eval.wording import length
 from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
+from testbed.views.another_best import MIN_JUMP_M, moved_by_another_best
 from testbed.views.live.viewers import LiveViewer, start_viewers
 from testbed.views.rerun import columns, drawing, entities
 from testbed.views.rerun.archetypes import grid_map, lines, pose_transform, square_frame
@@ -60,9 +62,6 @@ MAX_WAITING = 2048
 """… or when so many squares of maps wait, of 16 kB each."""
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
-
-MIN_STEP_M = 0.03
-"""Another particle that becomes the best is marked if it moves the estimate by more than this [m]."""
 
 
 class RerunView:
@@ -341,11 +340,13 @@ class RerunView:
 
     def _mark_another_best(self, before: Snapshot, snapshot: Snapshot, step: StepReport) -> None:
         """Mark the error where the estimate moves because another particle became the best."""
-        if snapshot.truth is None or step.proposed is None or before.best == step.best:
-            return
         if snapshot.localization is not None:  # whose numbers of particles do not go on from update to update
             return
-        if math.dist(step.proposed.pose[before.best][:2], step.pose[:2]) > MIN_STEP_M:
+        moved = moved_by_another_best(before.best, step)
+        if not moved > MIN_JUMP_M:
+            return
+        self._columns.add_event(f"another particle became the best: the reported pose moved by {length(moved)}", "INFO")
+        if snapshot.truth is not None:
             row = snapshot.truth, snapshot.estimate, snapshot.odometry
             self._columns.add(entities.ANOTHER_BEST, *row, build=self._errors[0].estimates)
 

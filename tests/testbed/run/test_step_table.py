@@ -36,3 +36,23 @@ def test_particles_without_a_descendant_have_died() -> None:
     spreads = table.columns()["spread_m"]
     assert spreads[0] == pytest.approx(np.std([0, 0, 3, 3, 3]))
     assert np.isnan(spreads[2])
+
+
+def test_another_best_particle_is_in_the_table_with_how_far_it_moves_the_pose() -> None:
+    (first,) = snapshots(0.0, particles=5)
+    *_, last = (s for s in snapshots(2.0, particles=5) if s.step is not None and s.step.proposed is not None)
+    assert first.step is not None
+    assert last.step is not None
+    assert last.step.proposed is not None
+    frame = Frame(stamp=0.0, odometry=np.zeros(3), scan=first.scan, truth=first.truth)
+    best, weights, poses = last.step.best, np.full(5, 0.2), np.zeros((5, 3))
+    other = (best + 1) % 5
+    proposed = last.step.proposed.pose.copy()
+    proposed[best], proposed[other] = (0.3, 0.4, 0.0), (0.0, 0.0, 1.0)
+    step = replace(last.step, pose=proposed[best], proposed=last.step.proposed._replace(pose=proposed))
+    table = StepTable()
+    table.add(frame, first.step, 0.0, poses, weights, other)  # nothing is matched by the first scan
+    table.add(frame, step, 0.0, poses, weights, best)  # another one was the best before
+    table.add(frame, step, 0.0, poses, weights)  # the same one
+    table.add(frame, step, 0.0, poses, weights)  # what was the best before is unknown
+    np.testing.assert_allclose(table.columns()["best_moved_m"], [np.nan, 0.5, 0.0, np.nan])

@@ -253,6 +253,9 @@ def test_another_best_particle_is_marked_where_it_moves_the_estimate(recorded: R
     assert len(expected) > 2
     assert list(marked) == pytest.approx(expected)
     assert all(value[0] == pytest.approx(errors[stamp][0]) for stamp, value in marked.items())
+    said = [(at, text[0]) for at, text in rows(recorded.path, entities.EVENTS, "TextLog:text") if "became" in text[0]]
+    assert [at for at, _ in said] == pytest.approx(expected)  # scans come each tenth of a second, as lines
+    assert all(text.startswith("another particle became the best: the reported pose moved by ") for _, text in said)
 
 
 def test_collisions_and_notes_are_in_the_event_log(tmp_path: Path) -> None:

@@ -81,9 +81,9 @@ class LoopWatch:
     def _first_line(self, step: StepReport, spread: float | None) -> str:
         """What is said of a loop when it begins to close."""
         then = f"{self._times[-1 - step.loop_updates]:.0f} s, {step.loop_length:.0f} m ago"
-        seen = f"back where it was at {then}" if step.loop_at_place else f"walls last seen at {then}"
+        seen = f"back where it was at {then}" if step.loop_at_place else f"old walls in view again: last seen at {then}"
         spreading = "" if spread is None else f"; the particles spread {100 * spread:.1f} cm"
-        return f"loop closes: {seen}{spreading}"
+        return f"{seen}{spreading}"
 
     def end(self, lost: bool) -> list[LoopLine]:
         """What is to be said of the loop that was closing at the last update, if one was; lost: whether the estimate is
@@ -93,9 +93,9 @@ class LoopWatch:
             return []
         if lost:
             return [LoopLine("WARN", f"the loop of {loop.length:.0f} m has not helped: the estimate is lost")]
-        text = f"loop of {loop.length:.0f} m closed"
+        text = f"after the loop of {loop.length:.0f} m"
         if loop.spread is None or loop.least is None:
-            return [LoopLine("INFO", text)]
+            return [LoopLine("INFO", f"{text}: a single particle cannot correct it")]
         most, at = loop.most_died
         when = f" ({'' if most == loop.died else 'most '}at {at_time(at)})" if most else ""
         least, least_at = loop.least

@@ -36,11 +36,11 @@ def said(
 def test_a_loop_is_said_at_once_and_again_when_it_has_settled() -> None:
     lines = said({90: step(40.0)}, died={50: 4, 90: 2, 95: 3, 106: 5}, updates=120)
     assert lines == {
-        90: [("INFO", "loop closes: walls last seen at 10 s, 40 m ago; the particles spread 8.0 cm")],
+        90: [("INFO", "old walls in view again: last seen at 10 s, 40 m ago; the particles spread 8.0 cm")],
         105: [
             (
                 "INFO",
-                "loop of 40 m closed: 5 particles died (most at 95.0 s), the spread went from 8.0 to 2.0 cm "
+                "after the loop of 40 m: 5 particles died (most at 95.0 s), the spread went from 8.0 to 2.0 cm "
                 "(at 98.0 s)",
             )
         ],
@@ -50,11 +50,11 @@ def test_a_loop_is_said_at_once_and_again_when_it_has_settled() -> None:
 def test_a_longer_loop_takes_the_place_of_the_shorter_one() -> None:
     lines = said({90: step(20.0), 102: step(42.0, at_place=True)}, died={91: 1}, updates=130)
     assert [text.split(":")[0] for found in lines.values() for _, text in found] == [
-        "loop closes",
-        "loop closes",
-        "loop of 42 m closed",
+        "old walls in view again",
+        "back where it was at 18 s, 42 m ago; the particles spread 3.0 cm",
+        "after the loop of 42 m",
     ]
-    assert lines[102] == [("INFO", "loop closes: back where it was at 18 s, 42 m ago; the particles spread 3.0 cm")]
+    assert lines[102] == [("INFO", "back where it was at 18 s, 42 m ago; the particles spread 3.0 cm")]
     assert list(lines) == [90, 102, 117]
 
 
@@ -63,7 +63,7 @@ def test_a_loop_that_ends_while_lost_is_no_success() -> None:
     assert lines[105] == [("WARN", "the loop of 40 m has not helped: the estimate is lost")]
     begun = said({90: step(40.0)}, died={}, updates=99, lost_from=80)
     assert begun[90] == [
-        ("WARN", "loop closes: walls last seen at 10 s, 40 m ago; the particles spread 8.0 cm, while lost")
+        ("WARN", "old walls in view again: last seen at 10 s, 40 m ago; the particles spread 8.0 cm, while lost")
     ]
     assert begun[99][0][0] == "WARN"
 
@@ -75,8 +75,8 @@ def test_a_loop_ends_with_the_run() -> None:
 def test_a_single_particle_has_no_spread() -> None:
     lines = said({90: step(40.0)}, died={}, updates=120, particles=False)
     assert lines == {
-        90: [("INFO", "loop closes: walls last seen at 10 s, 40 m ago")],
-        105: [("INFO", "loop of 40 m closed")],
+        90: [("INFO", "old walls in view again: last seen at 10 s, 40 m ago")],
+        105: [("INFO", "after the loop of 40 m: a single particle cannot correct it")],
     }
 
 
