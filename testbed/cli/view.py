@@ -109,8 +109,8 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
 
     if len(paths) != 1 or (paths[0] / "sweep.toml").is_file():
         raise ValueError(f"{picture}: a picture is made of one run, dataset or log")
-    console.print(f"drawing {paths[0]} …", soft_wrap=True)
     draw_moment = moments_of(paths[0])
+    drive = open_dataset(paths[0]) if draw_moment is None else None  # refuses a collection before anything is drawn
     if draw_moment is not None and not times:
         moment = _moment_of_failure(paths[0])
         times = [] if moment is None else [moment]
@@ -124,11 +124,12 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
         console.print(f"{paths[0]}: not finished; this is what was recorded so far", soft_wrap=True)
     for file, time in pictures.items():
         console.print(f"{file}: drawing {'the end' if time is None else f'{time:g} s'} …", soft_wrap=True)
-        if draw_moment is not None:
+        if drive is None:
+            assert draw_moment is not None
             with atomic_write(file) as temporary:
                 temporary.write_bytes(draw_moment(math.inf if time is None else time))
         else:
-            draw_drive(open_dataset(paths[0]), file, _title_of_drive(paths[0]), time)
+            draw_drive(drive, file, _title_of_drive(paths[0]), time)
     console.print(f"{', '.join(f'{file}' for file in pictures)}: written", soft_wrap=True)
 
 

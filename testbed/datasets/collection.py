@@ -29,14 +29,22 @@ class Collection(Sequence[Dataset]):
         return len(self.rows)
 
     @overload
-    def __getitem__(self, number: int) -> Dataset: ...
+    def __getitem__(self, number: int | str) -> Dataset: ...
 
     @overload
     def __getitem__(self, number: slice) -> Collection: ...
 
-    def __getitem__(self, number: int | slice) -> Dataset | Collection:
+    def __getitem__(self, number: int | str | slice) -> Dataset | Collection:
+        """One dataset by its number or name, such as `office-0001`, or several by a slice.
+
+        Raises KeyError where no dataset has the name, IndexError for a number that is too large.
+        """
         if isinstance(number, slice):
             return Collection(self.path, self.rows[number])
+        if isinstance(number, str):
+            if number not in (row["dataset"] for row in self.rows):
+                raise KeyError(f"{number}: no dataset of this collection; see its column `dataset`")
+            return open_dataset(self.path / number)
         return open_dataset(self.path / self.rows[number]["dataset"])
 
     def __iter__(self) -> Iterator[Dataset]:

@@ -111,6 +111,9 @@ def test_what_is_no_collection_is_refused(made, tmp_path):
 def test_reprs_are_one_line(made):
     collection = open_collection(made)
     dataset = collection[0]
+    assert collection[dataset.path.name].path == dataset.path
+    with pytest.raises(KeyError, match="office-9999: no dataset of this collection"):
+        collection["office-9999"]
     assert repr(dataset).endswith("create3, lds01, 6.0 s, not read yet>") or "rplidar_a2, 6.0 s" in repr(dataset)
     _ = dataset.scans
     for shown in (collection, dataset, dataset.log, next(iter(dataset))):
