@@ -23,7 +23,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 from urllib.parse import urlsplit
 
 HEADER_BYTES = 12
@@ -35,6 +35,8 @@ START_TIMEOUT = 60.0
 """Longest start of a viewer [s]."""
 SEND_TIMEOUT = 15.0
 """A viewer that takes nothing for so long is lost [s]."""
+LAST_DELIVERY = 30.0
+"""The longest that a viewer is sent what is left after the run has ended [s]."""
 
 
 class ViewerLostError(Exception):
@@ -122,10 +124,19 @@ def send(
                 raise ViewerLostError("the viewer was closed")
 
 
-def await_end_of_stdin(gone: threading.Event) -> None:
-    """Set `gone` when the other end of stdin is closed, by whatever way the run ended."""
+def await_end_of_stdin(gone: threading.Event, server: subprocess.Popen[bytes] | None) -> None:
+    """Set `gone` when the other end of stdin is closed, by whatever way the run ended.
+
+    What the viewer has not taken soon after that, it does not get: Rerun's calls may wait for it without limit. The
+    server of ours, if there is one, ends then too.
+    """
     sys.stdin.buffer.read()
     gone.set()
+    time.sleep(LAST_DELIVERY)
+    if server is not None:
+        server.terminate()
+    sys.stderr.write("the viewer took nothing any more\n")
+    _exit(1)
 
 
 def relay(job: dict[str, Any]) -> None:
@@ -137,14 +148,14 @@ def relay(job: dict[str, Any]) -> None:
     Raises:
         ViewerLostError: the viewer is gone.
     """
-    gone = threading.Event()
-    threading.Thread(target=await_end_of_stdin, args=(gone,), daemon=True).start()
-    program = None
+    gone, program = threading.Event(), None
     with open(job["recording"], "rb") as source, tempfile.TemporaryFile() as output:
         if "program" in job:
             program = subprocess.Popen(
                 job["program"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=output
             )
+        server = program if job.get("serving") else None
+        threading.Thread(target=await_end_of_stdin, args=(gone, server), daemon=True).start()
         try:
             await_listener(job["url"], program)
             send(source, job, gone, program)
@@ -165,12 +176,16 @@ def main() -> None:
     """Relay the job that the first argument gives as JSON."""
     try:
         relay(json.loads(sys.argv[1]))
-        status = 0
     except ViewerLostError as error:
         sys.stderr.write(f"{error}\n")
-        status = 1
+        _exit(1)  # here: when the error goes, so does its stream, which waits without limit for a viewer that hangs
+    _exit(0)
+
+
+def _exit(status: int) -> NoReturn:
+    """End the process; the usual end waits for its streams, without limit if the viewer hangs."""
     sys.stderr.flush()
-    os._exit(status)  # the end of a process waits for its streams, without limit if the viewer hangs
+    os._exit(status)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbed.views import Snapshot, View, ViewOptions, open_view
-from testbed.views.live import programs
+from testbed.views.live import programs, relay
 from testbed.views.live.relay import batches
 from testbed.views.rerun import entities
 from tests.testbed.views.conftest import Recorded
@@ -162,6 +162,16 @@ print("done", flush=True)
         assert process.stdout is not None
         assert process.stdout.readline() == b"done\n"
         assert process.wait(timeout=3.0) == 0
+        deadline = time.monotonic() + 2.0 * relay.LAST_DELIVERY
+        while relays_of(tmp_path) and time.monotonic() < deadline:
+            time.sleep(0.2)
+        assert not relays_of(tmp_path)
+
+
+def relays_of(folder: Path) -> list[str]:
+    """Processes that relay a recording in a folder."""
+    found = subprocess.run(["pgrep", "-f", f"live.relay .*{folder}"], capture_output=True, text=True, check=False)
+    return found.stdout.split()
 
 
 def test_a_lost_viewer_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
