@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Covariances of the refined poses, against errors whose distribution is known."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 
 from slam import FilterConfig, refine, se2
 from slam.refinement._chain_kernels import chain_covariances, factor_chain
+from slam.refinement.covariance import pose_covariances
 from tests.slam.rooms import drive, scan_at
 
+refine_module = sys.modules["slam.refinement.refine"]  # the package's name `refine` is the function
 CONFIG = FilterConfig()
 
 
@@ -61,6 +64,21 @@ def test_covariances_turn_with_the_frame():
 def test_more_noise_makes_less_certain():
     exact, noisy = (noisy_run(1, sigma)[1].covariances[1:] for sigma in (0.01, 0.08))
     assert np.median(noisy[:, 0, 0] / exact[:, 0, 0]) > 2.0
+
+
+def test_deviations_that_persist_make_less_certain(monkeypatch):
+    """Twenty times the deviations of scans from each surfel, with one sign: scans do not err independently there."""
+    kept = []
+    monkeypatch.setattr(refine_module, "pose_covariances", lambda e: kept.append(e) or pose_covariances(e))
+    noisy_run(2, sigma=0.02)
+    (equations,) = kept
+    seen = equations.observations
+    zero, usual, persistent = (
+        pose_covariances(equations._replace(observations=seen._replace(residual=residual)))[-1]
+        for residual in (0.0 * seen.residual, seen.residual, 20.0 * np.abs(seen.residual))
+    )
+    assert np.trace(persistent) > 4.0 * np.trace(usual)
+    assert np.trace(usual) >= np.trace(zero) > 0.5 * np.trace(usual)  # never surer than the model
 
 
 @pytest.mark.parametrize("n", [1, 2, 7])
