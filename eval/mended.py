@@ -73,7 +73,8 @@ def find_mended(metrics: Mapping[str, Any], run: Path) -> Mended | None:
     too, or where no truth is known.
 
     run: its directory. The moment is the first one from which the pose while driving, else the filter's own path, does
-    not come back to the truth; where they all came back, the beginning of the longest drift.
+    not come back to the truth; where they all came back, the beginning of the longest drift, and where the error falls
+    at that moment, the beginning of the drift in which the pose was most wrong.
     Raises ValueError for damaged files.
     """
     if metrics.get("outcome") not in ("ok", "drift") or not (run / "truth.tum").is_file():
@@ -98,8 +99,29 @@ def find_mended(metrics: Mapping[str, Any], run: Path) -> Mended | None:
         course, errors = None, None
         if name == "online" and steps is not None:
             course, errors = _course(steps), _errors_at(failure.stamp, steps)
+            if course is not None and errors is not None and errors[1] < errors[0]:  # a way back, not the way off
+                return _worst_drift(outcome, which, estimate, truth, odometry, steps, course)
         return Mended(outcome, which, failure.stamp, time, failure.reason, cause, course, errors)
     return None
+
+
+def _worst_drift(
+    outcome: str,
+    which: str,
+    estimate: Trajectory,
+    truth: Trajectory,
+    odometry: Trajectory | None,
+    steps: Columns,
+    course: Course,
+) -> Mended:
+    """The beginning of the time in which the pose while driving was most wrong, and what the data show there."""
+    spell = next(spell for spell in course.spells if spell.end is None or course.worst <= spell.end)
+    whole = steps if "hits" in steps else None
+    cause = find_cause(spell.start, odometry=odometry, reference=truth, steps=whole, estimate=estimate)
+    until = float(estimate.stamps[-1]) if spell.end is None else spell.end
+    reason = f"the pose while driving drifts for {until - spell.start:.0f} s, by up to {course.metres:.2f} m"
+    time = up_to_a_tenth(spell.start - float(estimate.stamps[0]))
+    return Mended(outcome, which, spell.start, time, reason, cause, course, _errors_at(spell.start, steps))
 
 
 def _longest_drift(outcome: str, which: str, estimate: Trajectory, steps: Columns) -> Mended | None:

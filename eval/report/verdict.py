@@ -123,7 +123,7 @@ def _mended_sentence(context: ReportContext, mended: Mended | None) -> str:
     cause = (mended.cause or "the data show no fault at this moment").rstrip(".")
     course = "" if mended.course is None else f"While driving {mended.course.in_words(context.start)}. "
     when = at_time(mended.stamp - context.start)
-    return f"{course}The outcome {mended.which}, {mended.outcome}, comes from {when}. Cause: {cause}."
+    return f"{course}The moment shown below is {when}: {mended.reason}. Cause: {cause}."
 
 
 def _sentence(text: str) -> str:

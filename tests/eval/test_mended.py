@@ -43,7 +43,7 @@ def test_the_moment_is_that_of_the_pose_while_driving(tmp_path: Path) -> None:
     assert found.errors is not None
     judged = verdict(read_run(run))
     assert "That is the final path: while driving the outcome was broken loop" in judged.lead
-    moment = f"The outcome while driving, broken loop, comes from {found.time_to_watch:.1f} s. Cause: "
+    moment = f"The moment shown below is {found.time_to_watch:.1f} s: "
     assert moment in " ".join(judged.sentences)
     page = write_report(run).read_text()
     assert "<h2>What the final pass mended</h2>" in page
@@ -114,3 +114,20 @@ def test_without_a_moment_it_is_the_longest_drift(tmp_path: Path) -> None:
     words = found.course.in_words(1000.0)
     assert words.startswith("the pose was first off the truth at 30.")
     assert words.endswith("s (40\N{NO-BREAK SPACE}cm), and back for good at 83.0 s")
+
+
+def test_a_moment_at_which_the_error_falls_is_no_way_off(tmp_path: Path) -> None:
+    """The pose while driving is 0.5 m off from 20 s on, and at the moment of the jump comes nearer to the truth."""
+    run = mended_run(tmp_path, "broken loop")
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    off = np.zeros(len(table["stamp"]))
+    off[200:BREAK], off[BREAK : BREAK + 200] = 0.5, 0.3
+    true = np.column_stack([table[f"true_{name}"] for name in ("x", "y", "theta")])
+    table |= {"x": true[:, 0], "y": true[:, 1] + off, "theta": true[:, 2], "error_m": off}
+    pq.write_table(pa.table(table), run / "steps.parquet")
+    found = find_mended(json.loads((run / "metrics.json").read_text()), run)
+    assert found is not None
+    assert found.stamp == pytest.approx(1020.0, abs=0.6)  # where the drift begins, not where it is left
+    assert found.reason.startswith("the pose while driving drifts for ")
+    assert found.errors is not None
+    assert found.errors[0] <= found.errors[1]
