@@ -58,6 +58,8 @@ FINAL_TRUTH = "/final_truth/path"
 
 POSITION_ERROR = "/metrics/position_error"
 ANOTHER_BEST = "/metrics/position_error/another_best"
+ANOTHER_BEST_EVENT = "another particle became the best"
+"""How the event of that begins; others of the same time say more."""
 HEADING_ERROR = "/metrics/heading_error"
 ESS = "/metrics/ess"
 ESS_VALUE = "/metrics/ess/value"

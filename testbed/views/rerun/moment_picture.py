@@ -28,6 +28,7 @@ from testbed.views.rerun.other_particles import OtherParticle, first_comparison,
 from testbed.views.rerun.recorded import (
     TIME,
     Ellipse,
+    Event,
     GridImage,
     Recorded,
     colours,
@@ -61,12 +62,17 @@ MARGIN = 1.25
 """Both show so much more than what has to be seen."""
 POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
-"""Of several events at one time the one of the highest level is printed."""
+"""Of several events at one time the one of the highest level is printed, a change of the best particle last."""
 OWN_COVARIANCE = "95 % by the filter's own covariance, around the best"
 TRUTH_THEN = "truth at the update of the particles"
 RECENT_EVENT_S = 20.0
 """The last event is printed for this long [s]."""
 UNSEEN = tuple(part / 255.0 for part in styles.UNSEEN)
+
+
+def _weight(event: Event) -> tuple[float, int, bool]:
+    """Of two events the one with the larger weight is printed."""
+    return event.time, LEVELS.index(event.level), not event.text.startswith(entities.ANOTHER_BEST_EVENT)
 
 
 class MomentPictures:
@@ -229,7 +235,7 @@ class MomentPictures:
         lines = [f"{self._recorded.name or 'run'} at {time:.1f} s: {self._places(time)}", ";  ".join(found)]
         past = [event for event in self._recorded.events() if time - RECENT_EVENT_S <= event.time <= time + 1e-6]
         if past:
-            last = max(past, key=lambda event: (event.time, LEVELS.index(event.level)))
+            last = max(past, key=_weight)
             lines.append(textwrap.shorten(f"last event, {last.time:.1f} s: {last.text}", 150, placeholder=" …"))
         return "\n".join(lines)
 

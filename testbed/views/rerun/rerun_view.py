@@ -345,7 +345,7 @@ class RerunView:
         moved = moved_by_another_best(before.best, step)
         if not moved > MIN_JUMP_M:
             return
-        self._columns.add_event(f"another particle became the best: the reported pose moved by {length(moved)}", "INFO")
+        self._columns.add_event(f"{entities.ANOTHER_BEST_EVENT}: the reported pose moved by {length(moved)}", "INFO")
         if snapshot.truth is not None:
             row = snapshot.truth, snapshot.estimate, snapshot.odometry
             self._columns.add(entities.ANOTHER_BEST, *row, build=self._errors[0].estimates)

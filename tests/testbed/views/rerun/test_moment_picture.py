@@ -13,7 +13,8 @@ from PIL import Image
 
 from testbed.views import moments_of
 from testbed.views.rerun import entities
-from testbed.views.rerun.moment_picture import MomentPictures
+from testbed.views.rerun.moment_picture import MomentPictures, _weight
+from testbed.views.rerun.recorded import Event
 from testbed.views.rerun.recorded import Recorded as Reader
 from tests.testbed.views.conftest import Recorded
 
@@ -63,3 +64,12 @@ def test_what_holds_no_run_is_refused(tmp_path: Path) -> None:
     (tmp_path / "recording.rrd").touch()
     with pytest.raises(ValueError, match=r"recording\.rrd: expected"):
         moments_of(tmp_path)
+
+
+def test_of_two_events_the_one_that_says_more_is_printed() -> None:
+    resampled = Event(5.0, "INFO", "resampled: 11 particles died")
+    best = Event(5.0, "INFO", "another particle became the best: the reported pose moved by 3.0 cm")
+    warning, later = Event(5.0, "WARN", "matching failed"), Event(6.0, "INFO", best.text)
+    assert max([best, resampled], key=_weight) is max([resampled, best], key=_weight) is resampled
+    assert max([resampled, warning, best], key=_weight) is warning
+    assert max([warning, later], key=_weight) is later
