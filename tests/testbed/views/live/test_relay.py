@@ -15,7 +15,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -168,10 +168,15 @@ print("done", flush=True)
         assert not relays_of(tmp_path)
 
 
-def relays_of(folder: Path) -> list[str]:
+def relays_of(folder: Path) -> list[Path]:
     """Processes that relay a recording in a folder."""
-    found = subprocess.run(["pgrep", "-f", f"live.relay .*{folder}"], capture_output=True, text=True, check=False)
-    return found.stdout.split()
+    found = []
+    for process in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has ended
+            command = process.read_bytes()
+            if b"live.relay" in command and str(folder).encode() in command:
+                found.append(process)
+    return found
 
 
 def test_a_lost_viewer_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
