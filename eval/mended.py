@@ -89,9 +89,12 @@ def find_mended(metrics: Mapping[str, Any], run: Path) -> Mended | None:
         estimate = read_tum(path)
         failure = find_failure(estimate, truth=truth, steps=steps)
         if failure is None or not failure.bad:
-            if steps is not None and (found := _longest_drift(outcome, which, estimate, steps)) is not None:
-                return found
-            continue
+            drifts = [] if steps is None else spells(steps, "drifted")
+            if steps is None or not drifts:
+                continue
+            end = float(estimate.stamps[-1])
+            longest = max(drifts, key=lambda spell: (spell.end or end) - spell.start)
+            return _drift(outcome, which, estimate, steps, longest)
         whole = steps if steps is not None and "hits" in steps else None  # tables of older releases have none
         jump = another_best(failure.stamp, steps) if name == "online" else None
         cause = jump or find_cause(failure.stamp, odometry=odometry, reference=truth, steps=whole, estimate=estimate)
@@ -100,43 +103,22 @@ def find_mended(metrics: Mapping[str, Any], run: Path) -> Mended | None:
         if name == "online" and steps is not None:
             course, errors = _course(steps), _errors_at(failure.stamp, steps)
             if course is not None and errors is not None and errors[1] < errors[0]:  # a way back, not the way off
-                return _worst_drift(outcome, which, estimate, truth, odometry, steps, course)
+                worst = next(spell for spell in course.spells if spell.end is None or course.worst <= spell.end)
+                start = worst.start
+                cause = find_cause(start, odometry=odometry, reference=truth, steps=whole, estimate=estimate)
+                return _drift(outcome, which, estimate, steps, worst, cause)
         return Mended(outcome, which, failure.stamp, time, failure.reason, cause, course, errors)
     return None
 
 
-def _worst_drift(
-    outcome: str,
-    which: str,
-    estimate: Trajectory,
-    truth: Trajectory,
-    odometry: Trajectory | None,
-    steps: Columns,
-    course: Course,
+def _drift(
+    outcome: str, which: str, estimate: Trajectory, steps: Columns, spell: Spell, cause: str | None = None
 ) -> Mended:
-    """The beginning of the time in which the pose while driving was most wrong, and what the data show there."""
-    spell = next(spell for spell in course.spells if spell.end is None or course.worst <= spell.end)
-    whole = steps if "hits" in steps else None
-    cause = find_cause(spell.start, odometry=odometry, reference=truth, steps=whole, estimate=estimate)
+    """A time in which the pose while driving had drifted; its moment is the beginning."""
     until = float(estimate.stamps[-1]) if spell.end is None else spell.end
-    reason = f"the pose while driving drifts for {until - spell.start:.0f} s, by up to {course.metres:.2f} m"
+    reason = f"the pose while driving drifts for {until - spell.start:.0f} s, by up to {drift_in(steps, [spell]):.2f} m"
     time = up_to_a_tenth(spell.start - float(estimate.stamps[0]))
-    return Mended(outcome, which, spell.start, time, reason, cause, course, _errors_at(spell.start, steps))
-
-
-def _longest_drift(outcome: str, which: str, estimate: Trajectory, steps: Columns) -> Mended | None:
-    """The longest time in which the pose while driving had drifted; None where it never had."""
-    end = float(estimate.stamps[-1])
-    found = spells(steps, "drifted")
-    if not found:
-        return None
-    longest = max(found, key=lambda spell: (spell.end or end) - spell.start)
-    until = longest.end or end
-    reason = (
-        f"the pose while driving drifts for {until - longest.start:.0f} s, by up to {drift_in(steps, [longest]):.2f} m"
-    )
-    time = up_to_a_tenth(longest.start - float(estimate.stamps[0]))
-    return Mended(outcome, which, longest.start, time, reason, None, _course(steps), _errors_at(longest.start, steps))
+    return Mended(outcome, which, spell.start, time, reason, cause, _course(steps), _errors_at(spell.start, steps))
 
 
 def _errors_at(stamp: float, steps: Columns) -> tuple[float, float] | None:

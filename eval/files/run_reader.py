@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.consistency import stacked
 from eval.files.failure_json import ShownFailure, read_failure
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
@@ -101,10 +102,10 @@ def _trajectory(path: Path) -> Trajectory | None:
 
 def _covariances(path: Path) -> NDArray[np.float64] | None:
     columns = read_steps(path)
-    if columns is None:
-        return None
-    entries = [columns[f"cov_{name}"] for name in ("xx", "xy", "xt", "xy", "yy", "yt", "xt", "yt", "tt")]
-    return np.stack(entries, axis=-1).reshape(-1, 3, 3)
+    try:
+        return None if columns is None else stacked(columns.__getitem__)
+    except KeyError as error:
+        raise RunFilesError(f"{path}: expected a column {error}") from None
 
 
 def _map(path: Path) -> OccupancyGrid | None:
@@ -112,7 +113,7 @@ def _map(path: Path) -> OccupancyGrid | None:
 
 
 def read_steps(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Read the columns of `steps.parquet`, nulls of numbers as NaN; None where there is no such file.
+    """Read the columns of `steps.parquet`, or of another table; nulls of numbers are NaN. None where there is no file.
 
     Raises RunFilesError for a damaged file.
     """

@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
 
+from eval.consistency import LEVEL, chi_square, errors_from_first, squared_errors, stacked
 from eval.filter.step_table import Columns, column, pose_columns, updates
-from slam.se2 import Pose, between, compose, wrap_angle
 
-LEVEL = 0.95
-"""Confidence level of the band and of the ellipsoid."""
 MIN_VARIANCE = 1e-8
 """Smallest eigenvalue of a covariance that is judged: below 0.1 mm and 0.006 degrees of standard deviation the
 particles stand at one pose and there is no covariance."""
@@ -41,17 +39,14 @@ def nees(steps: Columns) -> tuple[NDArray[np.intp], NDArray[np.float64], int]:
     The result holds the rows (k,), the values (k,), and the number of updates left out as degenerate. Errors are taken
     relative to the first pose, because the filter knows no other frame.
     """
-    error = _first_pose_error(pose_columns(steps), pose_columns(steps, "true_"))
-    xx, xy, yy, xt, yt, tt = (column(steps, f"cov_{c}") for c in ("xx", "xy", "yy", "xt", "yt", "tt"))
-    covariance = np.stack([xx, xy, xt, xy, yy, yt, xt, yt, tt], axis=-1).reshape(-1, 3, 3)
+    error = errors_from_first(pose_columns(steps), pose_columns(steps, "true_"))
+    covariance = stacked(partial(column, steps))
     known = updates(steps) & np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
     rows = np.flatnonzero(known)
     floor = np.linalg.eigvalsh(covariance[rows])[:, 0] if len(rows) else np.zeros(0)
     usable = floor > MIN_VARIANCE
     rows_used = rows[usable]
-    solved = np.linalg.solve(covariance[rows_used], error[rows_used][:, :, None])[:, :, 0]
-    values: NDArray[np.float64] = np.sum(error[rows_used] * solved, axis=1)
-    return rows_used, values, int((~usable).sum())
+    return rows_used, squared_errors(error[rows_used], covariance[rows_used]), int((~usable).sum())
 
 
 def consistency(steps: Columns) -> Consistency | None:
@@ -76,20 +71,3 @@ def consistency(steps: Columns) -> Consistency | None:
         steps=count,
         degenerate=degenerate,
     )
-
-
-def chi_square(share: float, freedom: int) -> float:
-    """Return a quantile of the chi-square distribution; scipy.stats has it too, but takes half a second to load."""
-    return float(2.0 * gammaincinv(0.5 * freedom, share))
-
-
-def _first_pose_error(estimate: Pose, truth: Pose) -> Pose:
-    """Return estimate minus truth (n, 3) in the estimate's frame, with the first known truth placed on its estimate."""
-    known = np.flatnonzero(np.isfinite(truth).all(axis=1))
-    if len(known) == 0:
-        return np.full_like(estimate, np.nan)
-    first = known[0]
-    expected = compose(estimate[first], between(truth[first], truth))
-    error = estimate - expected
-    error[:, 2] = wrap_angle(error[:, 2])
-    return error

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.consistency import LEVEL, chi_square
 from eval.first_failure import Failure
 from eval.report import plots
 from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
@@ -26,8 +27,6 @@ CROP_SHARE, CROP_POINTS = 0.3, 40
 """… and this share of the scan, or so many of its end points."""
 ELLIPSES = 40
 """Ellipses along the path."""
-ELLIPSE_95 = 5.991
-"""Squared radius of the ellipse that holds 95 % of a plane Gaussian, in variances."""
 ELLIPSE_SCALES = (1, 2, 5, 10, 20, 50, 100, 200)
 """Enlargements of ellipses: the largest that keeps …"""
 ELLIPSE_SHARE = 0.04
@@ -87,7 +86,7 @@ def _uncertainty(context: ReportContext, covariances: NDArray[np.float64]) -> Pl
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     rows = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], ELLIPSES)).clip(max=len(path) - 1))
     R = rotation(T[2])[:2, :2]
-    shapes = ELLIPSE_95 * (R @ covariances[rows, :2, :2] @ R.T)
+    shapes = chi_square(LEVEL, 2) * (R @ covariances[rows, :2, :2] @ R.T)
     largest = float(np.sqrt(np.linalg.eigvalsh(shapes)[:, -1].max()))
     room = ELLIPSE_SHARE * float(np.ptp(path, axis=0).max())
     scale = max((s for s in ELLIPSE_SCALES if s * largest <= room), default=1)

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.filter.nees import LEVEL, chi_square, nees
+from eval.consistency import LEVEL, chi_square
+from eval.filter.nees import nees
 from eval.filter.step_table import Columns, column, updates
 from eval.report import plots
 from eval.report.page import Plot

@@ -33,12 +33,17 @@ def interpolate_with_odometry(odometry: Pose, known: NDArray[np.intp], poses: Po
     backward = se2.compose(poses[after], se2.between(odometry[known[after]], odometry))
 
     step = se2.between(odometry[:-1], odometry[1:])
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + TURN_LENGTH * np.abs(step[:, 2]))])
+    way = way_along(step)
     length = way[known[after]] - way[known[before]]
     share = np.divide(way - way[known[before]], length, out=np.zeros(len(frames)), where=length > 0.0)
     share[frames == known[after]] = 1.0
     share[before == after] = 0.0
     return _blend(forward, backward, share)
+
+
+def way_along(steps: Pose) -> NDArray[np.float64]:
+    """Distance driven and turned up to each of the frames that the steps (m - 1, 3) lie between, (m,) [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + TURN_LENGTH * np.abs(steps[:, 2]))])
 
 
 def _blend(a: Pose, b: Pose, share: NDArray[np.float64]) -> Pose:

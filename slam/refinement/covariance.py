@@ -21,15 +21,14 @@ from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csr_matrix
 
 from slam import se2
+from slam.motion.interpolation import way_along
 from slam.refinement._chain_kernels import chain_covariances, factor_chain
 from slam.refinement._normal_equations_kernels import SurfelObservations
 
 KEY_DISTANCE = 0.5
-"""Distance between key poses [m] where their number allows it; a radian counts as `TURN_LENGTH`."""
-TURN_LENGTH = 0.5
-"""Length that one radian of turning counts as [m]."""
+"""Way between key poses [m] where their number allows it, by `way_along`."""
 MAX_KEYS = 200
-"""Largest number of key poses: the dense equations take a third of a second then."""
+"""Largest number of key poses: the dense equations have three unknowns for each."""
 HELD = 1e12
 """Precision with which key poses are held while the poses between them are looked at [1/m^2, 1/rad^2]."""
 
@@ -71,16 +70,9 @@ def pose_covariances(equations: Equations) -> NDArray[np.float64]:
     return covariances
 
 
-def _travelled(poses: se2.Pose) -> NDArray[np.float64]:
-    """Distance driven and turned up to each pose [m], (frames,)."""
-    step = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    turn = np.abs(se2.wrap_angle(np.diff(poses[:, 2])))
-    return np.concatenate([[0.0], np.cumsum(step + TURN_LENGTH * turn)])
-
-
 def _key_frames(poses: se2.Pose) -> NDArray[np.int64]:
     """Frames of the key poses: evenly along the way, without the first frame, whose own error is looked at apart."""
-    way = _travelled(poses)
+    way = way_along(se2.between(poses[:-1], poses[1:]))
     count = min(MAX_KEYS, int(way[-1] / KEY_DISTANCE) + 2, len(poses))
     frames = np.searchsorted(way, np.linspace(0.0, way[-1], count))
     frames[-1] = len(poses) - 1
@@ -90,7 +82,7 @@ def _key_frames(poses: se2.Pose) -> NDArray[np.int64]:
 def _between(poses: se2.Pose, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Number of the key before each pose, of the first where there is none, (frames,), and the share of the way from
     it to the next that the pose has covered, (frames,)."""
-    way = _travelled(poses)
+    way = way_along(se2.between(poses[:-1], poses[1:]))
     before = np.clip(np.searchsorted(keys, np.arange(len(poses)), side="right") - 1, 0, len(keys) - 2)
     begin, end = way[keys[before]], way[keys[before + 1]]
     return before, np.clip((way - begin) / np.maximum(end - begin, 1e-9), 0.0, 1.0)

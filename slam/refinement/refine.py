@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +27,13 @@ from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.loops import LoopClosing, close_loops
 from slam.occupancy import OccupancyGrid
-from slam.refinement.bent_scans import Sweeps, between_neighbours, path_twists
 from slam.refinement.bundle_adjustment import Adjustment
 from slam.refinement.covariance import pose_covariances
 from slam.refinement.noise import Noise
 from slam.refinement.redraw_map import max_snap_distance, redraw_map
-from slam.refinement.scan_frames import middle_frames
+from slam.refinement.scan_frames import ScanLayout
 from slam.refinement.surfels import make_cloud, transform_cloud
 from slam.scan import Scan
-from slam.sensor.rays import Rays, make_rays
 
 ROUNDS_AFTER = 2
 """Rounds of the adjustment after bent scans were laid out anew."""
@@ -86,7 +83,7 @@ def refine(
     odometry = np.asarray(odometry, dtype=np.float64)
     if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
         raise ValueError("odometry and initial must be finite")
-    layout = _Layout(scans, stamps, twists if config.deskew else None, config)
+    layout = ScanLayout(scans, stamps, twists if config.deskew else None, config)
     rays = layout.rays()
     seen = {i: ray for i, ray in rays.items() if ray.hit.any()}
     if not seen:
@@ -134,64 +131,3 @@ def _turned(covariances: NDArray[np.float64], angle: float) -> NDArray[np.float6
     R = se2.rotation(np.array(angle))
     turned: NDArray[np.float64] = R @ covariances @ R.T
     return turned
-
-
-class _Straightened(NamedTuple):
-    """Bent scans laid out by the path."""
-
-    rays: dict[int, Rays]
-    """By the frame that each is seen from."""
-    poses: se2.Pose
-    """Poses from which to go on, (frames, 3)."""
-
-
-class _Layout:
-    """The rays of all scans, each seen from the frame nearest to the middle of its sweep."""
-
-    def __init__(
-        self,
-        scans: Sequence[Scan | None],
-        stamps: NDArray[np.float64] | None,
-        twists: Sequence[NDArray[np.float64] | None] | None,
-        config: FilterConfig,
-    ) -> None:
-        self._stamps, self._config = stamps, config
-        self._scans = {i: scan for i, scan in enumerate(scans) if scan is not None}
-        self._twists = dict.fromkeys(self._scans) if twists is None else {i: twists[i] for i in self._scans}
-        self._seen_from = {i: i for i in self._scans} if stamps is None else middle_frames(stamps, scans)
-
-    def rays(self) -> dict[int, Rays]:
-        """Rays by the frame that their scan is seen from, in the order of the frames."""
-        return dict(sorted((self._seen_from[i], self._lay_out(i, self._twists[i])) for i in self._scans))
-
-    def straighten(self, poses: se2.Pose) -> _Straightened | None:
-        """The scans that were bent by a motion that is not that of poses (frames, 3); None where there are none."""
-        sweeps = self._sweeps()
-        if self._stamps is None or sweeps is None:
-            return None
-        twists = path_twists(sweeps, poses, self._stamps)
-        if not twists:
-            return None
-        rays = {int(sweeps.frames[k]): self._lay_out(int(sweeps.taken[k]), twist) for k, twist in twists.items()}
-        return _Straightened(rays, between_neighbours(sweeps.frames, np.array(list(twists)), poses))
-
-    def _lay_out(self, i: int, twist: NDArray[np.float64] | None) -> Rays:
-        return make_rays(
-            [self._scans[i]],
-            usable_range=self._config.map.usable_range,
-            free_range=self._config.map.free_range,
-            twist=twist,
-            reference=None if self._stamps is None else float(self._stamps[self._seen_from[i]]),
-        )
-
-    def _sweeps(self) -> Sweeps | None:
-        """The scans whose beams have times and whose motion the odometry tells; None where there are none."""
-        timed = [
-            (i, self._seen_from[i], float(np.ptp(scan.time_offsets)), twist)
-            for i, scan in self._scans.items()
-            if scan.time_offsets is not None and scan.time_offsets.size and (twist := self._twists[i]) is not None
-        ]
-        if not timed:
-            return None
-        taken, frames, seconds, twists = zip(*timed, strict=True)
-        return Sweeps(np.array(taken), np.array(frames), np.array(seconds), np.array(twists, dtype=np.float64))

@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.consistency import LEVEL, chi_square, path_nees
 from eval.files.atomic_write import atomic_write
 from eval.metrics_json import Metrics
-from eval.trajectory.consistency import path_nees
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import Pose
 
-INSIDE_95 = 7.815
-"""95 % of the squared errors of three right variances are below this (chi-square)."""
 ENTRIES = {"xx": (0, 0), "xy": (0, 1), "yy": (1, 1), "xt": (0, 2), "yt": (1, 2), "tt": (2, 2)}
 """Columns `cov_…` [m^2, m rad, rad^2] and their places, as in `steps.parquet`."""
 
@@ -47,5 +45,5 @@ def covariance_metrics(covariances: NDArray[np.float64], poses: Pose, truth: lis
     nees = path_nees(poses[known], np.array([truth[i] for i in known]), covariances[known])
     nees = nees[np.isfinite(nees)]
     if len(nees):
-        found |= {"nees_mean": float(nees.mean()), "inside_95_share": float(np.mean(nees <= INSIDE_95))}
+        found |= {"nees_mean": float(nees.mean()), "inside_95_share": float(np.mean(nees <= chi_square(LEVEL, 3)))}
     return found

@@ -18,6 +18,15 @@ CORNERS = se2.transform_points(
 """An L of 6 m by 5 m about the origin, turned by 0.3 rad."""
 
 
+def noisy_odometry(truth, rng):
+    """Odometry (n, 3) of a drive (n, 3) with noise of 1 cm, 5 mm and 0.006 rad in each step."""
+    motions = se2.between(truth[:-1], truth[1:]) + rng.normal(scale=(0.01, 0.005, 0.006), size=(len(truth) - 1, 3))
+    odometry = np.zeros_like(truth)
+    for k, motion in enumerate(motions):
+        odometry[k + 1] = se2.compose(odometry[k], motion)
+    return odometry
+
+
 def closed(corners):
     """Walls (n, 4) through corners (n, 2) and back to the first."""
     return np.hstack([corners, np.roll(corners, -1, axis=0)])

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import worlds
-from eval.filter.nees import LEVEL, chi_square, nees
+from eval.consistency import LEVEL, chi_square
+from eval.filter.nees import nees
 from slam.config import FilterConfig
 from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds

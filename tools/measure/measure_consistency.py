@@ -23,7 +23,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import worlds
-from eval.filter.nees import LEVEL, chi_square, nees
+from eval.consistency import LEVEL, chi_square
+from eval.filter.nees import nees
 from eval.report.plots import BAD, ESTIMATE, GOOD, ODOMETRY, QUIET, STYLE
 from eval.sweep.results import CURVE_GRID, SweepTable, read_sweep
 from slam import se2

@@ -9,7 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.stats import chi2
 
-from eval.filter.nees import chi_square, consistency, nees
+from eval.consistency import chi_square
+from eval.filter.nees import consistency, nees
 from slam.se2 import compose, wrap_angle
 from tests.shell import call
 

@@ -10,7 +10,7 @@ import pytest
 from slam import FilterConfig, refine, se2
 from slam.refinement._chain_kernels import chain_covariances, factor_chain
 from slam.refinement.covariance import pose_covariances
-from tests.slam.rooms import drive, scan_at
+from tests.slam.rooms import drive, noisy_odometry, scan_at
 
 refine_module = sys.modules["slam.refinement.refine"]  # the package's name `refine` is the function
 CONFIG = FilterConfig()
@@ -20,10 +20,7 @@ def noisy_run(seed, sigma, turned=0.0):
     """Truth and result of a final pass: ranges with noise [m], odometry with noise, the frame turned [rad]."""
     rng = np.random.default_rng(seed)
     truth = drive(30, distance=0.12, turn=0.06)
-    motions = se2.between(truth[:-1], truth[1:]) + rng.normal(scale=(0.01, 0.005, 0.006), size=(30, 3))
-    odometry = np.zeros_like(truth)
-    for k, motion in enumerate(motions):
-        odometry[k + 1] = se2.compose(odometry[k], motion)
+    odometry = noisy_odometry(truth, rng)
     scans = []
     for pose in truth:
         scan = scan_at(pose, beams=120)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, refine, se2
-from tests.slam.rooms import drive, scan_at
+from tests.slam.rooms import drive, noisy_odometry, scan_at
 
 CONFIG = FilterConfig()
 
@@ -15,10 +15,7 @@ def test_final_pass_mends_a_noisy_path(seed):
     """Exact scans, odometry with noise, a first guess as a filter gives it; every second frame has odometry alone."""
     rng = np.random.default_rng(seed)
     truth = drive(24, distance=0.15, turn=0.08)
-    motions = se2.between(truth[:-1], truth[1:]) + rng.normal(scale=(0.01, 0.005, 0.006), size=(24, 3))
-    odometry = np.zeros_like(truth)
-    for k, motion in enumerate(motions):
-        odometry[k + 1] = se2.compose(odometry[k], motion)
+    odometry = noisy_odometry(truth, rng)
     scans = [scan_at(pose, beams=120) if k % 2 == 0 else None for k, pose in enumerate(truth)]
     initial = truth + rng.normal(scale=(0.04, 0.04, 0.02), size=truth.shape)
     initial[0] = truth[0]

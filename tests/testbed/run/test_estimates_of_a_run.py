@@ -4,13 +4,14 @@
 import json
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
-from eval.files.run_reader import read_run
+from eval.consistency import path_nees
+from eval.files.run_reader import RunFilesError, read_run
 from eval.files.tum import read_tum
 from eval.report.run_report import write_report
 from eval.scoring import Reference, score
-from eval.trajectory.consistency import path_nees
 from slam.config import FilterConfig
 from testbed.cli.shared.console import progress_line
 from testbed.run.execute import execute_job
@@ -98,3 +99,11 @@ def test_without_a_final_pass_there_are_no_covariances(frames, tmp_path):
     metrics, _ = carried_out(frames, tmp_path / "run", refine=False)
     assert "covariance" not in metrics
     assert read_run(tmp_path / "run").covariances is None
+
+
+def test_a_table_of_covariances_without_a_column_is_named(frames, tmp_path):
+    carried_out(frames, tmp_path / "run", refine=True)
+    path = tmp_path / "run" / "estimate_covariance.parquet"
+    pq.write_table(pq.read_table(path).drop_columns(["cov_xt"]), path)
+    with pytest.raises(RunFilesError, match=r"estimate_covariance\.parquet: expected a column 'cov_xt'"):
+        read_run(tmp_path / "run")

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from eval.trajectory.consistency import path_nees
+from eval.consistency import path_nees
 from slam.se2 import compose, inverse
 
 
