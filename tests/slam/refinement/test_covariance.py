@@ -58,6 +58,20 @@ def test_covariances_turn_with_the_frame():
     assert np.median(np.abs(turned.covariances - expected)[1:] / largest) < 0.05  # walls meet other cells
 
 
+def test_covariances_are_along_the_axes_of_the_result(monkeypatch):
+    """The first pose comes into step with the others by a turn; then everything is turned back to where it was."""
+    kept, given = [], np.diag([4.0, 1.0, 1.0])
+    monkeypatch.setattr(refine_module, "pose_covariances", lambda e: kept.append(e) or np.tile(given, (17, 1, 1)))
+    truth = drive(16, distance=0.15, turn=0.08)
+    initial = truth.copy()
+    initial[0, 2] += 0.03
+    result = refine(truth, [scan_at(pose, beams=120) for pose in truth], initial, CONFIG, threads=1)
+    turn = result.poses[0, 2] - kept[0].poses[0, 2]
+    assert abs(turn) > 0.02
+    R = se2.rotation(np.array(turn))
+    np.testing.assert_allclose(result.covariances[5], R @ given @ R.T, atol=1e-12)
+
+
 def test_more_noise_makes_less_certain():
     exact, noisy = (noisy_run(1, sigma)[1].covariances[1:] for sigma in (0.01, 0.08))
     assert np.median(noisy[:, 0, 0] / exact[:, 0, 0]) > 2.0
