@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Annotated, Self
 
 import numpy as np
@@ -136,6 +137,8 @@ class LidarPreset(_Preset):
     one step before the first."""
     scan_rate: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RATE)]
     """Scans per second [Hz]."""
+    scan_times: tuple[Annotated[float, Field(strict=True, ge=0.0)], ...] | None = None
+    """Times of all scans after the beginning of a drive [s], increasing, as those of a log; None = `scan_rate` tells."""
     range_min: NotNegative
     """Shortest range [m]; nearer surfaces give no valid reading."""
     range_max: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RANGE)]
@@ -168,6 +171,13 @@ class LidarPreset(_Preset):
     def _limits_in_order(self) -> Self:
         if not self.range_min < self.range_max:
             raise ValueError(f"range_min {self.range_min} m must be below range_max {self.range_max} m")
+        return self
+
+    @model_validator(mode="after")
+    def _times_increase(self) -> Self:
+        for before, after in pairwise(self.scan_times or ()):
+            if not before < after < math.inf:
+                raise ValueError(f"scan_times: {after} s after {before} s, expected increasing times")
         return self
 
     def angles(self, beams: int | None = None) -> NDArray[np.float64]:

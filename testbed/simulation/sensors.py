@@ -43,7 +43,9 @@ class Device:
 
     @property
     def stamp(self) -> float:
-        """Time of the first beam of the next scan [s]."""
+        """Time of the first beam of the next scan [s]; inf where there is none."""
+        if (times := self.preset.scan_times) is not None:
+            return times[self._scans] if self._scans < len(times) else math.inf
         return (self._scans + self._phase) / self.preset.scan_rate
 
     @property

@@ -71,6 +71,7 @@ def estimate_lidar(table: FrameTable) -> TwinLidar:
         "beams": beams,
         "field_of_view_deg": min(round(math.degrees(view), 6), 360.0),
         "scan_rate": _rate(table, scans),
+        **_times(table.stamps[table.scan_rows[scans]] - table.stamps[0]),
         "range_min": max(range_min, 0.0),
         "range_max": range_max if math.isfinite(range_max) else float(np.max(ranges[hits], initial=1.0)) + 1.0,
         "noise_floor": floor,
@@ -106,6 +107,15 @@ def _notes(table: FrameTable, lidar: int, scans: int, angles: Floats, step: floa
     if np.abs(np.diff(angles) - step).max() > 0.1 * step:
         notes.append("the beams of the log are not evenly spaced, those of the twin are")
     return tuple(notes)
+
+
+def _times(stamps: Floats) -> dict[str, tuple[float, ...]]:
+    """Return the times of the scans as a setting, from their stamps (n,) after the beginning of the log [s].
+
+    Nothing where stamps step back or come in bursts, as on Intel: they do not tell when the scans were taken.
+    """
+    times = stamps.round(6)
+    return {"scan_times": tuple(times.tolist())} if times[0] >= 0.0 and (np.diff(times) > 0.0).all() else {}
 
 
 def _rate(table: FrameTable, scans: NDArray[np.int64]) -> float:

@@ -5,6 +5,9 @@ The path is cut into pieces of about a metre or a radian. Over each piece odomet
 path states what they were. Scales and drift are fitted to all pieces, robustly; pieces far off are slips; what is left
 is random. The path has errors of its own, which do not grow with the distance: the random errors are therefore taken
 from how much faster the errors of long pieces spread than those of short ones.
+
+On real robots much of the error of the heading comes back: it grows fast over the first decimetres and slowly after
+some metres. The growth over `LENGTHS` tells how fast and how slowly, and where it bends.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from slam import se2
 from slam.se2 import Pose
@@ -37,6 +41,21 @@ MIN_TURN = math.radians(0.5)
 """Half of the smallest turn between two scans that shows where the axle is [rad]."""
 MAX_LEAD = 1.0
 """A point farther from the axle is no part of the robot [m]."""
+LENGTHS = (0.15, 0.3, 0.6, 1.2, 2.5, 5.0, 10.0, 20.0)
+"""Lengths of way, where a radian counts as a metre, over which the growth of the error of heading is measured [m]."""
+RECOVERY_LENGTHS = (0.2, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 5.0)
+"""Lengths of recovery that are tried [m]."""
+MIN_PAIRS = 20
+"""Fewer pairs of poses do not show how large the errors are between them."""
+MIN_GAIN = 2.0
+"""A recovery is assumed where it makes the misfit so many times smaller."""
+MAX_PATH_ERROR = math.radians(0.5)
+"""Errors of the path's heading are smaller than this [rad]; without a bound they could not be distinguished from errors
+of odometry where scans are far apart."""
+MIN_BACK = 0.02
+"""Shorter ways back between two scans are not taken for driving backward [m]."""
+MIN_BACK_STEPS = 10
+"""With fewer of them it cannot be told how the odometry counts them."""
 _ROUNDS = 10
 """Rounds of the robust fit."""
 _MAD = 1.4826
@@ -59,6 +78,8 @@ class _Pieces:
     """Distance driven by odometry [m]."""
     turned: Floats
     """Angle turned by odometry, in either direction [rad]."""
+    bounds: NDArray[np.intp]
+    """Poses at which the pieces begin, and the end of the last, (n + 1,)."""
 
 
 def estimate_odometry(odometry: Pose, path: Pose, *, track: float) -> tuple[OdometryConfig, int]:
@@ -69,6 +90,9 @@ def estimate_odometry(odometry: Pose, path: Pose, *, track: float) -> tuple[Odom
     Returns the settings and the number of pieces that were compared. Fewer than `MIN_PIECES` give an odometry without
     errors.
     """
+    unsigned = _is_unsigned(odometry, path)
+    if unsigned:
+        path = _all_forward(path)
     pieces = _cut(odometry, path)
     count = len(pieces.distance)
     if count < MIN_PIECES:
@@ -78,11 +102,15 @@ def estimate_odometry(odometry: Pose, path: Pose, *, track: float) -> tuple[Odom
         np.stack([pieces.turn, pieces.distance], axis=1), pieces.odometry_turn
     )
     slips, slip_rate, slip_angle = _slips(turn_error, float(pieces.driven.sum()))
+    heading = _growth(odometry, path, (rotation_scale, drift), np.flatnonzero(slips), pieces.bounds)
     config = OdometryConfig(
         systematic=False,
         ticks=False,
         random_translation=_random(step_error, pieces.driven, slips),
-        random_rotation=_random(turn_error, pieces.driven + pieces.turned, slips),
+        random_rotation=heading.short,
+        recovered_share=heading.recovered_share,
+        recovery_length=heading.length,
+        unsigned=unsigned,
         slip_rate=slip_rate,
         slip_distance=slip_angle * track,
         distance_scale=float(np.clip(distance_scale, 0.5, 2.0)),
@@ -110,6 +138,80 @@ def find_lead(poses: Pose) -> float:
     return lead if 3.0 * uncertainty < abs(lead) < MAX_LEAD else 0.0
 
 
+def _is_unsigned(odometry: Pose, path: Pose) -> bool:
+    """Tell whether odometry (n, 3) counts the way of backward driving as forward."""
+    back = se2.between(path[:-1], path[1:])[:, 0] < -MIN_BACK
+    counted = se2.between(odometry[:-1], odometry[1:])[back, 0]
+    return len(counted) >= MIN_BACK_STEPS and bool(np.mean(counted > 0.0) > 0.9)
+
+
+def _all_forward(path: Pose) -> Pose:
+    """Return the path (n, 3) as it would be if each step back had been one forward, headings unwrapped."""
+    steps = se2.between(path[:-1], path[1:])
+    steps[steps[:, 0] < -MIN_BACK, 0] *= -1.0
+    heading = path[0, 2] + np.append(0.0, np.cumsum(steps[:, 2]))
+    cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+    x = np.append(0.0, np.cumsum(cos * steps[:, 0] - sin * steps[:, 1]))
+    y = np.append(0.0, np.cumsum(sin * steps[:, 0] + cos * steps[:, 1]))
+    return np.stack([path[0, 0] + x, path[0, 1] + y, heading], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Growth:
+    """How the random error of heading grows with the way."""
+
+    short: float
+    """At first [rad/sqrt(m)]."""
+    recovered_share: float
+    """Share of it that is made good on the way."""
+    length: float
+    """Way on which all but 1/e of that is made good [m]."""
+
+
+def _growth(
+    odometry: Pose, path: Pose, factors: tuple[float, float], slips: NDArray[np.intp], bounds: NDArray[np.intp]
+) -> _Growth:
+    """Fit the variance of the error of heading over a way s by q^2 s + p (1 - exp(-s / length)) + c.
+
+    factors: rotation scale and drift; slips: numbers of the pieces with a slip, bounds: poses at which pieces begin.
+    The constant c is due to the path. If each random turn is made good but for a share 1 - r, the growth is a^2 at
+    first, q = (1 - r) a, and p = (a^2 - q^2) length.
+    """
+    steps, true_steps = se2.between(odometry[:-1], odometry[1:]), se2.between(path[:-1], path[1:])
+    way = np.append(0.0, np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + np.abs(steps[:, 2])))
+    error = np.append(0.0, np.cumsum(steps[:, 2] - factors[0] * true_steps[:, 2] - factors[1] * true_steps[:, 0]))
+    lengths, variances = [], []
+    for length in LENGTHS:
+        end = np.searchsorted(way, way + length)
+        begin = np.flatnonzero(end < len(way))
+        end = end[begin]
+        with_slip = np.searchsorted(bounds[slips], end) > np.searchsorted(bounds[slips + 1], begin, side="right")
+        same = (way[end] - way[begin] < 1.5 * length) & ~with_slip
+        if same.sum() >= MIN_PAIRS:
+            lengths.append(float(np.mean(way[end[same]] - way[begin[same]])))
+            variances.append(_variance(error[end[same]] - error[begin[same]]))
+    s, v = np.array(lengths), np.array(variances)
+    if len(s) < 2 or not v.all():
+        return _Growth(short=math.sqrt(float(np.mean(v / s))) if len(s) else 0.0, recovered_share=0.0, length=1.0)
+    ends = 2.0 * MAX_PATH_ERROR**2
+    plain = lsq_linear(np.stack([s, np.ones_like(s)], axis=1) / v[:, None], np.ones_like(v), ([0, 0], [np.inf, ends]))
+    best, found = plain.cost / MIN_GAIN, _Growth(short=math.sqrt(plain.x[0]), recovered_share=0.0, length=1.0)
+    for length in RECOVERY_LENGTHS:
+        columns = np.stack([s, 1.0 - np.exp(-s / length), np.ones_like(s)], axis=1)
+        fit = lsq_linear(columns / v[:, None], np.ones_like(v), ([0, 0, 0], [np.inf, np.inf, ends]))
+        if fit.cost < best:
+            best, (slow, plateau, _) = fit.cost, fit.x.tolist()
+            short = math.sqrt(slow + plateau / length)
+            found = _Growth(short=short, recovered_share=1.0 - math.sqrt(slow) / short, length=length)
+    return found
+
+
+def _variance(errors: Floats) -> float:
+    """Return the variance of errors (n,) around their mean; those beyond three standard deviations count as three."""
+    limit = 3.0 * _spread(errors)
+    return float(np.mean(np.clip(errors - np.median(errors), -limit, limit) ** 2))
+
+
 def _cut(odometry: Pose, path: Pose) -> _Pieces:
     """Cut a drive into pieces of `PIECE`; the motion is measured by odometry, which is quiet while the robot stands."""
     steps, true_steps = se2.between(odometry[:-1], odometry[1:]), se2.between(path[:-1], path[1:])
@@ -126,6 +228,7 @@ def _cut(odometry: Pose, path: Pose) -> _Pieces:
         odometry_turn=np.diff(heading[cuts]),
         driven=np.diff(driven[cuts]),
         turned=np.diff(turned[cuts]),
+        bounds=cuts,
     )
 
 
@@ -158,7 +261,8 @@ def _slips(errors: Floats, driven: float) -> tuple[NDArray[np.bool_], float, flo
     """
     spread = _spread(errors)
     threshold = max(SLIP * spread, MIN_SLIP_ANGLE)
-    slips = np.abs(errors) > threshold
+    around = np.convolve(errors, np.ones(3), mode="same")  # an error that the next piece makes good is no slip
+    slips = (np.abs(errors) > threshold) & (np.abs(around) > threshold) & (around * errors > 0.0)
     mean = float(np.mean(np.abs(errors[slips]) - threshold)) if slips.any() else 0.0
     if slips.sum() < MIN_SLIPS or mean < spread or driven == 0.0:
         return np.zeros_like(slips), 0.0, 0.0
@@ -176,7 +280,7 @@ def _random(errors: Floats, lengths: Floats, slips: NDArray[np.bool_]) -> float:
         sums, sizes, bad = (_sums(values, k) for values in (errors, lengths, slips.astype(np.float64)))
         good = bad == 0.0
         if good.sum() >= MIN_PIECES:
-            variances.append(float(np.var(sums[good])))
+            variances.append(_variance(sums[good]))
             means.append(float(np.mean(sizes[good])))
     if len(means) < 2 or np.ptp(means) == 0.0:
         return float(np.sqrt(np.var(errors) / max(float(np.mean(lengths)), 1e-9)))

@@ -48,7 +48,7 @@ class Robots(NamedTuple):
     body: NDArray[np.float64]
     """State of the bodies, as `drive` takes it, (robots, 7)."""
     odometer: NDArray[np.float64]
-    """State of the odometers, as `read_wheels` takes it, (robots, 9)."""
+    """State of the odometers, as `read_wheels` takes it, (robots, 10)."""
     believed: NDArray[np.float64]
     """Radii and track that odometry assumes, (robots, 3) [m]."""
     device: NDArray[np.float64]

@@ -53,7 +53,7 @@ class RobotSetup:
     @cached_property
     def steady_lidar(self) -> LidarPreset:
         """The lidar with a whole number of steps in a scan and a constant number of beams."""
-        return self.lidar.model_copy(update={"scan_rate": 1.0 / self.period, "beam_jitter": 0.0})
+        return self.lidar.model_copy(update={"scan_rate": 1.0 / self.period, "scan_times": None, "beam_jitter": 0.0})
 
     @cached_property
     def time_offsets(self) -> NDArray[np.float64]:

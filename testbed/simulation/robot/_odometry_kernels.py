@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from slam._jit import kernel
 
-ODOMETER = 9
+ODOMETER = 10
 """Size of the state of an odometer: pose x, y [m], theta [rad]; then for the left and the right wheel each: angle spun
-including slip, angle counted by the encoder, true angle at the last reading [rad]."""
+including slip, angle counted by the encoder, true angle at the last reading [rad]; then the part of the error of the
+heading that is still to be made good [rad]."""
 
 
 class Encoders(NamedTuple):
@@ -34,13 +35,19 @@ class Encoders(NamedTuple):
     """Mean distance that a slipping wheel spins ahead [m]."""
     lost_ticks: float
     """Share of the motion that the encoders miss."""
+    recovered_share: float
+    """Share of the random error of heading that is made good again."""
+    recovery_length: float
+    """Way on which all but 1/e of that is made good; a radian counts as a metre [m]."""
+    unsigned: bool
+    """Whether driving backward is counted as driving forward."""
 
 
 class Odometer(NamedTuple):
     """The odometry of a robot, with the random numbers of its next readings."""
 
     state: NDArray[np.float64]
-    """State as `read_wheels` takes it, (9,), changed in place."""
+    """State as `read_wheels` takes it, (10,), changed in place."""
     believed: NDArray[np.float64]
     """Radii and track that it assumes [m], (3,)."""
     encoders: Encoders
@@ -52,7 +59,7 @@ class Odometer(NamedTuple):
 
 @kernel
 def read_wheels(odometer, wheels, uniform, normal, believed, encoders):
-    """Advance `odometer` (9,) in place to the wheel angles (2,) [rad] since the beginning.
+    """Advance `odometer` (10,) in place to the wheel angles (2,) [rad] since the beginning.
 
     uniform (3,), normal (2,): random numbers; believed (3,): left radius, right radius and track [m] that odometry
     assumes, wrong by the systematic errors of the run
@@ -67,8 +74,12 @@ def read_wheels(odometer, wheels, uniform, normal, believed, encoders):
     left = _count(odometer, 3, d_left + (slip if uniform[1] < 0.5 else 0.0), encoders)
     right = _count(odometer, 4, d_right + (0.0 if uniform[1] < 0.5 else slip), encoders)
     s_left, s_right = believed[0] * left, believed[1] * right
-    step = 0.5 * (s_left + s_right) + encoders.random_translation * np.sqrt(distance) * normal[0]
-    turn = (s_right - s_left) / believed[2] + encoders.random_rotation * np.sqrt(distance + turned) * normal[1]
+    counted = 0.5 * (s_left + s_right)
+    step = (abs(counted) if encoders.unsigned else counted) + encoders.random_translation * np.sqrt(distance) * normal[0]
+    error = encoders.random_rotation * np.sqrt(distance + turned) * normal[1]
+    made_good = odometer[9] * -np.expm1(-(distance + turned) / encoders.recovery_length)
+    odometer[9] += encoders.recovered_share * error - made_good
+    turn = (s_right - s_left) / believed[2] + error - made_good
     half = 0.5 * turn  # an arc: exact for constant velocities
     chord = step * (np.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0)
     odometer[0] += chord * np.cos(odometer[2] + half)

@@ -60,6 +60,13 @@ class OdometryConfig:
     """Mean distance that a slipping wheel spins ahead [m]."""
     lost_ticks: float = 0.0
     """Share of the wheel's motion that the encoders miss [1]."""
+    recovered_share: float = 0.0
+    """Share of the random error of heading that the odometry makes good again on the way [1]: castors and backlash
+    turn it to and fro."""
+    recovery_length: float = 1.0
+    """Way on which all but 1/e of that share is made good; a radian counts as a metre [m]."""
+    unsigned: bool = False
+    """Count driving backward as driving forward, as encoders of one channel do."""
     distance_scale: float = 1.0
     """Metres that odometry counts for each metre driven; the errors of the grade come on top."""
     rotation_scale: float = 1.0
@@ -78,6 +85,10 @@ class OdometryConfig:
                 raise ValueError(f"{name} must be 0.5 to 2, got {getattr(self, name)}")
         if not abs(self.drift) <= 1.0:
             raise ValueError(f"drift must be -1 to 1 rad/m, got {self.drift}")
+        if not 0.0 <= self.recovered_share <= 1.0:
+            raise ValueError(f"recovered_share must be a share in [0, 1], got {self.recovered_share}")
+        if not self.recovery_length > 0.0:
+            raise ValueError(f"recovery_length must be above 0 m, got {self.recovery_length}")
         if not 0.0 <= self.lost_ticks < 1.0:
             raise ValueError(f"lost_ticks must be a share in [0, 1), got {self.lost_ticks}")
 
@@ -97,6 +108,9 @@ def encoders_of(robot: RobotPreset, config: OdometryConfig) -> Encoders:
         slip_rate=config.slip_rate,
         slip_distance=config.slip_distance,
         lost_ticks=config.lost_ticks,
+        recovered_share=config.recovered_share,
+        recovery_length=config.recovery_length,
+        unsigned=config.unsigned,
     )
 
 

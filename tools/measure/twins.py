@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: MIT
+# ruff: noqa: T201
+"""Compare recorded logs with their twins: odometry, failures and errors of the filter, over seeds.
+
+    python -m tools.measure.twins DIR [--logs aces,intel,fr079] [--studies aces-10,intel-1] [--seeds 20]
+
+Writes: docs/datasets.md (twins), docs/datasets.md (twin odometry)
+
+Prints: one line for each run; with --print the tables, too, and writes nothing
+
+DIR/LOG/run is a run of `testbed slam`, DIR/LOG/twin the twin that `testbed twin` makes of it, DIR/LOG/drives its drives
+by `testbed simulate`, one for each seed. DIR/runs.csv has a row for each run of the filter; the command goes on where
+it was stopped. A directory that is removed is made anew; rows of a twin that has changed are not used again.
+
+Log and twin are mapped with the same settings and seeds and scored in the same way, by the mean error of relations: of
+the hand-checked ones of the log, and of those between the twin's true poses at the same pairs of times. ACES has no
+relations: all pairs of every eighth published gMapping pose stand in. Relations of logs are themselves some centimetres
+off, those of twins are not. Over the same pairs the filter's own path is therefore compared with that after its own
+final pass, too: no reference is in that. The logs are read from $TESTBED_DATASETS, by default ../shared/datasets.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.sweep.statistics import Interval, bootstrap_interval, wilson_interval
+from eval.trajectory.relations import EXACT, Relations, read_relations, relation_error
+from eval.trajectory.trajectory import Trajectory
+from slam import FilterConfig, se2
+from testbed.formats import Log, open_log
+from testbed.presets import load_robot
+from testbed.run.estimation import Estimation
+from testbed.seeds import RunSeeds
+from testbed.simulation.config import CONTROL_PERIOD
+from tools.measure.real_logs import CASES, settings
+from tools.pages import DOCS, write_table
+
+PAGE = DOCS / "datasets.md"
+MAPPING = ("--particles", "10", "--seed", "0")
+"""Options of the run that the twin is made from."""
+RESAMPLES = 4000
+"""Bootstrap resamples of a difference."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """Settings with which a log and its twin are mapped."""
+
+    log: str
+    particles: int
+    changes: tuple[str, ...] = ()
+    """Changes to the default settings of the filter."""
+
+    @property
+    def config(self) -> FilterConfig:
+        """The settings."""
+        return settings(list(self.changes), self.particles)
+
+    @property
+    def words(self) -> str:
+        """What is changed, for the table."""
+        count = f"{self.particles} particle{'' if self.particles == 1 else 's'}"
+        return ", ".join((count, *(f"`{change}`" for change in self.changes)))
+
+
+NARROW = "match.outlier_distance=0.1"
+"""A matcher with a narrow basin: with it the filter can fail on every log."""
+STUDIES = {
+    "aces-10": Study("aces", 10),
+    "intel-1": Study("intel", 1),
+    "intel-narrow": Study("intel", 3, (NARROW,)),
+    "fr079-1": Study("fr079", 1),
+    "fr079-narrow": Study("fr079", 3, (NARROW,)),
+}
+"""Particle counts and settings with which the filter can fail: with 30 particles it hardly ever does."""
+
+
+APART = 8
+"""Where there are no relations, every so many published poses make up the pairs."""
+FAILED = {"aces": 0.5, "intel": 0.1, "fr079": 0.1}
+"""Mean error of the relations above which the final result of a run counts as failed [m]."""
+REFINED = 5
+"""The final pass, which costs as much as the filter, is carried out for so many seeds."""
+LENGTHS = (0.3, 1.0, 3.0, 10.0, 30.0)
+"""Lengths of way, where a radian counts as a metre, over which the odometry is compared [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One run of the filter; errors are mean errors of the relations [m]."""
+
+    study: str
+    source: str
+    """`log`, or the digest of the twin."""
+    seed: int
+    own: float
+    """Error of the filter's own path."""
+    refined: float
+    """Error after the final pass; NaN where there was none."""
+    moved: float
+    """Error of the filter's own path, where the path after the final pass is the reference."""
+    odometry: float
+    """Error of the odometry."""
+    updates: int
+    matched: float
+    """Mean share of the hits that the matcher found near a wall."""
+    seconds: float
+    """Processor time."""
+
+
+class Source:
+    """A log with its twin."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name, self.folder = name, folder / name
+
+    @cached_property
+    def log(self) -> Log:
+        """The recording."""
+        return open_log(CASES[self.name].log)
+
+    @cached_property
+    def relations(self) -> Relations:
+        """The relations of the log whose stamps it has, or those between its published poses."""
+        case = CASES[self.name]
+        if case.poses is not None:
+            rows = np.loadtxt(case.poses)[::APART]
+            one, two = np.triu_indices(len(rows), 1)
+            published = Relations(rows[one, 0], rows[two, 0], se2.between(rows[one, 1:4], rows[two, 1:4]))
+            return there(published, self.log.table.stamps)
+        assert case.relations is not None
+        return there(read_relations(case.relations), self.log.table.stamps)
+
+    def make(self, seeds: int) -> None:
+        """Map the log, make its twin, and drive it with so many seeds, as far as that has not been done."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        if not (self.folder / "run").exists():
+            testbed("slam", str(CASES[self.name].log), *MAPPING, "--out", str(self.folder / "run"))
+        if not (self.folder / "twin").exists():
+            testbed("twin", str(self.folder / "run"), "--out", str(self.folder / "twin"))
+        config, count = self.folder / "twin" / "config.toml", str(seeds)
+        testbed("simulate", "--config", str(config), "--count", count, "--format", "parquet", "--out", str(self.drives))
+
+    @cached_property
+    def digest(self) -> str:
+        """What the twin is made of, in a few letters."""
+        files = sorted((self.folder / "twin").iterdir())
+        return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:8]
+
+    @property
+    def drives(self) -> Path:
+        """Directory of the drives of this twin."""
+        return self.folder / f"drives-{self.digest}"
+
+    def drive(self, seed: int) -> Log:
+        """The twin's drive with the noise of a seed."""
+        (path,) = self.drives.glob(f"*-{seed:04d}")
+        return open_log(path)
+
+    def relations_of(self, drive: Log) -> Relations:
+        """The relations of the true poses at the same moments of the drive, of that point that the estimate means.
+
+        Where the lidar sits elsewhere than the log states, poses estimated from scans are those of another point than
+        the robot's centre; relations of logs are from scans, too.
+        """
+        begin = float(self.log.table.stamps[0])
+        offset = load_robot(str(self.folder / "twin" / "robot.toml")).lidar_mount.offset_x
+        truth = Trajectory(drive.table.stamps, se2.compose(drive.table.truth, np.array([offset, 0.0, 0.0])))
+        return relations_at(truth, self.relations.first - begin, self.relations.second - begin, CONTROL_PERIOD)
+
+
+def testbed(*arguments: str) -> None:
+    """Run the command line, as a reader would; raises CalledProcessError where it fails."""
+    subprocess.run([str(Path(sys.executable).with_name("testbed")), *arguments], check=True, stdout=subprocess.DEVNULL)
+
+
+def there(relations: Relations, stamps: NDArray[np.float64]) -> Relations:
+    """Those relations of which both stamps are among the stamps (n,)."""
+    known = np.ones(len(relations), dtype=np.bool_)
+    for times in (relations.first, relations.second):
+        known &= np.abs(stamps[nearest_rows(stamps, times)] - times) <= EXACT
+    return Relations(relations.first[known], relations.second[known], relations.poses[known])
+
+
+def relations_at(
+    path: Trajectory, first: NDArray[np.float64], second: NDArray[np.float64], tolerance: float
+) -> Relations:
+    """Relations of a path between its stamps that are nearest to pairs of times (k,) [s], within the tolerance."""
+    one, two = nearest_rows(path.stamps, first), nearest_rows(path.stamps, second)
+    off = np.maximum(np.abs(path.stamps[one] - first), np.abs(path.stamps[two] - second))
+    one, two = one[off <= tolerance], two[off <= tolerance]
+    return Relations(path.stamps[one], path.stamps[two], se2.between(path.poses[one], path.poses[two]))
+
+
+def nearest_rows(stamps: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Index of the stamp (n,), in any order, that is nearest to each time (k,); the first of equal ones."""
+    unique, rows = np.unique(stamps, return_index=True)
+    after = np.clip(np.searchsorted(unique, times), 0, len(unique) - 1)
+    before = np.maximum(after - 1, 0)
+    nearer = np.where(np.abs(times - unique[before]) < np.abs(unique[after] - times), before, after)
+    found: NDArray[np.intp] = rows[nearer]
+    return found
+
+
+def mean_error(path: Trajectory, relations: Relations) -> float:
+    """Mean error of the relations [m]."""
+    return relation_error(path, relations).all.translation.mean
+
+
+def run(name: str, source: str, seed: int, drive: Log, relations: Relations) -> Row:
+    """Map a log or a drive once and score it."""
+    begin = time.process_time()
+    estimation = Estimation(STUDIES[name].config, RunSeeds.from_seed(seed).filter, threads=1)
+    for frame in drive.frames:
+        estimation.process(frame)
+    own = estimation.filtered()
+    errors = (math.nan, math.nan)
+    if seed < REFINED:
+        refined = estimation.refined(own).dense
+        between = relations_at(refined, relations.first, relations.second, EXACT)
+        errors = (mean_error(refined, relations), mean_error(own.dense, between))
+    seconds = time.process_time() - begin
+    steps = estimation.steps.columns()
+    return Row(
+        study=name,
+        source=source,
+        seed=seed,
+        own=mean_error(own.dense, relations),
+        refined=errors[0],
+        moved=errors[1],
+        odometry=mean_error(Trajectory(own.dense.stamps, estimation.odometry), relations),
+        updates=int(steps["updated"].sum()),
+        matched=float(np.nanmean(steps["matched_share"])),
+        seconds=seconds,
+    )
+
+
+def read_rows(file: Path) -> list[Row]:
+    """The rows of finished runs."""
+    if not file.is_file():
+        return []
+    kinds = {field.name: {"str": str, "int": int, "float": float}[str(field.type)] for field in fields(Row)}
+    with file.open(newline="", encoding="utf-8") as lines:
+        return [Row(**{name: kinds[name](value) for name, value in line.items()}) for line in csv.DictReader(lines)]
+
+
+def add_row(file: Path, row: Row) -> None:
+    """Append the row of a finished run."""
+    new = not file.is_file()
+    with file.open("a", newline="", encoding="utf-8") as lines:
+        writer = csv.DictWriter(lines, [field.name for field in fields(Row)])
+        if new:
+            writer.writeheader()
+        writer.writerow(asdict(row))
+
+
+def carry_out(folder: Path, names: Sequence[str], seeds: int) -> list[Row]:
+    """Carry out the missing runs of the studies; returns all their rows, of the log and of the twin as it is now."""
+    file = folder / "runs.csv"
+    rows = {(row.study, row.source, row.seed): row for row in read_rows(file)}
+    sources = {name: Source(name, folder) for name in dict.fromkeys(STUDIES[study].log for study in names)}
+    wanted = []
+    for name in names:
+        source = sources[STUDIES[name].log]
+        source.make(seeds)
+        for seed in range(seeds):
+            for kind in ("log", source.digest):
+                wanted.append(key := (name, kind, seed))
+                if key in rows:
+                    continue
+                drive = source.log if kind == "log" else source.drive(seed)
+                relations = source.relations if kind == "log" else source.relations_of(drive)
+                rows[key] = run(*key, drive, relations)
+                add_row(file, rows[key])
+                print(" ".join(f"{k}={v:.4g}" if isinstance(v, float) else str(v) for k, v in asdict(rows[key]).items()), flush=True)
+    return [rows[key] for key in wanted]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--studies", default=",".join(STUDIES))
+    parser.add_argument("--seeds", type=int, default=20)
+    args = parser.parse_args()
+    carry_out(args.folder, args.studies.split(","), args.seeds)
+
+
+if __name__ == "__main__":
+    main()
