@@ -69,12 +69,14 @@ def _described(made: Twin) -> str:
     """Return what was estimated, in a few lines."""
     odometry, lidar = made.odometry, made.lidar
     slips = f"{odometry.slip_rate:.3f} slips per m of {100.0 * odometry.slip_distance:.1f} cm"
+    recovery = f", of which {odometry.recovered_share:.0%} comes back within {odometry.recovery_length:g} m"
+    backward = "; driving backward counts as forward" if odometry.unsigned else ""
     return (
         f"world: {len(made.world.walls)} outlines, drive of {made.duration:.0f} s\n"
         f"lidar: {lidar.beams} beams over {lidar.field_of_view_deg:g} degrees at {lidar.scan_rate:.2f} Hz, noise "
         f"{1000.0 * lidar.noise_floor:.1f} mm or {100.0 * lidar.noise_share:.2f} %\n"
         f"odometry ({made.pieces} pieces): distance x {odometry.distance_scale:.4f}, turn x "
         f"{odometry.rotation_scale:.4f}, drift {math.degrees(odometry.drift):.3f} degrees per m; random "
-        f"{odometry.random_translation:.4f} m and {math.degrees(odometry.random_rotation):.3f} degrees per root of m; "
-        f"{slips}"
+        f"{odometry.random_translation:.4f} m and {math.degrees(odometry.random_rotation):.3f} degrees per root of m"
+        f"{recovery if odometry.recovered_share else ''}; {slips}{backward}"
     )

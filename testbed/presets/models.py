@@ -138,7 +138,7 @@ class LidarPreset(_Preset):
     scan_rate: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RATE)]
     """Scans per second [Hz]."""
     scan_times: tuple[Annotated[float, Field(strict=True, ge=0.0)], ...] | None = None
-    """Times of all scans after the beginning of a drive [s], increasing, as those of a log; None = `scan_rate` tells."""
+    """Times of all scans after the beginning of a drive [s], increasing, as those of a log; None: at `scan_rate`."""
     range_min: NotNegative
     """Shortest range [m]; nearer surfaces give no valid reading."""
     range_max: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RANGE)]

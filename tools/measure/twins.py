@@ -36,21 +36,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.sweep.statistics import Interval, bootstrap_interval, wilson_interval
+from eval.sweep.statistics import bootstrap_interval, wilson_interval
+from eval.sweep.systems_page import failures_text
 from eval.trajectory.relations import EXACT, Relations, read_relations, relation_error
 from eval.trajectory.trajectory import Trajectory
 from slam import FilterConfig, se2
+from slam.se2 import Pose
 from testbed.formats import Log, open_log
 from testbed.presets import load_robot
 from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation.config import CONTROL_PERIOD
+from testbed.twin.reconstruction import read_reconstruction
 from tools.measure.real_logs import CASES, settings
 from tools.pages import DOCS, write_table
 
 PAGE = DOCS / "datasets.md"
-MAPPING = ("--particles", "10", "--seed", "0")
-"""Options of the run that the twin is made from."""
+MAPPED_BY = {"aces": 10, "intel": 2, "fr079": 2}
+"""Particles of the run that the twin is made from: its final path is as accurate as with more."""
 RESAMPLES = 4000
 """Bootstrap resamples of a difference."""
 
@@ -63,6 +66,7 @@ class Study:
     particles: int
     changes: tuple[str, ...] = ()
     """Changes to the default settings of the filter."""
+    seeds: int = 20
 
     @property
     def config(self) -> FilterConfig:
@@ -79,6 +83,7 @@ class Study:
 NARROW = "match.outlier_distance=0.1"
 """A matcher with a narrow basin: with it the filter can fail on every log."""
 STUDIES = {
+    "aces-3": Study("aces", 3),
     "aces-10": Study("aces", 10),
     "intel-1": Study("intel", 1),
     "intel-narrow": Study("intel", 3, (NARROW,)),
@@ -92,6 +97,8 @@ APART = 8
 """Where there are no relations, every so many published poses make up the pairs."""
 FAILED = {"aces": 0.5, "intel": 0.1, "fr079": 0.1}
 """Mean error of the relations above which the final result of a run counts as failed [m]."""
+DRIVES = 5
+"""Drives of each twin whose odometry is compared with that of the log."""
 REFINED = 5
 """The final pass, which costs as much as the filter, is carried out for so many seeds."""
 LENGTHS = (0.3, 1.0, 3.0, 10.0, 30.0)
@@ -148,7 +155,8 @@ class Source:
         """Map the log, make its twin, and drive it with so many seeds, as far as that has not been done."""
         self.folder.mkdir(parents=True, exist_ok=True)
         if not (self.folder / "run").exists():
-            testbed("slam", str(CASES[self.name].log), *MAPPING, "--out", str(self.folder / "run"))
+            options = ("--particles", str(MAPPED_BY[self.name]), "--seed", "0", "--threads", "1")
+            testbed("slam", str(CASES[self.name].log), *options, "--out", str(self.folder / "run"))
         if not (self.folder / "twin").exists():
             testbed("twin", str(self.folder / "run"), "--out", str(self.folder / "twin"))
         config, count = self.folder / "twin" / "config.toml", str(seeds)
@@ -171,15 +179,18 @@ class Source:
         return open_log(path)
 
     def relations_of(self, drive: Log) -> Relations:
-        """The relations of the true poses at the same moments of the drive, of that point that the estimate means.
-
-        Where the lidar sits elsewhere than the log states, poses estimated from scans are those of another point than
-        the robot's centre; relations of logs are from scans, too.
-        """
+        """The relations of the true poses at the same moments of the drive."""
         begin = float(self.log.table.stamps[0])
-        offset = load_robot(str(self.folder / "twin" / "robot.toml")).lidar_mount.offset_x
-        truth = Trajectory(drive.table.stamps, se2.compose(drive.table.truth, np.array([offset, 0.0, 0.0])))
+        truth = Trajectory(drive.table.stamps, self.true_path(drive.table.truth))
         return relations_at(truth, self.relations.first - begin, self.relations.second - begin, CONTROL_PERIOD)
+
+    def true_path(self, truth: Pose) -> Pose:
+        """True poses (n, 3) of the point that estimates from scans mean, of those of the robot's centre.
+
+        Where the lidar sits elsewhere than the log states, these are two points; relations of logs are from scans, too.
+        """
+        offset = load_robot(str(self.folder / "twin" / "robot.toml")).lidar_mount.offset_x
+        return se2.compose(truth, np.array([offset, 0.0, 0.0]))
 
 
 def testbed(*arguments: str) -> None:
@@ -267,35 +278,130 @@ def add_row(file: Path, row: Row) -> None:
         writer.writerow(asdict(row))
 
 
-def carry_out(folder: Path, names: Sequence[str], seeds: int) -> list[Row]:
-    """Carry out the missing runs of the studies; returns all their rows, of the log and of the twin as it is now."""
-    file = folder / "runs.csv"
+def carry_out(folder: Path, name: str, source: Source, seeds: int | None) -> list[Row]:
+    """Carry out the missing runs of a study; returns all its rows, of the log and of the twin as it is now."""
+    file, wanted, seeds = folder / "runs.csv", [], STUDIES[name].seeds if seeds is None else seeds
+    source.make(max(seeds, DRIVES))
     rows = {(row.study, row.source, row.seed): row for row in read_rows(file)}
-    sources = {name: Source(name, folder) for name in dict.fromkeys(STUDIES[study].log for study in names)}
-    wanted = []
-    for name in names:
-        source = sources[STUDIES[name].log]
-        source.make(seeds)
-        for seed in range(seeds):
-            for kind in ("log", source.digest):
-                wanted.append(key := (name, kind, seed))
-                if key in rows:
-                    continue
+    for seed in range(seeds):
+        for kind in ("log", source.digest):
+            key = (name, kind, seed)
+            if key not in rows:
                 drive = source.log if kind == "log" else source.drive(seed)
                 relations = source.relations if kind == "log" else source.relations_of(drive)
                 rows[key] = run(*key, drive, relations)
                 add_row(file, rows[key])
-                print(" ".join(f"{k}={v:.4g}" if isinstance(v, float) else str(v) for k, v in asdict(rows[key]).items()), flush=True)
-    return [rows[key] for key in wanted]
+                print(rows[key], flush=True)
+            wanted.append(rows[key])
+    return wanted
+
+
+def odometry_errors(odometry: Pose, path: Pose, length: float) -> tuple[float, float]:
+    """Median error of the odometry (n, 3) over ways of a length on the path (n, 3): position [m] and heading [deg].
+
+    The way is that of the odometry, where a radian counts as a metre; only pairs of poses count that are at most half
+    as long again apart.
+    """
+    steps, true_steps = se2.between(odometry[:-1], odometry[1:]), se2.between(path[:-1], path[1:])
+    way = np.append(0.0, np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + np.abs(steps[:, 2])))
+    heading = np.append(0.0, np.cumsum(steps[:, 2] - true_steps[:, 2]))
+    end = np.searchsorted(way, way + length)
+    begin = np.flatnonzero(end < len(way))
+    begin = begin[way[end[begin]] - way[begin] < 1.5 * length]
+    end = end[begin]
+    if not len(begin):
+        return math.nan, math.nan
+    off = se2.between(path[begin], path[end])[:, :2] - se2.between(odometry[begin], odometry[end])[:, :2]
+    return float(np.median(np.hypot(*off.T))), float(np.degrees(np.median(np.abs(heading[end] - heading[begin]))))
+
+
+def difference_of_medians(values: Sequence[float], others: Sequence[float]) -> tuple[float, float, float]:
+    """Median of values (n,) minus that of others (m,), with its 95 % interval by the bootstrap of both."""
+    rng, a, b = np.random.default_rng(0), np.asarray(values), np.asarray(others)
+    drawn = [np.median(x[rng.integers(0, len(x), (RESAMPLES, len(x)))], axis=1) for x in (a, b)]
+    low, high = np.quantile(drawn[0] - drawn[1], [0.025, 0.975])
+    return float(np.median(a) - np.median(b)), float(low), float(high)
+
+
+def difference_of_rates(failed: int, runs: int, failed_others: int, others: int) -> tuple[float, float, float]:
+    """Share of failures minus that of others, with its 95 % interval.
+
+    Source: Newcombe, "Interval estimation for the difference between independent proportions", Statistics in Medicine
+    17(8), 1998, method 10.
+    """
+    p, q = failed / runs, failed_others / others
+    (low, high), (other_low, other_high) = wilson_interval(failed, runs), wilson_interval(failed_others, others)
+    return p - q, p - q - math.hypot(p - low, other_high - q), p - q + math.hypot(high - p, q - other_low)
+
+
+def table_of_runs(rows: Sequence[Row]) -> str:
+    """Failures and errors of logs and twins, a line for each study."""
+    head = (
+        "| log | filter | failed: log | twin | difference | median error: log | twin | difference | "
+        "after the final pass: log | twin | moved by it: log | twin |"
+    )
+    lines = [head, "|---" * head.count(" | ") + "|---|"]
+    for name in dict.fromkeys(row.study for row in rows):
+        log, twin = ([r for r in rows if r.study == name and (r.source == "log") == is_log] for is_log in (True, False))
+        limit = FAILED[STUDIES[name].log]
+        counts = [sum(r.own > limit for r in part) for part in (log, twin)]
+        rate = difference_of_rates(counts[1], len(twin), counts[0], len(log))
+        errors = [[r.own for r in part] for part in (log, twin)]
+        cells = [STUDIES[name].log, STUDIES[name].words]
+        cells += [failures_text(count, len(part)) for count, part in zip(counts, (log, twin), strict=True)]
+        cells.append("{:+.0f} % [{:+.0f}, {:+.0f}]".format(*(100.0 * value for value in rate)))
+        cells += [median_text(values) for values in errors]
+        cells.append("{:+.1f} cm [{:+.1f}, {:+.1f}]".format(*(100.0 * v for v in difference_of_medians(*errors[::-1]))))
+        for column in ("refined", "moved"):
+            known = [[getattr(r, column) for r in part if math.isfinite(getattr(r, column))] for part in (log, twin)]
+            cells += [f"{100.0 * np.median(values):.1f} cm" if values else "" for values in known]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def median_text(errors: Sequence[float]) -> str:
+    """The median of errors [m] with its interval, in centimetres."""
+    found = bootstrap_interval(errors, np.median)
+    return f"{100.0 * found.value:.1f} cm [{100.0 * found.low:.1f}, {100.0 * found.high:.1f}]"
+
+
+def table_of_odometry(sources: Sequence[Source], drives: int) -> str:
+    """Errors of the odometry over ways of several lengths, of logs and of the first drives of their twins."""
+    lines = ["| | " + " | ".join(f"{length:g} m" for length in LENGTHS) + " |", "|---" * (1 + len(LENGTHS)) + "|"]
+    for source in sources:
+        found = read_reconstruction(source.folder / "run")
+        errors = {"log": [[odometry_errors(found.odometry, found.path, length) for length in LENGTHS]], "twin": []}
+        for seed in range(drives):
+            table = source.drive(seed).table
+            poses = source.true_path(table.truth)[table.scan_rows]
+            odometry = table.odometry[table.scan_rows]
+            errors["twin"].append([odometry_errors(odometry, poses, length) for length in LENGTHS])
+        for kind, drawn in errors.items():
+            cells = [
+                f"{100.0 * d:.1f} cm, {t:.1f}°" if math.isfinite(d) else ""
+                for d, t in np.median(drawn, axis=0).tolist()
+            ]
+            lines.append(f"| {source.name}, {kind} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 def main() -> None:
+    """Carry out the missing runs, then write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--studies", default=",".join(STUDIES))
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("folder", type=Path, help="directory of runs, twins and drives")
+    parser.add_argument("--studies", default=",".join(STUDIES), help="settings of the filter, of: %(default)s")
+    parser.add_argument("--seeds", type=int, help="seeds of each study; default: as many as the page has")
+    parser.add_argument("--print", action="store_true", help="print the tables and write nothing")
     args = parser.parse_args()
-    carry_out(args.folder, args.studies.split(","), args.seeds)
+    names = args.studies.split(",")
+    sources = {name: Source(name, args.folder) for name in dict.fromkeys(STUDIES[study].log for study in names)}
+    rows = [row for name in names for row in carry_out(args.folder, name, sources[STUDIES[name].log], args.seeds)]
+    tables = {"twins": table_of_runs(rows), "twin-odometry": table_of_odometry(list(sources.values()), DRIVES)}
+    for name, table in tables.items():
+        if args.print:
+            print(table)
+        else:
+            write_table(PAGE, name, table)
 
 
 if __name__ == "__main__":

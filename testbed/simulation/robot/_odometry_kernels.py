@@ -75,7 +75,9 @@ def read_wheels(odometer, wheels, uniform, normal, believed, encoders):
     right = _count(odometer, 4, d_right + (0.0 if uniform[1] < 0.5 else slip), encoders)
     s_left, s_right = believed[0] * left, believed[1] * right
     counted = 0.5 * (s_left + s_right)
-    step = (abs(counted) if encoders.unsigned else counted) + encoders.random_translation * np.sqrt(distance) * normal[0]
+    step = (abs(counted) if encoders.unsigned else counted) + encoders.random_translation * np.sqrt(distance) * normal[
+        0
+    ]
     error = encoders.random_rotation * np.sqrt(distance + turned) * normal[1]
     made_good = odometer[9] * -np.expm1(-(distance + turned) / encoders.recovery_length)
     odometer[9] += encoders.recovered_share * error - made_good

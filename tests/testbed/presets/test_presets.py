@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from testbed.presets import PresetError, lidars, load_lidar, load_robot, robots
+from testbed.presets import LidarPreset, PresetError, lidars, load_lidar, load_robot, robots
 from testbed.seeds import RunSeeds
 from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.robot.umbmark import umbmark
@@ -137,3 +137,12 @@ def test_unknown_names_get_the_nearest_ones(tmp_path):
         load_lidar("utm30")
     with pytest.raises(PresetError, match="No such file"):
         load_lidar(tmp_path / "gone.toml")
+
+
+def test_times_of_scans_that_do_not_increase_are_refused():
+    document = load_lidar("lds01").model_dump(exclude_unset=True)
+    sources = document["sources"] | {"scan_times": "a log"}
+    LidarPreset.model_validate(document | {"scan_times": [0.0, 0.5, 0.6], "sources": sources})
+    for times in ([0.5, 0.5], [0.5, 0.4], [0.0, math.inf]):
+        with pytest.raises(ValueError, match="expected increasing times"):
+            LidarPreset.model_validate(document | {"scan_times": times, "sources": sources})

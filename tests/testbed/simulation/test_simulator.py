@@ -133,6 +133,18 @@ def test_stamps_increase_and_scans_come_at_their_rate(kind):
     assert all(np.all(np.isfinite([*frame.odometry, *frame.twist, *frame.truth])) for frame in result)
 
 
+def test_scans_come_at_the_times_of_the_lidar_that_states_them():
+    """Blocks of frames are equal to single ones; odometry goes on after the last scan."""
+    times = (0.0, 0.21, 0.22, 1.503)
+    lidar = load_lidar("lds01").model_copy(update={"scan_times": times})
+    config = SimulationConfig(lidar=lidar, lidar_layers=LidarLayers(motion=False), backend="fast", duration=3.0)
+    single = frames(load("office"), config)
+    assert tuple(frame.stamp for frame in single if frame.scan is not None) == times
+    assert single[-1].stamp > 2.9
+    with simulate(load("office"), config) as simulation:
+        assert_equal_frames([frame for block in simulation.blocks(7) for frame in block.frames()], single)
+
+
 def test_twist_is_the_velocity_of_the_odometry(kind):
     result = frames(room(tour=[(4, 0)]), perfect(backend=kind, duration=6.0))
     twist = np.array([frame.twist for frame in result if 2.0 < frame.stamp < 5.0])

@@ -2,6 +2,7 @@
 """Errors of odometry are found as they were set, whatever errors the path has."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,14 +25,17 @@ SET = OdometryConfig(
 )
 
 
-def drive(config, steps=16_000, seed=0):
-    """Odometry and true path (steps + 1, 3) of some 800 m of bends, with turns on the spot between them."""
+def drive(config, steps=16_000, seed=0, back=False):
+    """Odometry and true path (steps + 1, 3) of some 800 m of bends, with turns on the spot between them; `back`: and
+    with two metres backward now and then."""
     rng = np.random.default_rng(seed)
     odometry, pose, wheels = Odometry(ROBOT, config, rng), np.zeros(3), np.zeros(2)
     believed, path = [odometry.pose], [pose]
     bends = np.repeat(rng.uniform(-1.0, 1.0, steps // 40), 40)
     for k in range(steps):
         step, turn = (0.05, 0.05 * bends[k]) if k % 400 < 360 else (0.0, 0.1)
+        if back and 100 <= k % 1000 < 140:
+            step, turn = -step, -turn
         middle = pose[2] + 0.5 * turn
         pose = pose + np.array([step * math.cos(middle), step * math.sin(middle), turn])
         half = 0.5 * turn * ROBOT.track
@@ -54,6 +58,31 @@ def test_scales_and_noise_are_those_that_were_set(path_noise):
     assert found.random_translation == pytest.approx(SET.random_translation, rel=0.2)
     assert found.random_rotation == pytest.approx(SET.random_rotation, rel=0.2)
     assert found.slip_rate < 0.01
+    assert found.recovered_share < 0.2
+    assert not found.unsigned
+
+
+@pytest.mark.parametrize("path_noise", [0.0, 1.0])
+def test_errors_of_heading_that_come_back_are_found(path_noise):
+    config = replace(SET, random_rotation=math.radians(3.0), recovered_share=0.7, recovery_length=1.2)
+    odometry, path = drive(config)
+    path = path + path_noise * np.random.default_rng(1).normal(size=path.shape) * [0.01, 0.01, math.radians(0.3)]
+    found, _ = estimate_odometry(odometry[::4], path[::4], track=ROBOT.track)
+    assert found.random_rotation == pytest.approx(config.random_rotation, rel=0.2)
+    assert found.recovered_share == pytest.approx(0.7, abs=0.12)
+    assert found.recovery_length == pytest.approx(1.2, rel=0.7)
+    assert found.rotation_scale == pytest.approx(SET.rotation_scale, abs=0.01)
+    assert found.slip_rate < 0.01
+
+
+def test_odometry_that_counts_driving_backward_as_forward_is_found():
+    """The other errors are found as if nothing had been driven backward."""
+    odometry, path = drive(replace(SET, unsigned=True), back=True)
+    found, _ = estimate_odometry(odometry[::4], path[::4], track=ROBOT.track)
+    assert found.unsigned
+    assert found.distance_scale == pytest.approx(SET.distance_scale, abs=0.005)
+    assert found.random_translation == pytest.approx(SET.random_translation, rel=0.3)
+    assert not estimate_odometry(*drive(SET, back=True), track=ROBOT.track)[0].unsigned
 
 
 def test_slips_have_the_rate_and_size_that_were_set():

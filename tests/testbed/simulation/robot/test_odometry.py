@@ -68,6 +68,24 @@ def test_random_errors_do_not_depend_on_the_rate_of_readings(steps):
     assert np.abs(spin[:, :2]).max() < 1e-9
 
 
+def test_a_share_of_the_error_of_heading_is_made_good():
+    """Of independent turns a (1 - r) stays and a r decays: the variance after a way s is
+    q² s + (a² - q²) length (1 - exp(-s / length)) with q = (1 - r) a."""
+    config = dataclasses.replace(NONE, random=True, recovered_share=0.75, recovery_length=0.5)
+    headings = np.array([path(config, 12.0, 0.0, 600, seed)[:, 2] for seed in range(400)])
+    fast, slow = config.random_rotation**2, (0.25 * config.random_rotation) ** 2
+    for way in (0.1, 1.0, 12.0):
+        expected = slow * way + (fast - slow) * 0.5 * -math.expm1(-way / 0.5)
+        assert np.var(headings[:, round(50 * way)]) == pytest.approx(expected, rel=0.25)
+
+
+def test_unsigned_encoders_count_driving_backward_as_forward():
+    config = dataclasses.replace(NONE, unsigned=True)
+    assert drive(config, -2.0, 0.0, 10) == pytest.approx((2.0, 0.0, 0.0))
+    assert drive(config, 2.0, 0.0, 10) == pytest.approx((2.0, 0.0, 0.0))
+    assert drive(config, -2.0, 0.5, 10)[2] == pytest.approx(0.5)
+
+
 @pytest.mark.parametrize("grade", GRADES)
 def test_grades_scale_distance_and_rotation(grade):
     config = dataclasses.replace(NONE, systematic=True, grade=grade)
@@ -119,6 +137,8 @@ def test_switching_one_layer_leaves_the_others_noise_alone():
         {"lost_ticks": 1.0},
         {"random_rotation": math.nan},
         {"drift": 2.0},
+        {"recovered_share": 1.5},
+        {"recovery_length": 0.0},
         {"distance_scale": 0.0},
     ],
 )
