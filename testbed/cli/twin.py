@@ -74,7 +74,8 @@ def _described(made: Twin) -> str:
     return (
         f"world: {len(made.world.walls)} outlines, drive of {made.duration:.0f} s\n"
         f"lidar: {lidar.beams} beams over {lidar.field_of_view_deg:g} degrees at {lidar.scan_rate:.2f} Hz, noise "
-        f"{1000.0 * lidar.noise_floor:.1f} mm or {100.0 * lidar.noise_share:.2f} %\n"
+        f"{1000.0 * lidar.noise_floor:.1f} mm or {100.0 * lidar.noise_share:.2f} %; {lidar.short_return_rate:.4f} "
+        f"readings per m in front of the walls, {lidar.dropout:.1%} lost\n"
         f"odometry ({made.pieces} pieces): distance x {odometry.distance_scale:.4f}, turn x "
         f"{odometry.rotation_scale:.4f}, drift {math.degrees(odometry.drift):.3f} degrees per m; random "
         f"{odometry.random_translation:.4f} m and {math.degrees(odometry.random_rotation):.3f} degrees per root of m"

@@ -21,6 +21,7 @@ from testbed.toml import dump_toml
 from testbed.twin.lidar import estimate_lidar
 from testbed.twin.odometry import estimate_odometry, find_lead
 from testbed.twin.reconstruction import Reconstruction
+from testbed.twin.returns import measure_returns
 from testbed.twin.route import Route, fastest, follow
 from testbed.twin.walls import world_of
 from worlds import World, dumps
@@ -73,10 +74,18 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
     world, notes = world_of(source.grid, path, to_name(name))
     robot = _robot(mount, *fastest(source.stamps, path))
     route = follow(world, robot, LIMITS, source.stamps, path)
+    returns = measure_returns(world, source.log.table, source.path)
+    preset = lidar.preset.model_copy(
+        update={
+            "short_return_rate": returns.short_rate,
+            "dropout": returns.lost,
+            "sources": lidar.preset.sources | {"short_return_rate": "estimated from the log"},
+        }
+    )
     return Twin(
         world=world,
         robot=robot,
-        lidar=lidar.preset,
+        lidar=preset,
         sweeps=lidar.sweeps,
         odometry=odometry,
         route=route,
