@@ -4,7 +4,7 @@
 
     python -m tools.measure.twins DIR [--logs aces,intel,fr079] [--studies aces-10,intel-1] [--seeds 20]
 
-Writes: docs/datasets.md (twins), docs/datasets.md (twin odometry)
+Writes: docs/datasets.md (twins), docs/datasets.md (twin-odometry)
 
 Prints: one line for each run; with --print the tables, too, and writes nothing
 
