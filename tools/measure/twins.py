@@ -2,9 +2,9 @@
 # ruff: noqa: T201
 """Compare recorded logs with their twins: odometry, failures and errors of the filter, over seeds.
 
-    python -m tools.measure.twins DIR [--logs aces,intel,fr079] [--studies aces-10,intel-1] [--seeds 20]
+    python -m tools.measure.twins DIR [--studies aces-10,intel-1] [--seeds 20]
 
-Writes: docs/datasets.md (twins), docs/datasets.md (twin-odometry)
+Writes: docs/datasets.md (twins), docs/datasets.md (wheels)
 
 Prints: one line for each run; with --print the tables, too, and writes nothing
 
@@ -402,7 +402,7 @@ def main() -> None:
     names = args.studies.split(",")
     sources = {name: Source(name, args.folder) for name in dict.fromkeys(STUDIES[study].log for study in names)}
     rows = [row for name in names for row in carry_out(args.folder, name, sources[STUDIES[name].log], args.seeds)]
-    tables = {"twins": table_of_runs(rows), "twin-odometry": table_of_odometry(list(sources.values()), DRIVES)}
+    tables = {"twins": table_of_runs(rows), "wheels": table_of_odometry(list(sources.values()), DRIVES)}
     for name, table in tables.items():
         if args.print:
             print(table)
