@@ -3,8 +3,9 @@
 """Measure how fast datasets are written and read.
 
     python -m tools.measure.measure_datasets [--seconds 120] [--world office] [--backend fast]
+    python -m tools.measure.measure_datasets --memory
 
-Prints: the table of speed in docs/formats.md
+Prints: the table of speed in docs/formats.md; with --memory the peak memory of a process that writes a long drive
 
 Figures are simulated seconds per CPU second of one process, without start-up, and ratios to the floor: the CPU time of
 the format's library alone (mcap or rosbags, sqlite3, pyarrow, gzip) to write the same content from memory. A figure is
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import gzip
+import os
 import sqlite3
 import subprocess
 import sys
@@ -34,6 +36,8 @@ from worlds import load
 SUFFIX = {"rosbag1": ".bag", "carmen": ".log.gz"}
 FORMATS: tuple[LogFormat, ...] = ("rosbag2", "rosbag2-lean", "rosbag2-sqlite", "rosbag1", "carmen", "parquet")
 REPEATS = 3
+LARGE_WORLD = "generated:rooms:size=80x60:1"
+"""A world whose tour takes about two hours."""
 
 
 def main() -> None:
@@ -42,7 +46,12 @@ def main() -> None:
     parser.add_argument("--world", default="office")
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--backend", choices=("fast", "pybullet"), default="fast")
+    parser.add_argument("--memory", action="store_true", help="measure memory instead, of a minute and of two hours")
     args = parser.parse_args()
+    if args.memory:
+        for seconds in (60.0, 7200.0):
+            print(f"{LARGE_WORLD}, {seconds:.0f} s: {peak_memory(seconds):.0f} MB", flush=True)
+        return
     world, config = load(args.world), SimulationConfig(backend=args.backend, duration=args.seconds)
     list(simulate(world, SimulationConfig(backend=args.backend, duration=1.0)).blocks(BLOCK_FRAMES))  # kernels loaded
     simulated = best(lambda: list(simulate(world, config).blocks(BLOCK_FRAMES)))
@@ -180,6 +189,20 @@ def best(function: Callable[[], object]) -> float:
         function()
         found.append(time.process_time() - start)
     return min(found)
+
+
+def peak_memory(seconds: float) -> float:
+    """Peak memory of a process that simulates and writes one drive of at most so many seconds [MB = 1e6 bytes]."""
+    with tempfile.TemporaryDirectory() as folder:
+        options = ["--duration", str(seconds), "--out", f"{folder}/data"]
+        process = subprocess.Popen(
+            [str(Path(sys.executable).with_name("testbed")), "simulate", LARGE_WORLD, *options],
+            stdout=subprocess.DEVNULL,
+        )
+        _, status, used = os.wait4(process.pid, 0)
+    if status:
+        raise RuntimeError(f"testbed simulate ended with status {os.waitstatus_to_exitcode(status)}")
+    return used.ru_maxrss * 1024 / 1e6
 
 
 if __name__ == "__main__":
