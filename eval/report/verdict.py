@@ -142,7 +142,7 @@ def _mended_sentence(mended: Mended | None) -> str:
         return f"{which} it went wrong {moment}"
     driving = mended.driving
     part = driving.part_in_words(driving.stretches[0])
-    return f"{which} {driving.evidence}. {part[0].upper()}{part[1:]} come from one time, which began {moment}"
+    return f"{which}, {driving.evidence}. {part[0].upper()}{part[1:]} come from one time, which began {moment}"
 
 
 def _sentence(text: str) -> str:
