@@ -39,6 +39,13 @@ class Panel:
     inside: NDArray[np.float64]
     """Share of updates with the truth inside the filter's 95 % ellipsoid, (lines, counts, units)."""
 
+    @property
+    def units(self) -> NDArray[np.intp]:
+        """Number of units that the medians and intervals rest on, (lines, counts)."""
+        if len(self.rows) == 1:
+            return self.runs
+        return np.isfinite(self.error).sum(axis=-1)
+
 
 @lru_cache(maxsize=4)
 def panels(summary: SweepSummary) -> tuple[Panel, ...]:

@@ -4,7 +4,8 @@
 
     testbed sweep --preset experiment --no-worst --out experiment
     testbed sweep --preset experiment-long --no-worst --out long
-    python -m tools.measure.needed_count experiment long
+    testbed sweep --preset experiment-test --no-worst --out test
+    python -m tools.measure.needed_count experiment long --test test
 
 Writes: docs/study.md (needed), docs/pictures/needed_count.png
 
@@ -27,8 +28,8 @@ from eval.files.atomic_write import atomic_write
 from eval.report.comparison_plots import COLOURS
 from eval.sweep import needed_count
 from eval.sweep.answers import particles
-from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, runs_of
-from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
+from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, predicted, runs_of
+from eval.sweep.needed_count import PREDICTORS, START, NeededCount, fit
 from eval.sweep.plots import WIDTHS, style
 from eval.sweep.results import SweepTable, read_sweep
 from tools.pages import DOCS, write_table
@@ -45,9 +46,17 @@ def main() -> None:
     """Fit, test, and write data, tables and picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sweeps", type=Path, nargs="+", help="directories of the parts; a part may be unfinished")
+    parser.add_argument(
+        "--test",
+        type=Path,
+        help="directory of a part that is predicted from the others, before all are fitted together",
+    )
     parser.add_argument("--print", action="store_true", help="print the tables and write nothing")
     arguments = parser.parse_args()
     tables = [read_sweep(directory) for directory in arguments.sweeps]
+    tested = [] if arguments.test is None else predict_part(tables, read_sweep(arguments.test))
+    if arguments.test is not None:
+        tables.append(read_sweep(arguments.test))
     runs = joined([runs_of(table) for table in tables])
     provenance = {
         "command": "; ".join(table.command for table in tables),
@@ -59,7 +68,7 @@ def main() -> None:
     held_out = predict_held_out(runs, [place for table in tables for place in table.places])
     provenance["held_out"] = {"worlds": len(held_out), "too_small": sum(world.is_too_small for world in held_out)}
     model = fit(runs, provenance)
-    text = page(tables, model, runs.predictors, held_out)
+    text = page(tables, model, runs.predictors, held_out, tested)
     if arguments.print:
         print(text)
         return
@@ -70,25 +79,55 @@ def main() -> None:
     write_table(PAGE, "needed", text)
 
 
-def page(tables: Sequence[SweepTable], model: NeededCount, predictors: np.ndarray, held_out: list[HeldOut]) -> str:
-    """The part of the page: growth of the needed count, levels of the design, held-out worlds."""
-    own, constant = brier_score(held_out)
+def predict_part(tables: Sequence[SweepTable], test: SweepTable) -> list[HeldOut]:
+    """Predict each world of a part from a fit to the other parts alone."""
+    model = fit(joined([runs_of(table) for table in tables]), {})
+    runs = joined([runs_of(test)])
+    return [predicted(model, runs.of(runs.world == world), test.places[int(world)]) for world in np.unique(runs.world)]
+
+
+def page(
+    tables: Sequence[SweepTable],
+    model: NeededCount,
+    predictors: np.ndarray,
+    held_out: list[HeldOut],
+    tested: list[HeldOut],
+) -> str:
+    """The part of the page: growth of the needed count, levels of the design, held-out worlds.
+
+    tested: the worlds of a part that was predicted before it was used.
+    """
     facts = model.provenance
-    same = sum(world.needed_predicted == world.needed_observed for world in held_out)
     parts = [
         f"{facts['runs']} runs of {facts['drives']} drives in {facts['worlds']} worlds; code version {facts['code']}. "
         f"The counts are compared with {model.max_count} particles.",
-        "Needed count, with the other features at their medians (95 % interval, bootstrap over worlds):",
+        "Needed count of the middle one of the worlds with these features, the others at their medians (95 % of such "
+        "worlds):",
         growth_table(model, predictors),
         "![How the needed count grows](pictures/needed_count.png)",
+        f"Effects of worlds: standard deviation {model.holding_spread[0, 0]:.1f} on the log odds of holding, "
+        f"{model.growth_spread[0, 0]:.2f} on the slope of the log error, whose mean is {model.growth[0, 0]:.2f}.",
         "Share of the runs that hold, by level of the design:",
         level_table(tables),
-        "Held-out worlds: the model is fitted to the others and predicts the share of the runs that hold.",
-        held_out_table(held_out),
-        f"Mean squared error of these shares: {own:.3f}; predicting each world by the mean of the others gives "
-        f"{constant:.3f}. The needed count is predicted exactly for {same} of {len(held_out)} worlds.",
     ]
+    if tested:
+        parts += ["Worlds set aside: predicted by a fit to the other parts alone.", *calibration(tested)]
+    parts += ["Held-out worlds: each is predicted by a fit to all others.", *calibration(held_out)]
     return "\n\n".join(parts)
+
+
+def calibration(found: list[HeldOut]) -> list[str]:
+    """The table of predicted and observed, and how often the intervals held what was observed."""
+    own, constant = brier_score(found)
+    number = len(found)
+    within = {share: sum(world.is_within(0.5 - share / 2, 0.5 + share / 2) for world in found) for share in (0.8, 0.95)}
+    small = sum(world.is_too_small for world in found)
+    return [
+        held_out_table(found),
+        f"What was needed lies within the 80 % range in {within[0.8]} of {number} worlds, within the 95 % range in "
+        f"{within[0.95]}; the count to start with ({100 * START:.0f} %) was too small in {small}. Mean squared error "
+        f"of the shares: {own:.3f}; predicting each world by the mean of the others gives {constant:.3f}.",
+    ]
 
 
 def growth_table(model: NeededCount, predictors: np.ndarray) -> str:
@@ -148,11 +187,19 @@ def _levels(table: SweepTable) -> dict[str, np.ndarray]:
 def held_out_table(held_out: list[HeldOut]) -> str:
     """Predicted and observed, world by world."""
     counts = held_out[0].counts
-    rows = [["world", "drives", *(f"{c}: predicted / observed" for c in counts), "needed: predicted / observed"]]
+    rows = [
+        ["world", "drives", *(f"{c}: predicted / observed" for c in counts), "needed: middle, 80 % range / observed"]
+    ]
+
+    def text(count: float) -> str:
+        return f"{count:.0f}" if np.isfinite(count) else f"> {counts[-1]}"
+
     for world in held_out:
         shares = [f"{100 * p:.0f} / {100 * o:.0f} %" for p, o in zip(world.predicted, world.observed, strict=True)]
-        needed = [f"> {counts[-1]}" if n is None else str(n) for n in (world.needed_predicted, world.needed_observed)]
-        rows.append([world.place, str(world.drives), *shares, " / ".join(needed)])
+        middle, low, high = (text(world.quantile(share)) for share in (0.5, 0.1, 0.9))
+        reach = "" if low == high else f", {low} to {high}"
+        needed = f"{middle}{reach} / {text(world.needed_observed)}"
+        rows.append([world.place, str(world.drives), *shares, needed])
     return markdown(rows)
 
 
@@ -163,19 +210,25 @@ def markdown(rows: list[list[str]]) -> str:
 
 
 def draw(model: NeededCount, predictors: np.ndarray) -> Figure:
-    """The needed count against the longest way through unknown floor, for three errors of the odometry."""
-    figure = Figure(figsize=(WIDTHS[1], 3.0), layout="constrained")
+    """The needed count against the longest way through unknown floor, for three degrees to which scans determine the
+    position; the band: 80 % of the worlds like that."""
+    figure = Figure(figsize=(WIDTHS[1], 3.4), layout="constrained")
     ax: Any = figure.add_subplot()
     lengths = np.linspace(model.low[0], model.high[0], 40)
-    for k, odometry in enumerate(np.quantile(predictors[:, 1], QUANTILES)):
+    for k, determined in enumerate(np.quantile(predictors[:, 2], QUANTILES)):
         at = np.tile(model.centre, (len(lengths), 1))
-        at[:, 0], at[:, 1] = lengths, odometry
+        at[:, 0], at[:, 2] = lengths, determined
         beyond = 1.6 * model.max_count
         middle = [model.needed(row) or beyond for row in at]
-        ends = [[end or beyond for end in model.interval(row)] for row in at]
+        ends = [[model.quantile(row, share) or beyond for share in (0.1, 0.9)] for row in at]
         colour = COLOURS[k % len(COLOURS)]
         ax.fill_between(2.0**lengths, *np.transpose(ends), color=colour, alpha=0.15, linewidth=0)
-        ax.plot(2.0**lengths, middle, color=colour, label=f"odometry {PREDICTORS[1].text(float(odometry))} per m")
+        ax.plot(
+            2.0**lengths,
+            middle,
+            color=colour,
+            label=PREDICTORS[2].text(float(determined)),
+        )
     ax.axhline(model.max_count, color="grey", linewidth=0.8, linestyle="--")
     ax.set(xscale="log", yscale="log", xlabel=f"{PREDICTORS[0].words} [m]", ylabel="particles needed")
     ax.set_yticks([1, 2, 3, 5, 10, 20, 30, 1.6 * model.max_count])
@@ -184,7 +237,7 @@ def draw(model: NeededCount, predictors: np.ndarray) -> Figure:
     lengths_shown = [10, 20, 50, 100, 200, 400, 800]
     ax.set_xticks(lengths_shown, [str(length) for length in lengths_shown])
     ax.set_xlim(2.0 ** model.low[0], 2.0 ** model.high[0])
-    ax.legend(frameon=False, loc="upper left")
+    figure.legend(frameon=False, loc="outside upper center", ncols=3, title="How well scans determine the position")
     return figure
 
 
