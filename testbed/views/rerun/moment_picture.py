@@ -64,6 +64,7 @@ POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
 """Of several events at one time the one of the highest level is printed, a change of the best particle last."""
 OWN_COVARIANCE = "95 % by the filter's own covariance, around the best"
+BEST = "best particle: largest weight of its whole history"
 TRUTH_THEN = "truth at the update of the particles"
 RECENT_EVENT_S = 20.0
 """The last event is printed for this long [s]."""
@@ -85,7 +86,7 @@ class MomentPictures:
             raise ValueError(f"{recording}: expected the recording of a run, with an estimated pose")
         self._T_world_map = pose(self._recorded.fixed(entities.SLAM))
         self._T_world_odom = pose(self._recorded.fixed(entities.ODOMETRY))
-        self._end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]
+        self.end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]
 
     @property
     def another_best(self) -> NDArray[np.float64]:
@@ -99,7 +100,7 @@ class MomentPictures:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        time = min(max(time, 0.0), self._end)
+        time = min(max(time, 0.0), self.end)
         look: dict[Any, Any] = {
             "font.size": 9.0,
             "axes.titlesize": 10.0,
@@ -204,7 +205,7 @@ class MomentPictures:
                 axes.plot(times[at], values[at], "D", ms=3.5, mew=0.0, color=_rgb(styles.PROPOSAL))
             axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
             reach = f", up to {np.nanmax(values):.3g}{f' {unit}' if unit else ''}" if len(values) else ""
-            axes.set(title=f"{name}{reach}; line: now", xlim=(0.0, self._end), ylim=(0.0, None))
+            axes.set(title=f"{name}{reach}; line: now", xlim=(0.0, self.end), ylim=(0.0, None))
             axes.set_xlabel("time since the first scan [s]")
             axes.margins(y=0.1)
 
@@ -342,12 +343,10 @@ class MomentPictures:
         self._draw_world(axes, time, robot, reach)
         spread = self._recorded.latest(entities.COVARIANCE, time)
         if spread is not None:
-            _ellipse(
-                axes,
-                _moved(T, ellipse(spread)),
-                styles.COVARIANCE,
-                OWN_COVARIANCE,
-            )
+            own = _moved(T, ellipse(spread))  # about the best particle
+            _ellipse(axes, own, styles.COVARIANCE, OWN_COVARIANCE)
+            if len(origins) > 1:
+                axes.plot(*own.centre, "o", ms=9.0, mfc="none", mec="black", mew=1.4, ls="", zorder=8, label=BEST)
             then = self._recorded.latest(entities.TRUE_ROBOT, spread[TIME])
             if then is not None:
                 axes.plot(
