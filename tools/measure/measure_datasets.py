@@ -5,7 +5,7 @@
     python -m tools.measure.measure_datasets [--seconds 120] [--world office] [--backend fast]
     python -m tools.measure.measure_datasets --memory
 
-Prints: the table of speed in docs/formats.md; with --memory the peak memory of a process that writes a long drive
+Prints: the table of speed in docs/formats.md, with --memory the peak memory of a process that writes a long drive
 
 Figures are simulated seconds per CPU second of one process, without start-up, and ratios to the floor: the CPU time of
 the format's library alone (mcap or rosbags, sqlite3, pyarrow, gzip) to write the same content from memory. A figure is
