@@ -253,10 +253,11 @@ def _medians(case: _Case) -> str:
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
-    """How many routes the runs drove."""
+    """How many routes the runs drove, and whether their duration cut them short."""
     if table.recorded:
         return ""
-    return _count(table.routes([table.places.index(place) for place in places], table.lines.index(line)), "route")
+    routes = table.routes([table.places.index(place) for place in places], table.lines.index(line))
+    return _count(routes, "route") + (", cut short" if table.driven_share is not None else "")
 
 
 def particles(count: int) -> str:
@@ -427,6 +428,8 @@ def _lower_counts(case: _Case) -> str:
     if failed > case.failed_of(case.largest)[0]:
         return f"{count} {'is' if count == 1 else 'are'} not shown to be enough, and failed in {failed} of {runs} runs"
     words = f"{count} may be enough too"
+    if case.table.is_sequential:
+        return f"{words}; --until decided ends at the first answer, so a new sweep without it would have to show that"
     return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
 
 

@@ -15,7 +15,7 @@ from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL
 from eval.sweep.summary import SweepSummary
 
-FIXED = "all seeds drive the same route, with other noise"
+SAME = "the same route, with other noise"
 MAX_NAMED = 3
 """At most so many worlds are named in a sentence."""
 MIN_INSIDE = 0.8
@@ -28,9 +28,15 @@ def seeds_change(table: SweepTable) -> str:
         return "seeds change the random numbers of the filter only"
     planned = table.columns["status"].astype(str) != "None"  # drawn worlds may have fewer seeds
     routes = {str(route) for route in table.columns.get("setting.route", np.full(table.shape, None))[planned]}
+    cut = table.driven_share
+    part = "" if cut is None else f"the first {100.0 * cut[0]:.0f} to {100.0 * cut[1]:.0f} % of "
     if routes <= {"random", "stops"}:
-        return "each seed drives another route through the whole world"
-    return "some filters drive another route with each seed" if routes - {"fixed", "None"} else FIXED
+        return f"each seed drives {part}another route through the whole world"
+    return (
+        "some filters drive another route with each seed"
+        if routes - {"fixed", "None"}
+        else f"all seeds drive {part}{SAME}"
+    )
 
 
 def described(table: SweepTable) -> str:
@@ -90,6 +96,31 @@ def overconfidence(summary: SweepSummary) -> str:
     return (
         f"The filter is overconfident{of}: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "
         f"it does at {where}.{alone if any(count == 1 for _, _, count in low) else ''}"
+    )
+
+
+def never_resampled(summary: SweepSummary) -> str:
+    """Where most runs of the baseline with the largest count never resampled; empty where there is no such world.
+
+    There the particles are compared at the end only, when the best one is taken, and their number matters little.
+    """
+    table = summary.table
+    base, largest = table.lines.index(table.baseline), table.counts[-1]
+    resamplings = table.cube("filter.resamplings")[:, base, -1]
+    found = []
+    for place, row in zip(table.places, resamplings, strict=True):
+        known = row[np.isfinite(row)]
+        never = int((known == 0).sum())
+        if largest > 1 and 2 * never > len(known):
+            found.append(f"{never} of {len(known)} in {place}")
+    if not found:
+        return ""
+    if len(found) > MAX_NAMED:
+        found = [f"most in {len(found)} of {len(table.places)} worlds"]
+    return (
+        f"runs with {largest} particles that never resampled: {', '.join(found)}. Their particles were compared only "
+        "at the end, when the best one is taken, so their number could matter little. Longer drives with loops ask "
+        "more of it."
     )
 
 

@@ -204,7 +204,9 @@ def _routes(spec: SweepSpec) -> str:
         return ""
     number = len(spec.seeds) if "fixed" not in routes else 1
     each = " in each world" if len(spec.worlds) > 1 else ""
-    return f" ({'one route' if number == 1 else f'{number} routes'}{each})"
+    durations = {line.settings.get("duration") for line in spec.lines()}
+    cut = f"the first {durations.pop():g} s of " if len(durations) == 1 and None not in durations else ""
+    return f" ({cut}{'one route' if number == 1 else f'{number} routes'}{each})"
 
 
 def _extent(spec: SweepSpec) -> str:
