@@ -48,6 +48,8 @@ class Answer:
     """What to take as long as the answer is open: `take 30 for now`."""
     medians: str = ""
     """The medians so far, where the answer is open."""
+    caution: str = ""
+    """Whether these drives ask little of the number of particles."""
 
     @property
     def mark(self) -> str:
@@ -62,10 +64,13 @@ class Answer:
 
     @property
     def lines(self) -> list[str]:
-        """The sentence; of an open answer, which has many parts, the answer and below it a line for each part."""
-        if self.kind != "undecided":
-            return [self.sentence]
-        return [f"{self._short_sentence}.", *(f"  {part[0].upper()}{part[1:]}." for part in self._reasons)]
+        """The answer, and below it a line for each part of what is open."""
+        if self.kind == "undecided":
+            first, others = f"{self._short_sentence}.", self._reasons
+        else:
+            first, others = self._short_sentence + (f" ({self.detail})." if self.detail else "."), [self.needs]
+        others = [*others, self.caution]
+        return [first, *(f"  {part[0].upper()}{part[1:]}." for part in others if part)]
 
     @property
     def _short_sentence(self) -> str:
@@ -96,6 +101,8 @@ class _Case:
     """seed or world."""
     given_up: bool
     """Whether no more seeds are added, since they would hardly tell."""
+    caution: str = ""
+    """Whether these drives ask little of the number of particles, as `Answer` has it."""
     left_by_user: bool = False
     """Whether the user gave the world up, so that no more seeds are added."""
 
@@ -136,6 +143,7 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
         failed_of,
         "seed",
         summary.table.given_up([place], line),
+        _caution(summary, [place], line),
         place in summary.table.left,
     )
     return _answer(case, place, line, _scope(summary.table, [place], line))
@@ -157,6 +165,7 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
         failed_of,
         "world",
         table.given_up(worlds, line),
+        _caution(summary, worlds, line),
     )
     return _answer(case, f"{family}, {len(worlds)} worlds", line, _scope(table, worlds, line))
 
@@ -202,7 +211,17 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         needs=needs,
         today=today,
         medians=medians,
+        caution=case.caution,
     )
+
+
+def _caution(summary: SweepSummary, places: Sequence[str], line: str) -> str:
+    """`8 of 8 runs with 30 never resampled: these drives ask little of the count`; empty where most runs did."""
+    largest = summary.table.counts[-1]
+    never, known = summary.never_resampled(places, line)
+    if largest == 1 or 2 * never <= known:
+        return ""
+    return f"{never} of {known} runs with {largest} never resampled: these drives ask little of the count"
 
 
 def _compared(case: _Case, count: int) -> str:

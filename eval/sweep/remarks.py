@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eval.sweep.answers import particles
 from eval.sweep.margin import Margin, parse_margin, share_words
-from eval.sweep.needed_count import PREDICTORS, NeededCount, of_ten, predictors_of, shipped_model
+from eval.sweep.needed_count import PREDICTORS, NeededCount, Predictor, of_ten, predictors_of, shipped_model
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL
 from eval.sweep.summary import SweepSummary
@@ -105,14 +105,11 @@ def never_resampled(summary: SweepSummary) -> str:
     There the particles are compared at the end only, when the best one is taken, and their number matters little.
     """
     table = summary.table
-    base, largest = table.lines.index(table.baseline), table.counts[-1]
-    resamplings = table.cube("filter.resamplings")[:, base, -1]
-    found = []
-    for place, row in zip(table.places, resamplings, strict=True):
-        known = row[np.isfinite(row)]
-        never = int((known == 0).sum())
-        if largest > 1 and 2 * never > len(known):
-            found.append(f"{never} of {len(known)} in {place}")
+    largest, found = table.counts[-1], []
+    for place in table.places:
+        never, known = summary.never_resampled([place], table.baseline)
+        if largest > 1 and 2 * never > known:
+            found.append(f"{never} of {known} in {place}")
     if not found:
         return ""
     if len(found) > MAX_NAMED:
@@ -260,16 +257,20 @@ def suggested_counts(table: SweepTable) -> str:
         if len(drives):
             names = [predictor.name for predictor in PREDICTORS]
             features = dict(zip(names, np.median(drives, axis=0).tolist(), strict=True))
-            unlike = sum(bool(model.outside(predictors_of(dict(zip(names, drive, strict=True))))) for drive in drives)
-            found.append(f"{place}: {_suggested(model, predictors_of(features), unlike, len(drives))}")
+            unlike = [model.outside(predictors_of(dict(zip(names, drive, strict=True)))) for drive in drives]
+            found.append(f"{place}: {_suggested(model, predictors_of(features), unlike)}")
     return "; ".join(found) if 0 < len(found) <= MAX_NAMED else ""
 
 
-def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: int, drives: int) -> str:
-    """`start with 10, enough in 9 of 10 worlds like it`; unlike: drives outside of what was measured."""
+def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: Sequence[Sequence[Predictor]]) -> str:
+    """`start with 10, enough in 9 of 10 worlds like it`; unlike: of each drive, what was not measured in others."""
     start = model.start(at)
-    reach = f" (but {unlike} of the {drives} drives here are unlike those of the experiment)" if unlike else ""
-    return f"start with {start}, enough in {of_ten(model.chance(at, start))} worlds like it{reach}"
+    said = f"start with {start}, enough in {of_ten(model.chance(at, start))} worlds like it"
+    number = sum(map(bool, unlike))
+    if not number:
+        return said
+    words = " and in the ".join(dict.fromkeys(predictor.words for drive in unlike for predictor in drive))
+    return f"{said} (but {number} of the {len(unlike)} drives here are unlike those of the experiment in the {words})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

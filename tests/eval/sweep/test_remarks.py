@@ -101,6 +101,9 @@ def test_drives_on_which_particles_are_never_selected_are_named(tmp_path):
     said = never_resampled(summarise(table))
     assert said.startswith("runs with 20 particles that never resampled: 9 of 10 in cave. ")
     assert "hall_a" not in said
+    hall, cave = answers(summarise(table), "improved")
+    assert cave.caution == "9 of 10 runs with 20 never resampled: these drives ask little of the count"
+    assert hall.caution == ""
     counts[1, 0, -1, 4:] = 1.0
     assert never_resampled(summarise(table)) == ""
 
