@@ -53,8 +53,8 @@ class Answer:
 
     @property
     def mark(self) -> str:
-        """Colour of the answer."""
-        return MARKS[self.kind]
+        """Colour of the answer; that a count is enough is not green where the drives ask little of it."""
+        return "fair" if self.kind == "enough" and self.caution else MARKS[self.kind]
 
     @property
     def sentence(self) -> str:
@@ -448,7 +448,10 @@ def _lower_counts(case: _Case) -> str:
         return f"{count} {'is' if count == 1 else 'are'} not shown to be enough, and failed in {failed} of {runs} runs"
     words = f"{count} may be enough too"
     if case.table.is_sequential:
-        return f"{words}; --until decided ends at the first answer, so a new sweep without it would have to show that"
+        new = (
+            f"a new sweep of {count} and {case.largest} without --until would show it, as this one ends with its answer"
+        )
+        return f"{words}: {new}" + ("" if decision.outlook is None else f"; {_chance_of_more(case)}")
     return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
 
 

@@ -104,6 +104,8 @@ def test_drives_on_which_particles_are_never_selected_are_named(tmp_path):
     hall, cave = answers(summarise(table), "improved")
     assert cave.caution == "9 of 10 runs with 20 never resampled: these drives ask little of the count"
     assert hall.caution == ""
+    assert (hall.kind, hall.mark) == (cave.kind, "good")
+    assert cave.mark == "fair"
     counts[1, 0, -1, 4:] = 1.0
     assert never_resampled(summarise(table)) == ""
 
