@@ -48,11 +48,13 @@ class Answer:
     """What to take as long as the answer is open: `take 30 for now`."""
     medians: str = ""
     """The medians so far, where the answer is open."""
+    caution: str = ""
+    """Whether these drives ask little of the number of particles."""
 
     @property
     def mark(self) -> str:
-        """Colour of the answer."""
-        return MARKS[self.kind]
+        """Colour of the answer; that a count is enough is not green where the drives ask little of it."""
+        return "fair" if self.kind == "enough" and self.caution else MARKS[self.kind]
 
     @property
     def sentence(self) -> str:
@@ -62,10 +64,13 @@ class Answer:
 
     @property
     def lines(self) -> list[str]:
-        """The sentence; of an open answer, which has many parts, the answer and below it a line for each part."""
-        if self.kind != "undecided":
-            return [self.sentence]
-        return [f"{self._short_sentence}.", *(f"  {part[0].upper()}{part[1:]}." for part in self._reasons)]
+        """The answer, and below it a line for each part of what is open."""
+        if self.kind == "undecided":
+            first, others = f"{self._short_sentence}.", self._reasons
+        else:
+            first, others = self._short_sentence + (f" ({self.detail})." if self.detail else "."), [self.needs]
+        others = [*others, self.caution]
+        return [first, *(f"  {part[0].upper()}{part[1:]}." for part in others if part)]
 
     @property
     def _short_sentence(self) -> str:
@@ -96,6 +101,8 @@ class _Case:
     """seed or world."""
     given_up: bool
     """Whether no more seeds are added, since they would hardly tell."""
+    caution: str = ""
+    """Whether these drives ask little of the number of particles, as `Answer` has it."""
     left_by_user: bool = False
     """Whether the user gave the world up, so that no more seeds are added."""
 
@@ -136,6 +143,7 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
         failed_of,
         "seed",
         summary.table.given_up([place], line),
+        _caution(summary, [place], line),
         place in summary.table.left,
     )
     return _answer(case, place, line, _scope(summary.table, [place], line))
@@ -157,6 +165,7 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
         failed_of,
         "world",
         table.given_up(worlds, line),
+        _caution(summary, worlds, line),
     )
     return _answer(case, f"{family}, {len(worlds)} worlds", line, _scope(table, worlds, line))
 
@@ -202,7 +211,17 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         needs=needs,
         today=today,
         medians=medians,
+        caution=case.caution,
     )
+
+
+def _caution(summary: SweepSummary, places: Sequence[str], line: str) -> str:
+    """`8 of 8 runs with 30 never resampled: these drives ask little of the count`; empty where most runs did."""
+    largest = summary.table.counts[-1]
+    never, known = summary.never_resampled(places, line)
+    if largest == 1 or 2 * never <= known:
+        return ""
+    return f"{never} of {known} runs with {largest} never resampled: these drives ask little of the count"
 
 
 def _compared(case: _Case, count: int) -> str:
@@ -253,10 +272,11 @@ def _medians(case: _Case) -> str:
 
 
 def _scope(table: SweepTable, places: Sequence[str], line: str) -> str:
-    """How many routes the runs drove."""
+    """How many routes the runs drove, and whether their duration cut them short."""
     if table.recorded:
         return ""
-    return _count(table.routes([table.places.index(place) for place in places], table.lines.index(line)), "route")
+    routes = table.routes([table.places.index(place) for place in places], table.lines.index(line))
+    return _count(routes, "route") + (", cut short" if table.driven_share is not None else "")
 
 
 def particles(count: int) -> str:
@@ -427,6 +447,11 @@ def _lower_counts(case: _Case) -> str:
     if failed > case.failed_of(case.largest)[0]:
         return f"{count} {'is' if count == 1 else 'are'} not shown to be enough, and failed in {failed} of {runs} runs"
     words = f"{count} may be enough too"
+    if case.table.is_sequential:
+        new = (
+            f"a new sweep of {count} and {case.largest} without --until would show it, as this one ends with its answer"
+        )
+        return f"{words}: {new}" + ("" if decision.outlook is None else f"; {_chance_of_more(case)}")
     return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 _NAMES = {"ate_rmse_m": "trajectory error", "trans_mean_m": "relation error", "wall_thickness_m": "wall thickness"}
 """Words for common measures."""
+_DEFINITIONS = {"ate_rmse_m": " (ATE: root mean square of the distances after rigid alignment)"}
 _ESTIMATES = {
     "_online": ("online", "the pose reported at each scan"),
     "_filter": ("filter", "the best particle's path at the end"),
@@ -81,6 +82,11 @@ class Measure:
         rest = self.key.partition(".")[2]
         plain = rest.removesuffix("_m").removesuffix("_deg").replace(".", " ").replace("_", " ")
         return _NAMES.get(rest, f"{self._head.removesuffix(self._suffix)} {plain}")
+
+    @property
+    def definition(self) -> str:
+        """How the measure is defined, for the caption of a table; empty for those that docs/metrics.md defines."""
+        return _DEFINITIONS.get(self.key.partition(".")[2], "")
 
     def unit(self, largest: float) -> Unit:
         """The unit that fits values up to `largest`: cm or m for lengths, deg for angles, none for other numbers."""

@@ -14,7 +14,7 @@ from eval.sweep.answers import difference_words
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
-from eval.sweep.remarks import after_final_pass, described, look_rule, margin_choice, margin_words
+from eval.sweep.remarks import after_final_pass, described, look_rule, margin_choice, margin_words, never_resampled
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
@@ -38,7 +38,7 @@ def latex_table(summary: SweepSummary) -> str:
     parts = "\n  \\par\\medskip\n".join(map(_latex_tabular, _parts(summary)))
     return (
         "% needs \\usepackage{booktabs}\n\\begin{table}\n  \\centering\\footnotesize\n"
-        f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n\\end{{table}}\n"
+        f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n  \\label{{tab:particles}}\n\\end{{table}}\n"
         f"\\paragraph{{Method.}} {_escaped(_method(summary))}\n"
     )
 
@@ -126,7 +126,9 @@ def _caption(summary: SweepSummary) -> str:
     """What the columns hold, as a journal takes it: two or three sentences."""
     table, unit = summary.table, summary.unit
     measure, largest = table.measure, table.counts[-1]
-    name = f"{measure.words[0].upper()}{measure.words[1:]}" + (f" [{unit.name}]" if unit.name else "")
+    name = f"{measure.words[0].upper()}{measure.words[1:]}{measure.definition}" + (
+        f" [{unit.name}]" if unit.name else ""
+    )
     brackets = "95 % interval" if summary.has_intervals else "smallest and largest run"
     failed = ", failed runs in parentheses" if table.failed.any() else ""
     sentences = [f"{name} of {measure.estimate_is} by number of particles: median [{brackets}]{failed}."]
@@ -162,6 +164,8 @@ def _method(summary: SweepSummary) -> str:
         sentences.append(f"At least {fewest} {unit} are needed to show that a count is enough.")
     final_pass = after_final_pass(summary)
     sentences.append(f"After the final pass, which is no part of the filter, {final_pass}" if final_pass else "")
+    few = never_resampled(summary)
+    sentences += [f"{few[0].upper()}{few[1:]}" if few else "", "" if table.failed.any() else "No run failed."]
     return " ".join(filter(None, [*sentences, described(table)]))
 
 

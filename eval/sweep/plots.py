@@ -229,7 +229,7 @@ def cost_against_accuracy(summary: SweepSummary) -> Figure:
         best = [points[row] for row in pareto_front(np.array(points).reshape(-1, 2))]
         ax.plot(
             [x for x, _ in best], [y for _, y in best], color="black", lw=2.4, alpha=0.25, label="front", zorder=2,
-            drawstyle="steps-post", solid_capstyle="round",
+            drawstyle="steps-post", solid_capstyle="round", marker="o", ms=8.0, mec="none",
         )  # fmt: skip
         ax.set_xscale("log")
         if len(costs):

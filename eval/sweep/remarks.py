@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from eval.sweep.answers import particles
 from eval.sweep.margin import Margin, parse_margin, share_words
-from eval.sweep.needed_count import PREDICTORS, NeededCount, of_ten, predictors_of, shipped_model
+from eval.sweep.needed_count import PREDICTORS, NeededCount, Predictor, of_ten, predictors_of, shipped_model
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL
 from eval.sweep.summary import SweepSummary
 
-FIXED = "all seeds drive the same route, with other noise"
+SAME = "the same route, with other noise"
 MAX_NAMED = 3
 """At most so many worlds are named in a sentence."""
 MIN_INSIDE = 0.8
@@ -28,9 +28,15 @@ def seeds_change(table: SweepTable) -> str:
         return "seeds change the random numbers of the filter only"
     planned = table.columns["status"].astype(str) != "None"  # drawn worlds may have fewer seeds
     routes = {str(route) for route in table.columns.get("setting.route", np.full(table.shape, None))[planned]}
+    cut = table.driven_share
+    part = "" if cut is None else f"the first {100.0 * cut[0]:.0f} to {100.0 * cut[1]:.0f} % of "
     if routes <= {"random", "stops"}:
-        return "each seed drives another route through the whole world"
-    return "some filters drive another route with each seed" if routes - {"fixed", "None"} else FIXED
+        return f"each seed drives {part}another route through the whole world"
+    return (
+        "some filters drive another route with each seed"
+        if routes - {"fixed", "None"}
+        else f"all seeds drive {part}{SAME}"
+    )
 
 
 def described(table: SweepTable) -> str:
@@ -90,6 +96,28 @@ def overconfidence(summary: SweepSummary) -> str:
     return (
         f"The filter is overconfident{of}: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "
         f"it does at {where}.{alone if any(count == 1 for _, _, count in low) else ''}"
+    )
+
+
+def never_resampled(summary: SweepSummary) -> str:
+    """Where most runs of the baseline with the largest count never resampled; empty where there is no such world.
+
+    There the particles are compared at the end only, when the best one is taken, and their number matters little.
+    """
+    table = summary.table
+    largest, found = table.counts[-1], []
+    for place in table.places:
+        never, known = summary.never_resampled([place], table.baseline)
+        if largest > 1 and 2 * never > known:
+            found.append(f"{never} of {known} in {place}")
+    if not found:
+        return ""
+    if len(found) > MAX_NAMED:
+        found = [f"most in {len(found)} of {len(table.places)} worlds"]
+    return (
+        f"runs with {largest} particles that never resampled: {', '.join(found)}. Their particles were compared only "
+        "at the end, when the best one is taken, so their number could matter little. Longer drives with loops ask "
+        "more of it."
     )
 
 
@@ -229,16 +257,20 @@ def suggested_counts(table: SweepTable) -> str:
         if len(drives):
             names = [predictor.name for predictor in PREDICTORS]
             features = dict(zip(names, np.median(drives, axis=0).tolist(), strict=True))
-            unlike = sum(bool(model.outside(predictors_of(dict(zip(names, drive, strict=True))))) for drive in drives)
-            found.append(f"{place}: {_suggested(model, predictors_of(features), unlike, len(drives))}")
+            unlike = [model.outside(predictors_of(dict(zip(names, drive, strict=True)))) for drive in drives]
+            found.append(f"{place}: {_suggested(model, predictors_of(features), unlike)}")
     return "; ".join(found) if 0 < len(found) <= MAX_NAMED else ""
 
 
-def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: int, drives: int) -> str:
-    """`start with 10, enough in 9 of 10 worlds like it`; unlike: drives outside of what was measured."""
+def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: Sequence[Sequence[Predictor]]) -> str:
+    """`start with 10, enough in 9 of 10 worlds like it`; unlike: of each drive, what was not measured in others."""
     start = model.start(at)
-    reach = f" (but {unlike} of the {drives} drives here are unlike those of the experiment)" if unlike else ""
-    return f"start with {start}, enough in {of_ten(model.chance(at, start))} worlds like it{reach}"
+    said = f"start with {start}, enough in {of_ten(model.chance(at, start))} worlds like it"
+    number = sum(map(bool, unlike))
+    if not number:
+        return said
+    words = " and in the ".join(dict.fromkeys(predictor.words for drive in unlike for predictor in drive))
+    return f"{said} (but {number} of the {len(unlike)} drives here are unlike those of the experiment in the {words})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

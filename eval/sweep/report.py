@@ -33,6 +33,7 @@ from eval.sweep.remarks import (
     look_rule,
     margin_choice,
     margin_words,
+    never_resampled,
     overconfidence,
     real_time,
     seeds_change,
@@ -101,8 +102,8 @@ DRAWINGS = (
         "cost",
         "Cost against accuracy",
         sweep_plots.cost_against_accuracy,
-        "Time of the filter per update and median error; numbers are particle counts. Thick grey line: the front, "
-        "where no other point is both faster and better. Times depend on the machine.",
+        "Time of the filter per update and median error; numbers are particle counts. Grey discs and line: the "
+        "front, the points than which no other is both faster and better. Times depend on the machine.",
         is_first=True,
     ),
     Drawing(
@@ -221,6 +222,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "power": POWER,
         "needed_seeds": None if enough_runs else fewest_seeds_to_go_on(table.level),
         "confidence": overconfidence(summary),
+        "never_resampled": never_resampled(summary),
     }
 
 

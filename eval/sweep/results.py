@@ -32,6 +32,8 @@ LEFT_OUT = "left out"
 """Status of runs that no answer rests on yet, in memory only."""
 GIVEN_UP = "given up"
 """Status of jobs that would hardly help to find an answer that is open."""
+WHOLE_ROUTE = 0.9
+"""A run whose path is at least this share of its route drove all of it."""
 _NAMES_OF_RUNS = ("key", "place", "line", "particles", "seed", "family")
 """Columns that say which run it is."""
 _TIMINGS = ("filter_s", "cell_s", "wall_s")
@@ -138,6 +140,16 @@ class SweepTable:
         is_random = np.isin(self.columns.get("setting.route", unknown).astype(str), ("random", "stops"))
         seeds_that_ran = self.ran[:, line].any(axis=1).sum(axis=-1)
         return sum(int(seeds_that_ran[p] if is_random[p, line].any() else min(seeds_that_ran[p], 1)) for p in places)
+
+    @cached_property
+    def driven_share(self) -> tuple[float, float] | None:
+        """The smallest and the largest share of its route that a run drove, if most runs drove less than `WHOLE_ROUTE`
+        because their duration cut them short; None otherwise, and for logs."""
+        shares = np.where(self.ran, self.cube("trajectory_filter.length_m") / self.cube("features.route_m"), np.nan)
+        known = shares[np.isfinite(shares)]
+        if not known.size or float(np.median(known)) >= WHOLE_ROUTE:
+            return None
+        return float(known.min()), float(known.max())
 
     @property
     def is_sequential(self) -> bool:

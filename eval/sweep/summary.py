@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -99,6 +100,14 @@ class SweepSummary:
             if name == family
         ]
         return _median(np.array(medians))
+
+    def never_resampled(self, places: Sequence[str], line: str) -> tuple[int, int]:
+        """Of the runs with the largest count in these places: how many never resampled, of how many one knows."""
+        t = self.table
+        rows = [t.places.index(place) for place in places]
+        known = t.cube("filter.resamplings")[rows, t.lines.index(line), -1]
+        known = known[np.isfinite(known)]
+        return int((known == 0.0).sum()), len(known)
 
     @property
     def has_intervals(self) -> bool:

@@ -40,7 +40,7 @@ _OWN = {
 }
 _FEATURES = {
     "area_m2": "Area of the floor [m²].",
-    "route_m": "Length of the tour [m].",
+    "route_m": "Length of the whole route [m]; a run that its duration cuts short drives less, see length_m.",
     "loops": "Number of islands in the floor that one can drive around.",
     "largest_loop_m": "Length of the outline of the largest island in the floor [m].",
     "unknown_stretch_m": "Longest way of the world's tour through floor that was not passed before [m].",

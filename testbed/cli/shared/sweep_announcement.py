@@ -97,7 +97,8 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
 def _size(work: Work) -> str:
     total, left = work.spec.size, len(work.all_cells)
     needless = total - left - work.finished if work.spec.until else 0  # else jobs that are missing are other shards'
-    words = f"{work.finished} of {total} are done{f', {needless} are not needed' if needless else ''}"
+    reason = f", {needless} are not needed: their world has an answer or was given up"
+    words = f"{work.finished} of {total} are done{reason if needless else ''}"
     done = f" ({words})" if work.finished else ""
     if work.spec.until and len(work.cells) < left:
         which = "the next" if done else "the first"
@@ -204,7 +205,9 @@ def _routes(spec: SweepSpec) -> str:
         return ""
     number = len(spec.seeds) if "fixed" not in routes else 1
     each = " in each world" if len(spec.worlds) > 1 else ""
-    return f" ({'one route' if number == 1 else f'{number} routes'}{each})"
+    durations = {line.settings.get("duration") for line in spec.lines()}
+    cut = f"the first {durations.pop():g} s of " if len(durations) == 1 and None not in durations else ""
+    return f" ({cut}{'one route' if number == 1 else f'{number} routes'}{each})"
 
 
 def _extent(spec: SweepSpec) -> str:

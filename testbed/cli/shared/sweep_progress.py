@@ -99,14 +99,16 @@ class SweepProgress:
         return table
 
     def median_lines(self) -> list[str]:
-        """The same as one line per world, for a log."""
+        """The same as one line per world that has a complete seed, for a log; empty where none has."""
         unit = self._measure.unit(0.0)
         counts, lines = sorted(self._counts), []
         for name, groups in self._named_errors():
             seeds = _complete_seeds(groups, counts)
+            if not seeds:
+                continue
             texts = [f"{_median_text(unit, groups.get(count, {}), seeds)} with {count}" for count in counts]
             lines.append(f"  {name}: {', '.join(texts)}")
-        return [f"{self._median_of} so far:", *lines]
+        return [f"{self._median_of} so far:", *lines] if lines else []
 
     @property
     def _median_of(self) -> str:

@@ -71,7 +71,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
     else:
         lines = [
             f"{suggestion.name}: start with {particles(start)}, enough in {of_ten(suggestion.chance)} worlds like it.",
-            f"The middle one of them needs {suggestion.needed}, and 95 % of them need {low} to {high}.",
+            f"Of such worlds the middle one needs {suggestion.needed}; 95 % of them need between {low} and {high}.",
             f"Enough: an error at most 10 % above that with {suggestion.largest}, and at most 10 % more runs that end "
             f"lost or with a broken loop. ({100.0 * suggestion.holds:.0f} % of the runs hold with {start}, "
             f"{100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}.)",

@@ -19,6 +19,7 @@ _NAMED = (
     "route",
     "refine",
     "system",
+    "duration",
 )
 """Settings that stand in the sentence by themselves, or elsewhere on the page."""
 
@@ -46,6 +47,8 @@ def conditions(spec: SweepSpec) -> str:
             f"backend {shared(lambda s: s.simulator.backend)}",
             *words,
         ]
+    if "duration" in spec.settings:
+        words.append(f"at most {_text(spec.settings['duration'])} s of each drive")
     words += [f"{name} = {_text(value)}" for name, value in spec.settings.items() if name not in _NAMED]
     return ", ".join(words)
 

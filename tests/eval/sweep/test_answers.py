@@ -33,6 +33,21 @@ def test_a_count_that_is_enough_stands_with_its_error(tmp_path):
     )
 
 
+def test_a_smaller_count_of_a_decided_world_takes_a_new_sweep(tmp_path):
+    def spread(p, k, c, s):
+        return 0.02 + (0.0015 * ((5 * s) % 8 - 3.5) if c == 0 else 0.0)
+
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40))
+    write_sweep(tmp_path, spread, seeds=40, missing=missing, about={"level": 0.99})
+    answer = answers(summarise(read_sweep(tmp_path).judged()), "improved")[0]
+    assert answer.headline == "5 particles are enough"
+    said = (
+        "1 may be enough too: a new sweep of 1 and 20 without --until would show it, as this one ends with its answer; "
+    )
+    assert answer.needs.startswith(said)
+    assert answer.lines[1].startswith("  1 may be enough too: a new sweep")
+
+
 def test_medians_that_round_alike_have_another_digit(tmp_path):
     found = sentences(tmp_path, error=level(0.0178, 0.0178, 0.0176))
     assert found[0] == "hall_a, 1 route: 1 particle is enough (1.78 cm; 20 give 1.76 cm)."

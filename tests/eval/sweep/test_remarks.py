@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Sentences about real time, overconfidence and seeds."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from eval.sweep.answers import answers
@@ -9,6 +11,7 @@ from eval.sweep.remarks import (
     after_final_pass,
     look_rule,
     margin_words,
+    never_resampled,
     overconfidence,
     real_time,
     seeds_change,
@@ -74,8 +77,37 @@ def test_what_seeds_change_is_said(tmp_path):
     fixed, random = (read_sweep(write_sweep(tmp_path / route, route=route)) for route in ("fixed", "random"))
     assert seeds_change(fixed) == "all seeds drive the same route, with other noise"
     assert seeds_change(random) == "each seed drives another route through the whole world"
+    ran = random.ran
+    lengths = np.where(ran, 30.0, np.nan)
+    lengths[0] *= 0.5
+    features = {"features.route_m": np.where(ran, 60.0, np.nan)}
+    cut = replace(random, columns=random.columns | features | {"trajectory_filter.length_m": lengths})
+    assert seeds_change(cut) == "each seed drives the first 25 to 50 % of another route through the whole world"
+    assert answers(summarise(cut), "improved")[0].name == "hall_a, 10 routes, cut short"
+    whole = replace(cut, columns=cut.columns | {"trajectory_filter.length_m": np.where(ran, 59.0, np.nan)})
+    assert seeds_change(whole) == seeds_change(random)
     logs = read_sweep(write_sweep(tmp_path / "logs", about={"recorded": True}))
     assert seeds_change(logs) == "seeds change the random numbers of the filter only"
+
+
+def test_drives_on_which_particles_are_never_selected_are_named(tmp_path):
+    table = read_sweep(write_sweep(tmp_path))
+    assert never_resampled(summarise(table)) == ""  # unknown
+    counts = np.full(table.shape, 3.0)
+    counts[1, 0, -1, :9] = 0.0  # cave, improved, the largest count
+    counts[0, 1] = 0.0  # another line
+    counts[:, :, 0] = 0.0  # another count
+    table = replace(table, columns=table.columns | {"filter.resamplings": counts})
+    said = never_resampled(summarise(table))
+    assert said.startswith("runs with 20 particles that never resampled: 9 of 10 in cave. ")
+    assert "hall_a" not in said
+    hall, cave = answers(summarise(table), "improved")
+    assert cave.caution == "9 of 10 runs with 20 never resampled: these drives ask little of the count"
+    assert hall.caution == ""
+    assert (hall.kind, hall.mark) == (cave.kind, "good")
+    assert cave.mark == "fair"
+    counts[1, 0, -1, 4:] = 1.0
+    assert never_resampled(summarise(table)) == ""
 
 
 def test_the_margin_that_counts_is_named_where_the_worlds_differ(tmp_path):

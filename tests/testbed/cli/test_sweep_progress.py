@@ -157,6 +157,15 @@ def test_medians_stand_in_the_order_of_the_tables(cells):
     assert [line.split(":")[0].strip() for line in progress.median_lines()[1:]] == ["loop", "apartment", "another"]
 
 
+def test_no_medians_are_printed_before_a_seed_has_all_counts(cells):
+    progress = progress_of(cells)
+    progress.event(Finished(cells[0], result(0.02)))
+    assert progress.median_lines() == []
+    for cell in cells[1:]:
+        progress.event(Finished(cell, result(0.02)))
+    assert len(progress.median_lines()) == 2
+
+
 def test_runs_that_were_there_before_count_among_the_medians(cells, tmp_path):
     progress = progress_of([replace(cell, particles=n) for cell, n in zip(cells, COUNTS, strict=True)])
     progress.note_table(read_sweep(write_sweep(tmp_path / "before")))

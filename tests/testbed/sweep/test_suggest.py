@@ -54,7 +54,7 @@ def test_what_the_experiment_did_not_cover_is_named():
     assert not any("Outside" in line for line in sentences(inside))
     assert sentences(inside)[:2] == [
         "x: start with 1 particle, enough in nearly all worlds like it.",
-        "The middle one of them needs 1, and 95 % of them need 1 to 1.",
+        "Of such worlds the middle one needs 1; 95 % of them need between 1 and 1.",
     ]
 
 

@@ -187,7 +187,7 @@ def test_jobs_over_the_limit_fail_and_are_tried_again(swept, copied, capsys):
         (["--worlds", "office", "--workers", "1000000"], "workers: 1000000, expected 1 to "),
         (["--worlds", "office", "--shard", "4/4"], "shard 4/4: expected 0/4 to 3/4"),
         (["--worlds", "office", "--time-limit", "0"], "time limit must be positive"),
-        (["--preset", "partcles"], "expected one of experiment, experiment-long, gate"),
+        (["--preset", "partcles"], "expected one of experiment, experiment-long, experiment-test, gate"),
         (["nowhere.toml"], "nowhere.toml: no such file"),
     ],
 )
@@ -261,6 +261,8 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     assert "Of a usual error, about 2 cm in the reference worlds (apartment, office, loop), that is 25 %." in said
     assert said.endswith("That takes some seconds.\n")
     assert "Too few seeds (3) to tell how many particles are enough: at least 8 are needed." in said
+    assert call("sweep", "--worlds", world, "--particles", "1", "--set", "duration=20", "--seeds", "3", "--plan") == 0
+    assert "; 3 seeds (the first 20 s of 3 routes); 1 particle\n" in capsys.readouterr().out
     assert list(tmp_path.iterdir()) == []
 
 

@@ -15,7 +15,11 @@ from testbed.sweep.spec.spec import parse_spec
     ("finished", "left", "words"),
     [
         (0, 64, "8 jobs to the first look (8 seeds a world), at most 64 in all: loop"),
-        (8, 24, "at most 24 in all (8 of 64 are done, 32 are not needed): loop"),
+        (
+            8,
+            24,
+            "at most 24 in all (8 of 64 are done, 32 are not needed: their world has an answer or was given up): loop",
+        ),
         (8, 56, "at most 56 in all (8 of 64 are done): loop"),
     ],
 )

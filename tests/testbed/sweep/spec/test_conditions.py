@@ -14,7 +14,8 @@ def words(**document):
 def test_settings_of_all_runs_are_named_and_others_are_various():
     settings = {"odometry": {"grade": "poor"}, "duration": 60, "filter": {"gate": {"distance": 0.4}}, "route": "fixed"}
     assert words(worlds=["office"], settings=settings, axes={"lidar": ["lds01", "utm30lx"]}) == (
-        "robot create3, lidar various, odometry poor, backend fast, filter update every 0.4 m or 0.1 rad, duration = 60"
+        "robot create3, lidar various, odometry poor, backend fast, filter update every 0.4 m or 0.1 rad, "
+        "at most 60 s of each drive"
     )
 
 
