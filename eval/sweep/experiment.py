@@ -84,19 +84,40 @@ class HeldOut:
     the largest tested count holds."""
     needed_observed: float
     """Smallest tested count that is as good as the largest; infinite = not even the largest one holds."""
+    start: float
+    """Count to start with in this world; infinite = more than the largest one."""
 
     def quantile(self, share: float) -> float:
         """The tested count that is predicted to be enough in this share of such worlds."""
         return float(self.needed_predicted[math.ceil(share * len(self.needed_predicted)) - 1])
 
-    def is_within(self, low: float, high: float) -> bool:
-        """Whether what was needed lies between two predicted quantiles."""
-        return self.quantile(low) <= self.needed_observed <= self.quantile(high)
+    def is_within(self, share: float) -> bool:
+        """Whether what was needed lies in the range that is predicted for this share of such worlds."""
+        low, high = self.range(share)
+        return low <= self.needed_observed <= high
+
+    def range(self, share: float) -> tuple[float, float]:
+        """The range of tested counts that is predicted for this share of such worlds, or more."""
+        return self.quantile(0.5 - share / 2), self.quantile(0.5 + share / 2)
+
+    def chance_within(self, share: float) -> float:
+        """The predicted chance of `is_within`: more than `share`, since ranges end at tested counts."""
+        low, high = self.range(share)
+        return float(((low <= self.needed_predicted) & (self.needed_predicted <= high)).mean())
 
     @property
     def is_too_small(self) -> bool:
-        """Whether the predicted count to start with was less than what was needed."""
-        return self.quantile(START) < self.needed_observed
+        """Whether the count to start with, or the next one that was tested, was less than what was needed."""
+        return self._tested_start < self.needed_observed
+
+    @property
+    def chance_too_small(self) -> float:
+        """The predicted chance of `is_too_small`: what is observed in a few drives is uncertain too."""
+        return float((self.needed_predicted > self._tested_start).mean())
+
+    @property
+    def _tested_start(self) -> float:
+        return min((count for count in self.counts if count >= self.start), default=math.inf)
 
 
 def predict_held_out(runs: Runs, places: Sequence[str]) -> list[HeldOut]:
@@ -117,6 +138,7 @@ def predicted(model: NeededCount, own: Runs, place: str) -> HeldOut:
     held, errors = own.holds.reshape(shape), np.where(own.holds, own.error, np.nan).reshape(shape)
     at = own.predictors.reshape(*shape, -1)[:, 0]
     holds, logs = _simulated(model, counts, at)
+    start = model.quantile(np.median(at, axis=0), START)
     return HeldOut(
         place=place,
         drives=len(drives),
@@ -125,6 +147,7 @@ def predicted(model: NeededCount, own: Runs, place: str) -> HeldOut:
         observed=held.mean(axis=0),
         needed_predicted=np.sort(_needed(counts, holds, np.where(holds, logs, np.nan))),
         needed_observed=float(_needed(counts, held[None], np.log(errors)[None])[0]),
+        start=math.inf if start is None else float(start),
     )
 
 

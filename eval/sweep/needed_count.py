@@ -142,6 +142,11 @@ class NeededCount:
         needed = float(self._needed(predictors, np.array([0]), np.zeros((1, 2)))[0])
         return None if math.isinf(needed) else int(needed)
 
+    def middle_in_draws(self, predictors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The count that the middle one of such worlds needs, for each draw of the parameters: how well it is known."""
+        rows = np.arange(1, len(self.holding))
+        return self._needed(predictors, rows, np.zeros((len(rows), 2)))
+
     def needed_in_worlds(self, predictors: NDArray[np.float64]) -> NDArray[np.float64]:
         """The counts that worlds like this need, one per drawn world; infinite where not even the largest one holds."""
         rows = np.repeat(np.arange(1, len(self.holding)), _WORLDS_PER_DRAW)

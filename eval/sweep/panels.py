@@ -44,7 +44,8 @@ class Panel:
         """Number of units that the medians and intervals rest on, (lines, counts)."""
         if len(self.rows) == 1:
             return self.runs
-        return np.isfinite(self.error).sum(axis=-1)
+        found: NDArray[np.intp] = np.isfinite(self.error).sum(axis=-1)
+        return found
 
 
 @lru_cache(maxsize=4)

@@ -29,7 +29,7 @@ from eval.report.comparison_plots import COLOURS
 from eval.sweep import needed_count
 from eval.sweep.answers import particles
 from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, predicted, runs_of
-from eval.sweep.needed_count import PREDICTORS, START, NeededCount, fit
+from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
 from eval.sweep.plots import WIDTHS, style
 from eval.sweep.results import SweepTable, read_sweep
 from tools.pages import DOCS, write_table
@@ -101,8 +101,9 @@ def page(
     parts = [
         f"{facts['runs']} runs of {facts['drives']} drives in {facts['worlds']} worlds; code version {facts['code']}. "
         f"The counts are compared with {model.max_count} particles.",
-        "Needed count of the middle one of the worlds with these features, the others at their medians (95 % of such "
-        "worlds):",
+        "Needed count of the middle one of the worlds with these features, the others at their medians [95 % "
+        "interval], and what 95 % of such worlds need; at last the share of the draws of the parameters in which the "
+        "middle world needs more with the high value than with the low one:",
         growth_table(model, predictors),
         "![How the needed count grows](pictures/needed_count.png)",
         f"Effects of worlds: standard deviation {model.holding_spread[0, 0]:.1f} on the log odds of holding, "
@@ -111,43 +112,56 @@ def page(
         level_table(tables),
     ]
     if tested:
-        parts += ["Worlds set aside: predicted by a fit to the other parts alone.", *calibration(tested)]
-    parts += ["Held-out worlds: each is predicted by a fit to all others.", *calibration(held_out)]
+        parts += [
+            "Worlds set aside, predicted by a fit to the other parts alone:",
+            held_out_table(tested),
+            f"Of these, {calibration(tested)}",
+        ]
+    parts.append(f"Each of all {len(held_out)} worlds, predicted by a fit to the others: {calibration(held_out)}")
     return "\n\n".join(parts)
 
 
-def calibration(found: list[HeldOut]) -> list[str]:
-    """The table of predicted and observed, and how often the intervals held what was observed."""
+def calibration(found: list[HeldOut]) -> str:
+    """How often the ranges held what was observed, and how often that was to be expected."""
     own, constant = brier_score(found)
     number = len(found)
-    within = {share: sum(world.is_within(0.5 - share / 2, 0.5 + share / 2) for world in found) for share in (0.8, 0.95)}
-    small = sum(world.is_too_small for world in found)
-    return [
-        held_out_table(found),
-        f"What was needed lies within the 80 % range in {within[0.8]} of {number} worlds, within the 95 % range in "
-        f"{within[0.95]}; the count to start with ({100 * START:.0f} %) was too small in {small}. Mean squared error "
-        f"of the shares: {own:.3f}; predicting each world by the mean of the others gives {constant:.3f}.",
+    within = [
+        f"the {100 * share:.0f} % range in {sum(world.is_within(share) for world in found)} of {number} worlds "
+        f"({sum(world.chance_within(share) for world in found):.1f} expected)"
+        for share in (0.8, 0.95)
     ]
+    return (
+        f"what was needed lies within {within[0]}, within {within[1]}. The count to start with, or the next one that "
+        f"was tested, was too small in {sum(world.is_too_small for world in found)} "
+        f"({sum(world.chance_too_small for world in found):.1f} expected). Mean squared error of the shares: "
+        f"{own:.3f}; predicting each world by the mean of the others gives {constant:.3f}."
+    )
 
 
 def growth_table(model: NeededCount, predictors: np.ndarray) -> str:
-    """The needed count at a low, middle and high value of each predictor."""
-    rows = [["feature", "low", "middle", "high"]]
+    """The needed count at a low, middle and high value of each predictor, and whether it grows."""
+    rows = [["feature", "low", "middle", "high", "more with high than with low"]]
     for k, predictor in enumerate(PREDICTORS):
-        row = [predictor.words]
+        row, draws = [predictor.words], []
         for value in np.quantile(predictors[:, k], QUANTILES):
             at = model.centre.copy()
             at[k] = value
-            row.append(f"{predictor.text(float(value))}: {with_interval(model, at)}")
-        rows.append(row)
+            draws.append(model.middle_in_draws(at))
+            row.append(f"{predictor.text(float(value))}: {with_intervals(model, at, draws[-1])}")
+        rows.append([*row, f"{100 * (draws[-1] > draws[0]).mean():.0f} %"])
     return markdown(rows)
 
 
-def with_interval(model: NeededCount, at: np.ndarray) -> str:
-    """The needed count with its interval, as text."""
-    low, high = (f"> {model.max_count}" if end is None else str(end) for end in model.interval(at))
-    count = model.needed(at)
-    return f"{f'> {model.max_count}' if count is None else count} [{low}, {high}]"
+def with_intervals(model: NeededCount, at: np.ndarray, draws: np.ndarray) -> str:
+    """The needed count of the middle world, how well it is known, and what 95 % of such worlds need."""
+
+    def text(count: float | None) -> str:
+        return f"> {model.max_count}" if count is None or np.isinf(count) else f"{count:.0f}"
+
+    ordered = np.sort(draws)
+    known = [text(ordered[round(share * (len(ordered) - 1))]) for share in (0.025, 0.975)]
+    worlds = [text(end) for end in model.interval(at)]
+    return f"{text(model.needed(at))} [{', '.join(known)}], worlds {' to '.join(worlds)}"
 
 
 def level_table(tables: Sequence[SweepTable]) -> str:
@@ -188,7 +202,13 @@ def held_out_table(held_out: list[HeldOut]) -> str:
     """Predicted and observed, world by world."""
     counts = held_out[0].counts
     rows = [
-        ["world", "drives", *(f"{c}: predicted / observed" for c in counts), "needed: middle, 80 % range / observed"]
+        [
+            "world",
+            "drives",
+            *(f"{c}: predicted / observed" for c in counts),
+            "start with",
+            "needed: middle, 80 % range / observed",
+        ]
     ]
 
     def text(count: float) -> str:
@@ -196,10 +216,10 @@ def held_out_table(held_out: list[HeldOut]) -> str:
 
     for world in held_out:
         shares = [f"{100 * p:.0f} / {100 * o:.0f} %" for p, o in zip(world.predicted, world.observed, strict=True)]
-        middle, low, high = (text(world.quantile(share)) for share in (0.5, 0.1, 0.9))
+        middle, (low, high) = text(world.quantile(0.5)), map(text, world.range(0.8))
         reach = "" if low == high else f", {low} to {high}"
         needed = f"{middle}{reach} / {text(world.needed_observed)}"
-        rows.append([world.place, str(world.drives), *shares, needed])
+        rows.append([world.place, str(world.drives), *shares, text(world.start), needed])
     return markdown(rows)
 
 

@@ -81,9 +81,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
         ]
         if suggestion.largest_holds < MOSTLY_HOLDS:
             lines.append(f"More than {largest} were not tested and would probably help.")
-    lines[1:1] = [
-        f"Outside of what was measured, so this is an extrapolation: {words}." for words in suggestion.outside
-    ]
+    lines[:0] = [f"Outside of what was measured, so this is an extrapolation: {words}." for words in suggestion.outside]
     for reason in suggestion.reasons:
         needed = f"more than {suggestion.largest}" if reason.needed_if_usual is None else str(reason.needed_if_usual)
         lines.append(f"  {reason.words} (a world with {reason.usual}, the middle of those tested, would need {needed})")

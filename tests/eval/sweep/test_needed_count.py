@@ -88,6 +88,9 @@ def test_worlds_that_differ_need_more_to_start_with():
     assert unlike.start(x) > alike.start(x)
     assert unlike.chance(x, unlike.start(x)) >= START
     assert unlike.chance(x, unlike.start(x) - 1) < START
+    # the middle one is known better than the next one
+    middle, worlds = unlike.middle_in_draws(x), unlike.needed_in_worlds(x)
+    assert np.quantile(middle, 0.9) < np.quantile(worlds, 0.9)
 
 
 def test_harder_drives_need_more_particles():
@@ -122,12 +125,17 @@ def test_worlds_are_predicted_by_the_others():
 
 
 def test_predictions_of_held_out_worlds_are_calibrated():
-    found = predict_held_out(experiment(30, drives=4, effects=(1.0, 0.4)), ["?"] * 30)
-    assert sum(world.is_within(0.025, 0.975) for world in found) >= 26
-    assert sum(world.is_too_small for world in found) <= 6  # at most one in ten, but for chance
-    assert all(world.quantile(0.1) <= world.quantile(0.5) <= world.quantile(0.9) for world in found)
-    sure = [replace(world, needed_predicted=np.full(2000, 1.0)) for world in found]
-    assert sum(world.is_too_small for world in sure) == sum(world.needed_observed > 1 for world in found) > 15
+    found = predict_held_out(experiment(24, drives=4, effects=(1.0, 0.4)), ["?"] * 24)
+    for share in (0.8, 0.95):
+        expected = [world.chance_within(share) for world in found]
+        assert min(expected) >= share
+        spread = np.sqrt(sum(p * (1.0 - p) for p in expected))
+        assert abs(sum(world.is_within(share) for world in found) - sum(expected)) <= 3.0 * spread
+    small = [world.chance_too_small for world in found]
+    assert abs(sum(world.is_too_small for world in found) - sum(small)) <= 3.0 * np.sqrt(sum(small))
+    sure = [replace(world, needed_predicted=np.full(2000, 1.0), start=1.0) for world in found]
+    assert sum(world.is_too_small for world in sure) == sum(world.needed_observed > 1 for world in found) > 12
+    assert not any(world.is_within(0.95) for world in sure if world.needed_observed > 1)
 
 
 def test_a_held_out_world_has_no_say():

@@ -50,7 +50,7 @@ def test_what_the_experiment_did_not_cover_is_named():
     inside, outside = (suggest("x", EASY | {"odometry_deg_per_m": e}, model()) for e in (1.0, 30.0))
     assert inside.outside == ()
     assert outside.outside == ("heading error of the odometry over a metre: 30 deg, measured were 0.5 deg to 4 deg",)
-    assert sentences(outside)[1].startswith("Outside of what was measured, so this is an extrapolation: heading error")
+    assert sentences(outside)[0].startswith("Outside of what was measured, so this is an extrapolation: heading error")
     assert not any("Outside" in line for line in sentences(inside))
     assert sentences(inside)[:2] == [
         "x: start with 1 particle, enough in nearly all worlds like it.",
@@ -61,7 +61,7 @@ def test_what_the_experiment_did_not_cover_is_named():
 def test_hopeless_drives_get_no_count():
     found = suggest("desert", EASY | {"longest_unknown_m": 4096.0}, model())
     assert found.needed is None
-    assert sentences(found)[0].startswith("desert: even with 64 particles most runs end lost")
+    assert sentences(found)[1].startswith("desert: even with 64 particles most runs end lost")
 
 
 def test_the_command_checks_the_suggestion_from_both_sides():
