@@ -57,15 +57,15 @@ class Schedule:
             self._start = stamp
         self._map, self._map_at = stamp, travelled
 
-    def comparison_due(self, stamp: float, at_once: bool) -> bool:
-        """Whether particles are to be compared, at an update: at resamplings, loop closures and jumps to another best
-        particle (`at_once`), and now and then."""
+    def comparison_due(self, stamp: float, at_once: bool, jumped: bool = False) -> bool:
+        """Whether particles are to be compared, at an update: at resamplings and loop closures (`at_once`), and now
+        and then; where the estimate has jumped to another best particle, unless scans are sparse."""
         self._updates += 1
         elapsed = abs(stamp - self._comparison)
         sparse = not math.isinf(elapsed) and elapsed > self._updates
         needed = COMPARISON_SPARSE_UPDATES if sparse else COMPARISON_UPDATES
         late = elapsed >= SLACK * COMPARISON_PERIOD and self._updates >= needed
-        if not at_once and not late:
+        if not at_once and not late and not (jumped and not sparse):
             return False
         self._comparison, self._updates = stamp, 0
         return True

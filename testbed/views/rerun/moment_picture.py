@@ -175,8 +175,8 @@ class MomentPictures:
     def _draw_others(self, part: SubFigure, others: Sequence[OtherParticle]) -> None:
         """Draw the maps of other particles side by side."""
         part.suptitle(
-            "Maps of other particles when they were last compared; red: walls of which the best particle's map has "
-            "none within 10 cm",
+            "Maps of other particles when they were last compared; red: walls of which the map of the best one then "
+            "has none within 10 cm",
             x=0.01,
             ha="left",
             fontsize=10.0,

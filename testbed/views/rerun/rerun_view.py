@@ -131,13 +131,13 @@ class RerunView:
             self._add_frame(snapshot)
         died = 0 if step is None else self._add_update(snapshot, step)
         self._log_events(snapshot, died)
-        at_once = step is not None and (step.resampled or step.loop_closed or self._jumped)
+        at_once = step is not None and (step.resampled or step.loop_closed)
         another = snapshot.cells is not None and snapshot.best != self._drawn_best  # no map but that of the pose
         if self._pending and (at_once or another or self._schedule.map_due(snapshot.stamp, self._travelled, next_step)):
             self._add_map_and_paths(snapshot)
         if frame_due:
             self._add_newest(snapshot)
-        if step is not None and self._schedule.comparison_due(snapshot.stamp, at_once):
+        if step is not None and self._schedule.comparison_due(snapshot.stamp, at_once, self._jumped):
             self._add_comparison(snapshot)
         period = LIVE_PERIOD if self._viewers else SEND_PERIOD
         if time.monotonic() - self._sent > period or self._images.full:

@@ -54,3 +54,10 @@ def test_particles_are_compared_less_often_in_a_log_with_few_scans() -> None:
     schedule = Schedule()
     due = [update for update in range(700) if schedule.comparison_due(3.0 * update, at_once=False)]
     assert due == [0, 200, 400, 600]
+
+
+def test_a_jump_to_another_best_particle_is_compared_unless_scans_are_sparse() -> None:
+    for period, expected in ((0.25, True), (3.0, False)):
+        schedule = Schedule()
+        due = [k for k in range(30) if schedule.comparison_due(period * k, at_once=False, jumped=k == 20)]
+        assert (20 in due) is expected
