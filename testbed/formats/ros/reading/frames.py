@@ -14,7 +14,7 @@ from testbed.formats.log import Log, LogError
 from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan, Track
 from testbed.formats.ros.reading.repairs import bridged
-from testbed.formats.ros.reading.scans import ScanColumns, one_topic_per_lidar
+from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar
 from testbed.frame_table import FrameTable
 
 MAX_GAP, GAP_PERIODS = 1.0, 3.0
@@ -33,6 +33,7 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     content.notes += jumps
     first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = one_topic_per_lidar(path, content)
+    scans = of_level_lidars(content, scans)
     reachable = [scan for scan in scans if first - ODOMETRY_REACH <= scan.stamp <= last + ODOMETRY_REACH]
     if scans and not reachable:
         raise LogError(

@@ -108,6 +108,26 @@ def _pattern(first: float, step: float, between: float, count: int, upside_down:
     )
 
 
+def of_level_lidars(content: BagContent, scans: list[RawScan]) -> list[RawScan]:
+    """The scans without those of lidars whose place in the plane is unknown, with a note, if others remain: many robots
+    carry a lidar that looks up or down."""
+    if content.laser_offset is not None or content.heights is not None:
+        return scans
+    faults = {}
+    for name in {scan.frame_id for scan in scans}:
+        try:
+            content.transforms.mount(content.odometry.child_frame, name)
+        except ValueError as error:
+            faults[name] = str(error)
+    kept = [scan for scan in scans if scan.frame_id not in faults]
+    if not kept:
+        return scans
+    for name, fault in sorted(faults.items()):
+        count = sum(scan.frame_id == name for scan in scans)
+        content.notes.append(f"{count} scans of {name} are left out: {fault}")
+    return kept
+
+
 def one_topic_per_lidar(path: Path, content: BagContent) -> tuple[list[RawScan], list[str]]:
     """The scans of all lidars in the order of time, and the topics that are left out: scans with the same frame are
     the same lidar's, once more or processed somehow."""
