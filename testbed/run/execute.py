@@ -242,7 +242,12 @@ def metrics_of(
     mount = None if estimate is filtered else find_mount(estimation.frames, estimation.odometry, estimate.dense.poses)
     if mount is not None:
         metrics["mount"] = mount_metrics(mount)
-    metrics["notes"] = [*job.notes, *([] if mount is None else mount_notes(mount)), *metrics["notes"]]
+    metrics["notes"] = [
+        *job.notes,
+        *estimate.notes,
+        *([] if mount is None else mount_notes(mount)),
+        *metrics["notes"],
+    ]
     if job.known_map is None:
         return metrics
     metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]

@@ -272,3 +272,48 @@ def test_a_limit_that_is_no_number_is_noted(tmp_path, messages, sound):
     log = open_log(path)
     assert_like(log.table, sound)
     assert any(note.startswith("angle_max is inf") for note in log.repairs)
+
+
+def with_twist(message, linear=1.0, angular=1.0):
+    twist = message.twist.twist
+    changed_twist = replace(
+        twist,
+        linear=replace(twist.linear, x=linear * twist.linear.x),
+        angular=replace(twist.angular, z=angular * twist.angular.z),
+    )
+    return replace(message, twist=replace(message.twist, twist=changed_twist))
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory):
+    """The messages of a drive with turns, and what is read of them."""
+    path = tmp_path_factory.mktemp("turning")
+    config = SimulationConfig(backend="fast", duration=40.0)
+    write_dataset(path / "drive", load("office"), config, {"seed": 0}, log_format="rosbag2-lean")
+    with AnyReader([path / "drive"], default_typestore=STORE) as reader:
+        found = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages()]
+    messages = [message for message in found if message[0] in TOPICS]
+    log = open_log(bag(path / "bag", messages))
+    assert not any("twists" in note for note in log.notes)
+    return messages, log.table
+
+
+@pytest.mark.parametrize(("linear", "angular"), [(0.0, 0.0), (1.0, 0.0), (1.0, 57.2958), (1.0, -1.0), (1000.0, 1.0)])
+def test_twists_that_the_poses_contradict_are_not_used(tmp_path, turning, linear, angular):
+    messages, sound = turning
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", lambda m, _: with_twist(m, linear, angular))))
+    assert any("the poses give the velocities" in note for note in log.repairs)
+    rows = log.table.scan_rows
+    apart = np.abs(log.table.twist[rows] - sound.twist[sound.scan_rows])
+    assert np.median(apart, axis=0).max() < 0.05
+    assert_like(log.table, sound)
+
+
+def test_twists_that_no_robot_makes_are_left_out(tmp_path, messages, sound):
+    def wild(message, number):
+        return with_twist(message, linear=1e9) if number in (20, 60) else message
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", wild)))
+    assert "2 twists of the odometry are faster than any robot: the poses give the velocities" in log.repairs
+    assert np.nanmax(np.abs(log.table.twist)) < 3.0
+    assert_like(log.table, sound)

@@ -13,7 +13,7 @@ from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
 from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan, Track
-from testbed.formats.ros.reading.repairs import bridged
+from testbed.formats.ros.reading.repairs import bridged, with_sound_twists
 from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar
 from testbed.frame_table import FrameTable
 
@@ -29,8 +29,9 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     range_max [m] overrides what the scans say. Raises LogError where the clocks of scans and odometry do not meet, or
     where several topics have scans of one lidar.
     """
-    track, jumps = bridged(content.odometry.in_time())
-    content.notes += jumps
+    track, odd_twists = with_sound_twists(content.odometry.in_time())
+    track, jumps = bridged(track)
+    content.notes += [*odd_twists, *jumps]
     first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = one_topic_per_lidar(path, content)
     scans = of_level_lidars(content, scans)

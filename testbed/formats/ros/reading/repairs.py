@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.motion.continuous_odometry import has_jumped
+from slam.motion.continuous_odometry import MAX_SPEED, MAX_TURN_RATE, has_jumped
 from testbed.formats.ros.reading.content import BagContent, RawMessage
 from testbed.formats.ros.reading.decode import RawScan, Track, seconds
 
@@ -27,6 +27,13 @@ MAX_SWEEP = 2.0
 """Longest time that the beams of one scan can take [s]."""
 MAX_JUMP_SHARE = 0.01
 """Odometry that jumps more often, as a share of its messages, does not start again: it is left as it is."""
+PIECE_SECONDS, MIN_PIECE, MIN_PIECES = 1.0, 0.1, 5
+"""Twists are compared with poses over pieces of so many seconds: those in which the robot moves by so much [m], [rad],
+of which there must be so many."""
+MAX_TWIST_RATIO = 2.0
+"""Twists that make more than so many times the motion of the poses, or less than its inverse, are none."""
+MAX_FAST_SHARE = 0.1
+"""Where a larger share of the twists is faster than any robot, the others are no better."""
 NOTED_BEAMS, ACCEPTED_BEAMS, ACCEPTED_SHARE = 0.5, 1.5, 0.05
 """Differences between angle_max and angle_min + increment * (n - 1): beams that are worth a note, and beams or share of
 the view up to which the increment is believed."""
@@ -113,6 +120,51 @@ def with_twists(track: Track) -> Track:
         return track
     steps = se2.between(track.poses[:-1], track.poses[1:]) / np.diff(track.stamps)[:, None]
     return track._replace(twists=np.concatenate([steps, steps[-1:]]))
+
+
+def with_sound_twists(track: Track) -> tuple[Track, list[str]]:
+    """Odometry, sorted by time, whose poses give the velocities where its twists contradict them or no robot reaches
+    them.
+
+    A driver that leaves twists zero, or counts degrees, would bend every scan whose beams are moved together by them.
+    """
+    notes, by_poses = [], with_twists(track).twists
+    fast = _is_fast(track.twists)
+    if fast.any():
+        notes.append(f"{fast.sum()} twists of the odometry are faster than any robot: the poses give the velocities")
+    twists = np.where(fast[:, None], by_poses, track.twists) if fast.mean() < MAX_FAST_SHARE else track.twists
+    for axis, unit in ((0, "m"), (2, "rad")):
+        ratio = _twist_ratio(track._replace(twists=twists), axis)
+        if ratio is not None and not 1.0 / MAX_TWIST_RATIO < ratio < MAX_TWIST_RATIO:
+            notes.append(
+                f"the twists of the odometry make {ratio:.2f} {unit} of each {unit} that its poses show: the poses "
+                "give the velocities"
+            )
+            twists = by_poses
+            break
+    return track._replace(twists=np.where(_is_fast(twists)[:, None], np.nan, twists)), notes
+
+
+def _is_fast(twists: Floats) -> NDArray[np.bool_]:
+    """Tell which twists (n, 3) are more than any robot reaches, (n,)."""
+    forward, sideways, turn = np.abs(twists).T
+    fast: NDArray[np.bool_] = (np.maximum(forward, sideways) > MAX_SPEED) | (turn > MAX_TURN_RATE)
+    return fast
+
+
+def _twist_ratio(track: Track, axis: int) -> float | None:
+    """How far the twists move the robot along an axis for what the poses say: the median over the pieces in which it
+    moves; None where there are few, or no twists."""
+    stamps, rates = track.stamps, track.twists[:, axis]
+    if len(stamps) < 2 or not np.isfinite(rates).all():
+        return None
+    steps = se2.between(track.poses[:-1], track.poses[1:])[:, axis]
+    by_twist = 0.5 * (rates[:-1] + rates[1:]) * np.diff(stamps)
+    piece = np.floor((stamps[:-1] - stamps[0]) / PIECE_SECONDS)
+    first = np.flatnonzero(np.diff(piece, prepend=-1.0) > 0.0)
+    moved, told = np.add.reduceat(steps, first), np.add.reduceat(by_twist, first)
+    enough = np.abs(moved) > MIN_PIECE
+    return float(np.median(told[enough] / moved[enough])) if enough.sum() >= MIN_PIECES else None
 
 
 def bridged(track: Track) -> tuple[Track, list[str]]:
