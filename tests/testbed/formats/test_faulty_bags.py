@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from slam import se2
 from testbed.datasets.simulated import write_dataset
@@ -317,3 +318,26 @@ def test_twists_that_no_robot_makes_are_left_out(tmp_path, messages, sound):
     assert "2 twists of the odometry are faster than any robot: the poses give the velocities" in log.repairs
     assert np.nanmax(np.abs(log.table.twist)) < 3.0
     assert_like(log.table, sound)
+
+
+@pytest.mark.parametrize("seconds", [-1_000_000, 3600])
+def test_scans_by_another_clock_are_related_by_the_bags_times(tmp_path, messages, sound, seconds):
+    def by_other_clock(message, _):
+        stamp = message.header.stamp
+        return replace(message, header=replace(message.header, stamp=TIME(stamp.sec + seconds, stamp.nanosec)))
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", by_other_clock)))
+    assert_like(log.table, sound, atol=1e-6)
+    assert any("stamps of scans are by another clock" in note for note in log.repairs)
+
+
+def test_an_odometry_topic_without_messages_gives_way_to_tf(tmp_path, messages, sound):
+    path = tmp_path / "bag"
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connections = {}
+        for topic, time, message in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, message.__msgtype__, typestore=STORE)
+            if topic != "/odom":
+                writer.write(connections[topic], time, STORE.serialize_cdr(message, message.__msgtype__))
+    assert_like(open_log(path).table, sound)

@@ -225,6 +225,7 @@ def in_one_pass(
         content.notes.append(f"all stamps of the scans are {stamps[0]:g} s: the bag's own times are used")
         stamps = mended
         scans = [scan._replace(stamp=stamp) for scan, stamp in zip(scans, stamps.tolist(), strict=True)]
+    content.scan_clock_offset = float(np.median(times - stamps))
     if (stray := strays(stamps)).any():
         content.notes.append(f"{stray.sum()} stamps of scans are far from those of their neighbours: left out")
     kept = np.flatnonzero(~stray)

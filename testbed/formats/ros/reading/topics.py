@@ -38,7 +38,10 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     for connection in reader.connections:
         by_type[connection.msgtype].add(connection.topic)
     poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
+    filled = {c.topic for c in reader.connections if c.msgcount}
     others = [topic for topic in poses if not _is_ground_truth(topic)]
+    if "/tf" in filled or filled & set(others):
+        others = [topic for topic in others if topic in filled]
     truths = [topic for kind in TRUTH_TYPES for topic in sorted(by_type[kind]) if _is_ground_truth(topic)]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
     by_type[SCAN_TYPE] |= by_type[ECHO_TYPE]
