@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,8 @@ class ClosingLoop:
     """Their smallest spread in it [m], and its stamp."""
     errors: tuple[float, float] | None
     """Error of the pose while driving before the loop, and when it had its full length [m]; None without truth."""
+    longer: float | None = None
+    """Length of the longest loop [m] where that is another one, in which no particle died; None = it is this one."""
 
     @property
     def to_watch(self) -> float:
@@ -48,7 +50,8 @@ class ClosingLoop:
 
 
 def largest_closing_loop(steps: Columns, until: float = np.inf) -> ClosingLoop | None:
-    """Return the longest loop that closed before a stamp [s]; None where none did, or in tables of older releases."""
+    """Return the longest loop in which particles died, of those that closed before a stamp [s]; where none died in any,
+    the longest. None where none closed, or in tables of older releases."""
     if "loop_length" not in steps:
         return None
     on = updates(steps)
@@ -57,11 +60,21 @@ def largest_closing_loop(steps: Columns, until: float = np.inf) -> ClosingLoop |
     closing = np.flatnonzero(lengths > 0.0)
     if len(closing) == 0:
         return None
-    full = int(np.argmax(lengths))
     breaks = np.flatnonzero(np.abs(np.diff(stamps[closing])) >= CLOSING_S) + 1
-    group = next(group for group in np.split(closing, breaks) if full in group)
-    rows = np.arange(group[0], len(stamps))
-    rows = rows[(rows <= group[-1]) | (np.abs(stamps[rows] - stamps[group[-1]]) < CLOSING_S)]
+    loops = [_loop(steps, on, lengths, group) for group in np.split(closing, breaks)]
+    longest = max(loops, key=lambda loop: loop.metres)
+    chosen = max((loop for loop in loops if loop.died), key=lambda loop: loop.metres, default=longest)
+    return chosen if chosen is longest else replace(chosen, longer=longest.metres)
+
+
+def _loop(
+    steps: Columns, on: NDArray[np.bool_], lengths: NDArray[np.float64], closing: NDArray[np.intp]
+) -> ClosingLoop:
+    """The loop that the updates `closing` (k,) close, by its length at each update (n,) [m]."""
+    stamps = column(steps, "stamp")[on]
+    full = int(closing[np.argmax(lengths[closing])])
+    rows = np.arange(closing[0], len(stamps))
+    rows = rows[(rows <= closing[-1]) | (np.abs(stamps[rows] - stamps[closing[-1]]) < CLOSING_S)]
     particles = int(column(steps, "particles")[on][rows[0]])
     died, resamplings, most = _deaths(steps, on, rows)
     spread, least = _spreads(steps, on, rows) if particles > 1 else (None, None)

@@ -109,7 +109,7 @@ def over_time(
                 transform = ax.get_xaxis_transform()
                 ax.plot(times, height, "|", ms=7, mew=1.1, color=colour, transform=transform, label=name, zorder=5)
         if cursor is not None:
-            ax.axvline(cursor, color=BAD, lw=1.0, ls=(0, (4, 2)), label="first bad scan")
+            ax.axvline(cursor, color=BAD, lw=1.0, ls=(0, (4, 2)), label="where it went wrong")
         ax.set(xlabel=axis, ylabel=label)
         ax.margins(x=0.01)
         _legend(ax, columns=4 if len(ax.get_legend_handles_labels()[0]) <= 4 else 3)  # four long names do not fit

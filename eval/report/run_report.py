@@ -27,7 +27,7 @@ from eval.report.page import Plot, flat, render
 from eval.report.report_context import ReportContext
 from eval.report.time_plots import error_plots, filter_plots, moment_plots
 from eval.report.verdict import verdict
-from eval.wording import at_time, length, up_to_a_tenth
+from eval.wording import at_time, length, share, up_to_a_tenth
 
 DrawMoment = Callable[[float], bytes]
 """Draws a moment of a run, in seconds since its first scan, as a PNG."""
@@ -86,16 +86,17 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "moment_plots": list(moment_plots(context, another_best, moment)),
         "start": context.start,
         "length": length,
+        "share": share,
         "at_time": at_time,
         "maps": list(map_plots(context)),
         "path_plots": [*path_plots(context), *loop_plots(context)],
-        "error_plots": list(error_plots(context, another_best)),
+        "error_plots": list(error_plots(context, another_best, moment)),
         "filter_plots": list(filter_plots(context)),
         "rpe": {_spaced(key): row for key, row in (run.metric("trajectory.rpe") or {}).items()},
         "relations": _relation_rows(run),
         "loops": _loop_rows(run, context.start),
         "loop_pictures": _loop_pictures(context, draw_moment),
-        "failure_picture": _failure_picture(context, draw_moment),
+        "failure_picture": _failure_picture(context, mended, draw_moment),
         "calibration": _calibration_plot(run),
         "provenance": {key: dict(flat(run.config.get(key, {}))) for key in ("versions", "machine", "inputs")},
         "settings": dict(flat(run.config.get("settings", {}))),
@@ -216,34 +217,39 @@ def _loop_pictures(context: ReportContext, draw_moment: DrawMoment | None) -> li
     ]
 
 
-def _failure_picture(context: ReportContext, draw_moment: DrawMoment | None) -> Plot | None:
-    """The moment that shows a failure, or the pose while driving at its worst; None where nothing can be drawn."""
+def _failure_picture(context: ReportContext, mended: Mended | None, draw_moment: DrawMoment | None) -> Plot | None:
+    """The moment that shows a failure, or the pose while driving at its worst; None where nothing can be drawn, or
+    where that is among the pictures of what the final pass has mended."""
     run, failure = context.run, context.failure
     if draw_moment is None or run.estimate is None:
         return None
     if failure is not None and failure.bad:
         time = failure.time_to_watch(run.estimate.stamps)
         return None if time is None else _moment_picture("The run where it went wrong", time, draw_moment)
-    if run.steps is None or "error_m" not in run.steps:
+    if run.steps is None or "error_m" not in run.steps or mended is not None:
         return None
     errors = np.where(updates(run.steps), column(run.steps, "error_m"), np.nan)
     if not np.isfinite(errors).any():
         return None
     worst = column(run.steps, "stamp")[np.nanargmax(errors)] - context.start
-    return _moment_picture("The largest error while driving", up_to_a_tenth(worst), draw_moment)
+    return _moment_picture("The largest error of the pose while driving", up_to_a_tenth(worst), draw_moment)
 
 
 def _mended_pictures(context: ReportContext, mended: Mended | None, draw_moment: DrawMoment | None) -> list[Plot]:
-    """The update before the moment that the final pass has mended, and the moment; nothing without either."""
+    """The moment that the final pass has mended, the update before it where it came suddenly, and the largest error;
+    nothing where nothing was mended, or nothing can be drawn."""
     steps = context.run.steps
     if draw_moment is None or mended is None or steps is None:
         return []
-    moments = {mended.time_to_watch: f"Where it went wrong {mended.which}"}
+    moments = {}
     stamps = column(steps, "stamp")[updates(steps)]
     before = stamps[stamps < mended.stamp - 1e-6]
-    if len(before):
-        time = up_to_a_tenth(before[-1] - context.start)
-        moments = {time: "At the update before it", **moments} if time < mended.time_to_watch else moments
+    if len(before) and (mended.driving is None or mended.driving.stretches[0].sudden):
+        moments[up_to_a_tenth(before[-1] - context.start)] = "At the update before it went wrong"
+    moments[mended.time_to_watch] = f"Where it went wrong {mended.which}"
+    if mended.driving is not None:
+        worst = up_to_a_tenth(mended.driving.worst.worst - context.start)
+        moments.setdefault(worst, "The largest error of the pose while driving")
     return [_moment_picture(name, time, draw_moment) for time, name in moments.items()]
 
 

@@ -31,10 +31,13 @@ MIN_NEES = 1e-3
 """Smaller values are drawn here: the axis is logarithmic."""
 
 
-def error_plots(context: ReportContext, another_best: NDArray[np.float64]) -> Iterator[Plot]:
+def error_plots(
+    context: ReportContext, another_best: NDArray[np.float64], stamp: float | None = None
+) -> Iterator[Plot]:
     """Position and heading error over time, while driving and in the end; nothing without truth.
 
-    another_best (n,): times at which another particle became the best, since the first scan [s]
+    another_best (n,): times at which another particle became the best, since the first scan [s];  stamp: when it went
+    wrong [s], None = it did not
     """
     run = context.run
     if context.errors is None or run.estimate is None:
@@ -62,7 +65,7 @@ def error_plots(context: ReportContext, another_best: NDArray[np.float64]) -> It
             f" The trajectory error (ATE, {length(ate)}) is that of the final path after alignment over all poses: an "
             "error of the first heading does not count there; here it turns the whole path, and 1° is 17 cm after 10 m."
         )
-    cursor = context.failure_time
+    cursor = None if stamp is None else stamp - context.start
     source = plots.over_time(time, position, f"error [{unit}]", marks=marks, cursor=cursor)
     yield Plot("Position error", source, caption)
     yield Plot("Heading error", plots.over_time(time, heading, "error [deg]", cursor=cursor), FROM_START)

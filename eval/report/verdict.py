@@ -91,15 +91,12 @@ def verdict(run: RunFiles) -> Verdict:
         lead, severity = UNJUDGED_LEADS.get(str(run.metric("self_check.verdict")), (lead, severity))
     mended = find_mended(run.metrics, run.path)
     if mended is not None:
-        lead += (
-            f" That is the final path: {mended.which} the outcome was {mended.outcome}, see “What the final pass "
-            f"mended”."
-        )
+        lead = f"{_lead_of_final_path(run, outcome, lead)} {_lead_of_mended(mended)}"
     reason = str(run.metrics.get("outcome_reason") or run.metrics.get("reason") or "")
     sentences = [
-        _mended_sentence(context, mended),
+        _mended_sentence(mended),
         self_check_story(context),
-        _sentence(reason),
+        _sentence(reason if mended is None or not reason else f"The final path: {reason}"),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
@@ -116,14 +113,36 @@ def verdict(run: RunFiles) -> Verdict:
     )
 
 
-def _mended_sentence(context: ReportContext, mended: Mended | None) -> str:
+def _lead_of_final_path(run: RunFiles, outcome: str, lead: str) -> str:
+    """The first sentence of a run whose path was worse before the final pass."""
+    if outcome != "ok":
+        return lead.replace("The path", "The final path", 1)
+    error = run.metric("trajectory.ate_rmse_m")
+    return "The final path is OK" + ("." if error is None else f": trajectory error {length(error)}, no failed loops.")
+
+
+def _lead_of_mended(mended: Mended) -> str:
+    """Say in a sentence that the estimate before the final pass was worse, and when."""
+    when = f"from {at_time(mended.stamp - mended.start)} on"
+    if mended.driving is not None:
+        most = mended.driving.stretches[0]
+        end = "to the end" if most.end is None else f"to {at_time(most.end - mended.start)}"
+        when = f"most of all from {at_time(most.start - mended.start)} {end}"
+    which = mended.which[0].upper() + mended.which[1:]
+    return f"{which} it was not: {mended.outcome}, {when}. The final pass has mended that."
+
+
+def _mended_sentence(mended: Mended | None) -> str:
     """Say when and why the estimate was wrong before the final pass mended it; empty where it was not."""
     if mended is None:
         return ""
-    cause = (mended.cause or "the data show no fault at this moment").rstrip(".")
-    course = "" if mended.course is None else f"While driving {mended.course.in_words(context.start)}. "
-    when = at_time(mended.stamp - context.start)
-    return f"{course}The moment shown below is {when}: {mended.reason}. Cause: {cause}."
+    which = mended.which[0].upper() + mended.which[1:]
+    moment = f"at {at_time(mended.stamp - mended.start)}: {mended.cause.rstrip('.')}."
+    if mended.driving is None:
+        return f"{which} it went wrong {moment}"
+    driving = mended.driving
+    part = driving.part_in_words(driving.stretches[0])
+    return f"{which}, {driving.evidence}. {part[0].upper()}{part[1:]} come from one time, which began {moment}"
 
 
 def _sentence(text: str) -> str:
@@ -237,7 +256,12 @@ def _loop(context: ReportContext) -> Loop:
     if loop.began < loop.stamp:
         times = f"old walls in view again from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
     before = " before the estimate was lost" if lost else ""
-    text = f"The largest loop closure{before}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
+    which = " in which particles died" if loop.longer is not None else ""
+    text = (
+        f"The largest loop closure{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
+    )
+    if loop.longer is not None:
+        text += f" A longer one, of {loop.longer:.0f} m, let all live."
     if loop.errors is not None:
         error_before, error_after = loop.errors
         text += (
@@ -257,9 +281,10 @@ def _particles_in(loop: ClosingLoop, start: float) -> str:
         return " With a single particle there is no choice between histories."
     if loop.died is None:
         return ""
-    text, when = " No particle died", "at" if loop.resamplings == 1 else "most at"
-    if loop.most_died is not None:
-        text = f" {loop.died} of {loop.particles} particles died ({when} {at_time(loop.most_died - start)})"
+    if loop.most_died is None:
+        return " No particle died in it."
+    when = "at" if loop.resamplings == 1 else "most at"
+    text = f" {loop.died} of {loop.particles} particles died ({when} {at_time(loop.most_died - start)})"
     if loop.spread is not None and loop.least_spread is not None:
         least, stamp = loop.least_spread
         text += f", and their spread went from {length(loop.spread)} to {length(least)} (at {at_time(stamp - start)})"

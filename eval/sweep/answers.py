@@ -168,7 +168,7 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         assert count is not None
         short, are = str(count), "is" if count == 1 else "are"
         headline, panel = f"{particles(count)} {are} enough", f"{count} {are} enough"
-        detail = f"{case.gives(count)}; {largest} give {case.gives(largest)}"
+        detail = _compared(case, count)
         difference, needs = _difference(case, case.table.counts.index(count)), _lower_counts(case)
         risk = _failed(*case.failed_of(count))
     elif decision.kind == "more":
@@ -203,6 +203,19 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         today=today,
         medians=medians,
     )
+
+
+def _compared(case: _Case, count: int) -> str:
+    """The median of a count and that of the largest, with so many digits that one sees where they differ.
+
+    `2.4 cm; 30 give 2.2 cm`, `1.76 cm; 30 give 1.77 cm`
+    """
+    texts = [case.gives(count), case.gives(case.largest)]
+    if texts[0] == texts[1]:
+        unit = case.shown_in
+        exact = [f"{unit.factor * case.median(n):.2f} {unit.name}".strip() for n in (count, case.largest)]
+        texts = exact if exact[0] != exact[1] else texts
+    return f"{texts[0]}; {case.largest} give {texts[1]}"
 
 
 def _undecided(case: _Case) -> str:

@@ -4,20 +4,22 @@
 Two effects of the count are fitted, each with the features of the drive (`PREDICTORS`):
 
 - that a run holds, that is, does not end lost or with a broken loop: logistic regression on log2(particles);
-- the error of a run that holds: the log of its ratio to the error with the largest count is a straight line in
-  1 / sqrt(particles), as Monte Carlo errors are, whose slope depends on the features (least squares).
+- the error of a run that holds: its logarithm is a straight line in 1 / sqrt(particles), as Monte Carlo errors are,
+  whose slope depends on the features.
 
 A count is as good as the largest one if it holds at most `MAX_LOSS` less often, and its error is at most `MAX_RATIO`
-times as large. Intervals come from a bootstrap over worlds, because drives of one world are alike (Davison, Hinkley,
-"Bootstrap Methods and their Application", 1997, section 3.8). Both fits have a ridge penalty on the standardised slopes
-(Hoerl, Kennard, Technometrics 12(1), 1970), since where all runs hold a logistic slope would be infinite.
+times as large.
+
+Worlds with the same features need different counts. So both regressions have an effect of each world of its own
+(`eval.sweep.mixed_model`), and what is said of another world is a distribution over worlds like it: `needed` is the
+count of the middle one, `interval` and `quantile` hold for a world that is drawn from them.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
@@ -26,20 +28,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from eval.sweep.mixed_model import fit_odds, fit_slopes
+
 MAX_LOSS = 0.1
 """A count may hold in this share of the runs less often than the largest one."""
 MAX_RATIO = 1.1
 """Its error may be larger by this factor, the share of `eval.sweep.margin`."""
 MIN_HOLDING = 0.5
 """If the largest count holds less often than this, no tested count is said to be enough."""
-RESAMPLES = 300
-"""Bootstrap resamples of the worlds."""
-_RIDGE = 1.0
-"""Penalty on the squares of the standardised slopes [runs]."""
+START = 0.9
+"""The count to start with is enough in this share of the worlds like the one that is asked about."""
+DRAWS = 400
+"""Draws of the parameters."""
+_WORLDS_PER_DRAW = 5
+"""Worlds that are drawn with each draw of the parameters."""
 _MAX_LOG_RATIO = math.log(10.0)
-"""Ratios of errors count as at most ten."""
+"""Logarithms of errors differ at most by so much from their mean over the counts of a drive."""
 _MAX_SLOPE = 2.0 * _MAX_LOG_RATIO
 """Slopes beyond it mean no more than that many particles are needed."""
+_LOGIT_SHRINKAGE = (16.0 * math.sqrt(3.0) / (15.0 * math.pi)) ** 2
+"""The mean of expit(x + normal effect) is about expit(x / sqrt(1 + this times the variance)) (Zeger, Liang, Albert,
+Biometrics 44(4), 1988)."""
 DATA = "needed_count.json"
 """The fit that comes with the package; `python -m tools.measure.needed_count` writes it."""
 
@@ -95,7 +104,8 @@ class Runs:
 
 @dataclass(frozen=True, eq=False)
 class NeededCount:
-    """The fitted model. The first row of each array of coefficients is the fit, the others are bootstrap resamples."""
+    """The fitted model. The first row of each array of coefficients is the estimate, the others are draws from the
+    approximate posterior distribution."""
 
     max_count: int
     """The largest count of the experiment, which the others are compared with."""
@@ -107,44 +117,76 @@ class NeededCount:
     """Largest value of each predictor in the experiment, (predictors,)."""
     holding: NDArray[np.float64]
     """Coefficients of the log odds of holding: constant, log2(particles), predictors less `centre`."""
+    holding_spread: NDArray[np.float64]
+    """Standard deviations of the effects of worlds and of drives on these log odds, (rows, 2)."""
     growth: NDArray[np.float64]
-    """Coefficients of the slope of the log error ratio: constant, predictors less `centre`."""
+    """Coefficients of the slope of the log error: constant, predictors less `centre`."""
+    growth_spread: NDArray[np.float64]
+    """Standard deviations of the effects of worlds on that slope, and of the log errors about the line, (rows, 2)."""
     provenance: Mapping[str, Any]
     """Where the fit comes from."""
 
-    def holds(self, particles: NDArray[Any], predictors: NDArray[np.float64], row: int = 0) -> NDArray[np.float64]:
-        """Probability that a run holds, for counts (n,) or one count each and predictors (p,) or (n, p)."""
-        constant, slope, *others = self.holding[row]
-        odds: NDArray[np.float64] = expit(
-            constant + slope * np.log2(particles) + (predictors - self.centre) @ np.array(others)
-        )
-        return odds
+    def holds(self, particles: NDArray[Any], predictors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Probability that a run holds in a world like this, for counts (n,) or one count each.
 
-    def error_ratio(
-        self, particles: NDArray[Any], predictors: NDArray[np.float64], row: int = 0
+        predictors: (p,) or (n, p)
+        """
+        constant, slope, *others = self.holding[0]
+        odds = constant + slope * np.log2(particles) + (predictors - self.centre) @ np.array(others)
+        variance = float((self.holding_spread[0] ** 2).sum())
+        share: NDArray[np.float64] = expit(odds / math.sqrt(1.0 + _LOGIT_SHRINKAGE * variance))
+        return share
+
+    def needed(self, predictors: NDArray[np.float64]) -> int | None:
+        """The count that the middle one of such worlds needs; None if not even the largest one holds there."""
+        needed = float(self._needed(predictors, np.array([0]), np.zeros((1, 2)))[0])
+        return None if math.isinf(needed) else int(needed)
+
+    def middle_in_draws(self, predictors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The count that the middle one of such worlds needs, for each draw of the parameters: how well it is known."""
+        rows = np.arange(1, len(self.holding))
+        return self._needed(predictors, rows, np.zeros((len(rows), 2)))
+
+    def needed_in_worlds(self, predictors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The counts that worlds like this need, one per drawn world; infinite where not even the largest one holds."""
+        rows = np.repeat(np.arange(1, len(self.holding)), _WORLDS_PER_DRAW)
+        return self._needed(predictors, rows, np.random.default_rng(0).standard_normal((len(rows), 2)))
+
+    def _needed(
+        self, predictors: NDArray[np.float64], rows: NDArray[np.intp], effects: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Error relative to that of the largest count, at least 1; shapes as in `holds`."""
-        constant, *others = self.growth[row]
-        slope = np.clip(constant + (predictors - self.centre) @ np.array(others), 0.0, _MAX_SLOPE)
-        ratio: NDArray[np.float64] = np.exp(slope * (particles**-0.5 - self.max_count**-0.5))
-        return ratio
-
-    def needed(self, predictors: NDArray[np.float64], row: int = 0) -> int | None:
-        """The smallest count that is as good as the largest one; None if not even the largest one holds."""
+        """The needed count (n,) for rows of the coefficients (n,) and standardised effects (n, 2) of worlds on the log
+        odds and on the slope."""
         counts = np.arange(1, self.max_count + 1)
-        holds = self.holds(counts, predictors, row)
-        if holds[-1] < MIN_HOLDING:
-            return None
-        enough = (holds >= holds[-1] - MAX_LOSS) & (self.error_ratio(counts, predictors, row) <= MAX_RATIO)
-        return int(counts[np.argmax(enough)])
+        x = predictors - self.centre
+        odds = self.holding[rows, 0] + self.holding[rows, 2:] @ x + self.holding_spread[rows, 0] * effects[:, 0]
+        odds = odds[:, None] + self.holding[rows, 1][:, None] * np.log2(counts)
+        holds = expit(odds / np.sqrt(1.0 + _LOGIT_SHRINKAGE * self.holding_spread[rows, 1] ** 2)[:, None])
+        slope = self.growth[rows, 0] + self.growth[rows, 1:] @ x + self.growth_spread[rows, 0] * effects[:, 1]
+        slope = np.clip(slope, 0.0, _MAX_SLOPE)
+        growth = slope[:, None] * (counts**-0.5 - self.max_count**-0.5)
+        enough = (holds >= holds[:, -1:] - MAX_LOSS) & (growth <= math.log(MAX_RATIO))
+        needed: NDArray[np.float64] = counts[np.argmax(enough, axis=1)].astype(np.float64)
+        needed[holds[:, -1] < MIN_HOLDING] = math.inf
+        return needed
+
+    def quantile(self, predictors: NDArray[np.float64], share: float) -> int | None:
+        """The count that is enough in this share of the worlds like this; None = more than the largest count."""
+        ordered = np.sort(self.needed_in_worlds(predictors))
+        found = float(ordered[min(math.ceil(share * len(ordered)), len(ordered)) - 1])
+        return None if math.isinf(found) else int(found)
 
     def interval(self, predictors: NDArray[np.float64]) -> tuple[int | None, int | None]:
-        """95 % interval of `needed` over the resamples; None stands for more than the largest count."""
-        found = [self.needed(predictors, row) for row in range(1, len(self.holding))]
-        ordered = sorted(math.inf if count is None else count for count in found)
-        ends = (ordered[round(share * (len(ordered) - 1))] for share in (0.025, 0.975))
-        low, high = (None if math.isinf(end) else int(end) for end in ends)
-        return low, high
+        """95 % of the worlds like this need a count in this interval; None stands for more than the largest count."""
+        return self.quantile(predictors, 0.025), self.quantile(predictors, 0.975)
+
+    def start(self, predictors: NDArray[np.float64]) -> int:
+        """The count to start with: enough in a share of `START` of such worlds, or the largest one that was tested."""
+        return self.quantile(predictors, START) or self.max_count
+
+    def chance(self, predictors: NDArray[np.float64], count: int) -> float:
+        """Share of the worlds like this in which a count is enough."""
+        return float((self.needed_in_worlds(predictors) <= count).mean())
 
     def outside(self, predictors: NDArray[np.float64]) -> list[Predictor]:
         """The predictors whose value lies outside of what the experiment covered."""
@@ -153,11 +195,11 @@ class NeededCount:
 
     @property
     def record(self) -> str:
-        """How the expected counts did in worlds that were held out, in words; empty if that was not tested."""
+        """How the counts to start with did in worlds that were held out, in words; empty if that was not tested."""
         held_out = self.provenance.get("held_out")
         if held_out is None:
             return ""
-        return f"the expected count was too small in {held_out['too_small']} of {held_out['worlds']} held-out worlds"
+        return f"it was too small in {held_out['too_small']} of {held_out['worlds']} held-out worlds"
 
     def document(self) -> dict[str, Any]:
         """The model as plain data for JSON."""
@@ -170,7 +212,7 @@ class NeededCount:
         }
 
 
-_ARRAYS = ("centre", "low", "high", "holding", "growth")
+_ARRAYS = ("centre", "low", "high", "holding", "holding_spread", "growth", "growth_spread")
 
 
 def shipped_model() -> NeededCount:
@@ -182,77 +224,44 @@ def shipped_model() -> NeededCount:
     return NeededCount(max_count=document["max_count"], provenance=document["provenance"], **arrays)
 
 
+def of_ten(share: float) -> str:
+    """A share of worlds in whole tenths: `9 of 10`, `all`, `hardly any`."""
+    tenths = round(10.0 * share)
+    return "hardly any" if tenths == 0 else "nearly all" if tenths == 10 else f"{tenths} of 10"
+
+
 def predictors_of(features: Mapping[str, Any]) -> NDArray[np.float64]:
     """The predictors (p,) of a drive from its features."""
     return np.array([predictor.value(features) for predictor in PREDICTORS])
 
 
-def fit(runs: Runs, provenance: Mapping[str, Any], *, resamples: int = RESAMPLES) -> NeededCount:
-    """Fit the model, and again to `resamples` draws of the worlds with replacement."""
+def fit(runs: Runs, provenance: Mapping[str, Any], *, draws: int = DRAWS) -> NeededCount:
+    """Fit the model."""
     centre = np.median(runs.predictors, axis=0)
-    worlds = np.unique(runs.world)
-    rng = np.random.default_rng(0)
-    samples = [np.arange(len(runs.world))]
-    for _ in range(resamples):
-        drawn = rng.choice(worlds, len(worlds))
-        samples.append(np.concatenate([np.flatnonzero(runs.world == world) for world in drawn]))
+    x = np.column_stack([np.ones(len(runs.world)), runs.predictors - centre])
+    holding = fit_odds(
+        np.insert(x, 1, np.log2(runs.particles), axis=1), runs.holds, runs.drive, runs.world, draws=draws
+    )
+    kept = runs.holds & np.isfinite(runs.error)
+    errors = _log_errors(runs.of(kept))
+    z = runs.particles[kept].astype(np.float64) ** -0.5
+    growth = fit_slopes(x[kept], z, errors, runs.drive[kept], runs.world[kept], draws=draws)
     return NeededCount(
         max_count=int(runs.particles.max()),
         centre=centre,
         low=runs.predictors.min(axis=0),
         high=runs.predictors.max(axis=0),
-        holding=np.array([_fit_holding(runs.of(rows), centre) for rows in samples]),
-        growth=np.array([_fit_growth(runs, rows, centre) for rows in samples]),
+        holding=holding.coefficients,
+        holding_spread=holding.deviations,
+        growth=growth.coefficients,
+        growth_spread=growth.deviations,
         provenance=provenance,
     )
 
 
-def _fit_holding(runs: Runs, centre: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Constant and slopes of the log odds of holding."""
-    x = np.column_stack([np.log2(runs.particles), runs.predictors - centre])
-    return _penalised(x, lambda z, ridge: _logistic(z, runs.holds.astype(np.float64), ridge))
-
-
-def _fit_growth(runs: Runs, rows: NDArray[np.intp], centre: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Constant and slopes of the slope of the log error ratio, from runs that hold with both counts."""
-    largest = int(runs.particles.max())
-    of_drive = {int(runs.drive[k]): k for k in np.flatnonzero(runs.particles == largest)}
-    base = np.array([of_drive.get(int(runs.drive[k]), -1) for k in rows])
-    valid = (base >= 0) & (runs.particles[rows] < largest) & runs.holds[rows] & runs.holds[base]
-    valid &= np.isfinite(runs.error[rows]) & np.isfinite(runs.error[base])
-    k, b = rows[valid], base[valid]
-    ratio = np.clip(np.log(runs.error[k] / runs.error[b]), -_MAX_LOG_RATIO, _MAX_LOG_RATIO)
-    scale = runs.particles[k] ** -0.5 - largest**-0.5
-
-    def solve(z: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
-        weighted = z * scale[:, None]
-        solution: NDArray[np.float64] = np.linalg.solve(weighted.T @ weighted + ridge, weighted.T @ ratio)
-        return solution
-
-    return _penalised(runs.predictors[k] - centre, solve)
-
-
-def _penalised(
-    x: NDArray[np.float64], solve: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
-) -> NDArray[np.float64]:
-    """Constant and slopes in the units of x (n, p), from a solver for the standardised design with a ridge."""
-    mean = x.mean(axis=0)
-    scale = np.where(x.std(axis=0) > 0.0, x.std(axis=0), 1.0)
-    design = np.column_stack([np.ones(len(x)), (x - mean) / scale])
-    ridge = np.diag([1e-6, *np.full(x.shape[1], _RIDGE)])
-    constant, *slopes = solve(design, ridge)
-    own = np.array(slopes) / scale
-    return np.array([constant - own @ mean, *own])
-
-
-def _logistic(x: NDArray[np.float64], y: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Coefficients of a logistic regression by Newton's method, with a penalty."""
-    beta = np.zeros(x.shape[1])
-    for _ in range(50):
-        p = expit(x @ beta)
-        gradient = x.T @ (y - p) - ridge @ beta
-        step = np.linalg.solve((x * (p * (1.0 - p))[:, None]).T @ x + ridge, gradient)
-        beta = beta + np.clip(step, -2.0, 2.0)
-        if np.abs(step).max() < 1e-9:
-            break
-    return beta
+def _log_errors(runs: Runs) -> NDArray[np.float64]:
+    """Logarithms of the errors less their mean over the drive, without outliers."""
+    logs = np.log(runs.error)
+    _, index = np.unique(runs.drive, return_inverse=True)
+    logs -= (np.bincount(index, logs) / np.bincount(index))[index]
+    return np.clip(logs, -_MAX_LOG_RATIO, _MAX_LOG_RATIO)

@@ -39,6 +39,14 @@ class Panel:
     inside: NDArray[np.float64]
     """Share of updates with the truth inside the filter's 95 % ellipsoid, (lines, counts, units)."""
 
+    @property
+    def units(self) -> NDArray[np.intp]:
+        """Number of units that the medians and intervals rest on, (lines, counts)."""
+        if len(self.rows) == 1:
+            return self.runs
+        found: NDArray[np.intp] = np.isfinite(self.error).sum(axis=-1)
+        return found
+
 
 @lru_cache(maxsize=4)
 def panels(summary: SweepSummary) -> tuple[Panel, ...]:

@@ -79,7 +79,7 @@ def _rows(summary: SweepSummary, panel: Panel, cells: Callable[[Panel, int], lis
     """The rows of a world: one per count, and one for the answers."""
     place = panel.answer.place
     rows = [
-        [place, str(count), _marked_runs(summary, panel.runs[:, c]), *cells(panel, c)]
+        [place, str(count), _marked_runs(summary, panel, c), *cells(panel, c)]
         for c, count in enumerate(summary.table.counts)
     ]
     return [*rows, [place, "enough", "", *panel.enough]]
@@ -145,11 +145,11 @@ def _caption(summary: SweepSummary) -> str:
 def _method(summary: SweepSummary) -> str:
     """How the figures were obtained: the runs, the statistics, the looks, the final pass."""
     table = summary.table
-    over = "Medians are over the runs (one per seed)"
+    sentences = ["Medians are over the runs, one per seed."]
     if table.family_names():
-        over += ", over the worlds for a kind of building"
-    intervals = ", their intervals are bootstrapped" if summary.has_intervals else ""
-    sentences = [f"{over}{intervals}."]
+        sentences.append("For a kind of building they are over its worlds, each with the median of its seeds.")
+    if summary.has_intervals:
+        sentences.append("Their intervals are bootstrapped.")
     if len(table.counts) > 1:
         if summary.has_intervals:
             sentences.append(
@@ -157,9 +157,9 @@ def _method(summary: SweepSummary) -> str:
             )
         sentences.append("A count is enough if all larger counts are enough too, and if it did not fail more often.")
     sentences.append(look_rule(table))
-    if min((int(n) for n in table.ran.sum(axis=-1).ravel()), default=0) < min_values():
-        fewest = fewest_seeds_to_go_on(table.level)
-        sentences.append(f"At least {fewest} runs are needed to show that a count is enough.")
+    if _fewest_units(summary) < min_values():
+        fewest, unit = fewest_seeds_to_go_on(table.level), "worlds" if table.family_names() else "runs"
+        sentences.append(f"At least {fewest} {unit} are needed to show that a count is enough.")
     final_pass = after_final_pass(summary)
     sentences.append(f"After the final pass, which is no part of the filter, {final_pass}" if final_pass else "")
     return " ".join(filter(None, [*sentences, described(table)]))
@@ -167,13 +167,18 @@ def _method(summary: SweepSummary) -> str:
 
 def _has_marks(summary: SweepSummary) -> bool:
     """Whether some numbers of runs are marked, since others suffice for an interval."""
-    runs = summary.table.ran.sum(axis=-1)
-    return summary.has_intervals and bool(runs.size) and int(runs.min()) < min_values()
+    return summary.has_intervals and 0 < _fewest_units(summary) < min_values()
 
 
-def _marked_runs(summary: SweepSummary, runs: NDArray[np.int64]) -> str:
-    """Number of runs, marked where they are too few for an interval and others are not."""
-    return runs_text(runs) + (f" {MARK}" if summary.has_intervals and int(np.min(runs)) < min_values() else "")
+def _fewest_units(summary: SweepSummary) -> int:
+    """The smallest number of runs of a world, or of worlds of a kind of building, that a median rests on."""
+    return min((int(panel.units.min()) for panel in panels(summary)), default=0)
+
+
+def _marked_runs(summary: SweepSummary, panel: Panel, c: int) -> str:
+    """Number of runs with a count, marked where they are too few for an interval and others are not."""
+    is_few = summary.has_intervals and int(panel.units[:, c].min()) < min_values()
+    return runs_text(panel.runs[:, c]) + (f" {MARK}" if is_few else "")
 
 
 def runs_text(runs: NDArray[np.int64]) -> str:

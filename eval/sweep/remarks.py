@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eval.sweep.answers import particles
 from eval.sweep.margin import Margin, parse_margin, share_words
-from eval.sweep.needed_count import PREDICTORS, NeededCount, predictors_of, shipped_model
+from eval.sweep.needed_count import PREDICTORS, NeededCount, of_ten, predictors_of, shipped_model
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL
 from eval.sweep.summary import SweepSummary
@@ -77,16 +77,19 @@ def overconfidence(summary: SweepSummary) -> str:
         row = row[np.isfinite(row)]
         if len(row):
             known.append((float(np.median(row)), place, count))
-    if not known or min(known)[0] >= MIN_INSIDE:
+    low = [entry for entry in known if entry[0] < MIN_INSIDE]
+    if not low:
         return ""
     if len(known) <= MAX_NAMED:
-        where = " and ".join(f"{100.0 * share:.0f} % ({place}, {particles(count)})" for share, place, count in known)
+        where = " and ".join(f"{100.0 * share:.0f} % ({place}, {particles(count)})" for share, place, count in low)
     else:
-        where = f"{100.0 * min(known)[0]:.0f} to {100.0 * max(known)[0]:.0f} %, by world"
+        where = f"{100.0 * min(low)[0]:.0f} to {100.0 * max(low)[0]:.0f} %, by world"
+    places = [place for _, place, _ in low]
+    of = f" in {_named(places)}" if len(low) < len(known) else ""
     alone = " With one particle there is one map and no choice between maps: it is scan matching."
     return (
-        "The filter is overconfident: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "
-        f"it does at {where}.{alone if any(count == 1 for _, _, count in known) else ''}"
+        f"The filter is overconfident{of}: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "
+        f"it does at {where}.{alone if any(count == 1 for _, _, count in low) else ''}"
     )
 
 
@@ -123,16 +126,19 @@ def look_rule(table: SweepTable) -> str:
         return ""
     return (
         f"The results are looked at up to {len(looks)} times (after {', '.join(map(str, looks[:-1]))} and {looks[-1]} "
-        f"seeds), each time with {100.0 * table.level:.3g} % intervals, so that of each world the answers of all "
-        f"looks together hold with {100.0 * LEVEL:.0f} % (Bonferroni). {_present_look(table)}{_left_words(table)}"
+        f"seeds). Each look uses {100.0 * table.level:.3g} % intervals, so that for each world the answers of all "
+        f"looks together hold with {100.0 * LEVEL:.0f} % confidence (Bonferroni). "
+        f"{_present_look(table)}{_left_words(table)}"
     )
 
 
 def _left_words(table: SweepTable) -> str:
-    """Which worlds the user gave up; empty for none."""
-    if not table.left:
+    """Which worlds the user gave up while their answers were open; empty for none."""
+    summary = SweepSummary(table, ())
+    left = [place for place in table.left if summary.decision(place, table.baseline).kind == "undecided"]
+    if not left:
         return ""
-    seeds = [f"{place} after {table.seeds_of(table.places.index(place))} seeds" for place in table.left]
+    seeds = [f"{place} after {table.seeds_of(table.places.index(place))} seeds" for place in left]
     return f" By the user's decision, not by the rule, no more seeds were added in {', '.join(seeds)}."
 
 
@@ -148,9 +154,10 @@ def _present_look(table: SweepTable) -> str:
     if len(seeds_of) > MAX_NAMED:
         return f"Here worlds have {numbers[0]} to {numbers[-1]} {of}."
     words = [
-        f"{place} has {look_of.get(seeds, 'no complete look')} ({seeds} seeds)" for place, seeds in seeds_of.items()
+        f"{place} is at {look_of[seeds]} ({seeds} seeds)" if seeds in look_of else f"{place} has no complete look yet"
+        for place, seeds in seeds_of.items()
     ]
-    return f"Here {', '.join(words)}, {of}."
+    return f"{', '.join(words)}, {of}."
 
 
 def margin_choice(table: SweepTable) -> str:
@@ -228,11 +235,10 @@ def suggested_counts(table: SweepTable) -> str:
 
 
 def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: int, drives: int) -> str:
-    """`start with 10 (4 to 10 are needed with 95 % confidence)`; unlike: drives outside of what was measured."""
-    low, high = (f"more than {model.max_count}" if end is None else str(end) for end in model.interval(at))
-    first = model.interval(at)[1] or model.max_count
-    reach = f"; but {unlike} of the {drives} drives here are unlike those of the experiment" if unlike else ""
-    return f"start with {first} ({low} to {high} are needed with 95 % confidence{reach})"
+    """`start with 10, enough in 9 of 10 worlds like it`; unlike: drives outside of what was measured."""
+    start = model.start(at)
+    reach = f" (but {unlike} of the {drives} drives here are unlike those of the experiment)" if unlike else ""
+    return f"start with {start}, enough in {of_ten(model.chance(at, start))} worlds like it{reach}"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

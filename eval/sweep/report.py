@@ -176,7 +176,6 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
     of_line = "" if len(summary.table.lines) == 1 else f"Shown for the line {summary.table.baseline}."
     notes = {
         "accuracy": described(summary.table),
-        "differences": look_rule(summary.table),
         "cost": real_time(summary),
         "ess": of_line,
         "ancestors": of_line,

@@ -102,8 +102,12 @@ class SweepSummary:
 
     @property
     def has_intervals(self) -> bool:
-        """Whether any group has enough runs for an interval."""
-        return any(group.median.count >= min_values() for group in self.groups)
+        """Whether any world has enough runs, or any kind of building enough worlds, for an interval."""
+        table = self.table
+        worlds = [sum(name == family for name in table.families) for family in table.family_names()]
+        return any(group.median.count >= min_values() for group in self.groups) or (
+            bool(table.ran.any()) and max(worlds, default=0) >= min_values()
+        )
 
     @property
     def unit(self) -> Unit:

@@ -13,11 +13,14 @@ from eval.files.atomic_write import atomic_write
 from eval.files.failure_json import read_failure
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
-from eval.wording import up_to_a_tenth
+from eval.wording import at_time, up_to_a_tenth
 from testbed.cli.shared.console import console, results
 from testbed.datasets import open_dataset
 from testbed.formats import open_log
 from testbed.views import Scene, events_of, moments_of, open_run, record_frames, record_side_by_side, recording_of
+
+TENTH = 0.1
+"""Times are printed rounded up to a tenth [s]: one so little after the end is the end."""
 
 
 def view(
@@ -109,9 +112,9 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
 
     if len(paths) != 1 or (paths[0] / "sweep.toml").is_file():
         raise ValueError(f"{picture}: a picture is made of one run, dataset or log")
-    draw_moment = moments_of(paths[0])
-    drive = open_dataset(paths[0]) if draw_moment is None else None  # refuses a collection before anything is drawn
-    if draw_moment is not None and not times:
+    moments = moments_of(paths[0])
+    drive = open_dataset(paths[0]) if moments is None else None  # refuses a collection before anything is drawn
+    if moments is not None and not times:
         moment = _moment_of_failure(paths[0])
         times = [] if moment is None else [moment]
     pictures: dict[Path, float | None] = {picture: times[0] if times else None}
@@ -120,14 +123,19 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
     for file in pictures:
         if file.exists():
             raise ValueError(f"{file}: exists")
-    if draw_moment is not None and paths[0].is_dir() and not (paths[0] / "metrics.json").is_file():
+    if moments is not None and paths[0].is_dir() and not (paths[0] / "metrics.json").is_file():
         console.print(f"{paths[0]}: not finished; this is what was recorded so far", soft_wrap=True)
     for file, time in pictures.items():
         console.print(f"{file}: drawing {'the end' if time is None else f'{time:g} s'} …", soft_wrap=True)
         if drive is None:
-            assert draw_moment is not None
+            assert moments is not None
+            if time is not None and time > moments.end + TENTH:
+                console.print(
+                    f"{file}: the run ends at {at_time(moments.end)}, before the time of {time:g} s; its end is drawn",
+                    soft_wrap=True,
+                )
             with atomic_write(file) as temporary:
-                temporary.write_bytes(draw_moment(math.inf if time is None else time))
+                temporary.write_bytes(moments.png(math.inf if time is None else time))
         else:
             draw_drive(drive, file, _title_of_drive(paths[0]), time)
     console.print(f"{', '.join(f'{file}' for file in pictures)}: written", soft_wrap=True)

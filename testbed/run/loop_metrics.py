@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.metrics_json import Metrics
+from eval.trajectory.association import AssociationError, associate
 from eval.trajectory.trajectory import Trajectory
 from slam import se2
 from slam.loops import LoopClosing
@@ -55,7 +57,7 @@ def loop_metrics(closing: LoopClosing, path: Trajectory, truth: Trajectory | Non
 
 
 def _true_poses(truth: Trajectory | None, stamps: NDArray[np.float64]) -> Pose:
-    """True poses at these stamps, (n, 3); NaN where they are unknown."""
+    """True poses at these stamps, (n, 3), interpolated where the truth is known shortly before and after; else NaN."""
     poses = np.full((len(stamps), 3), np.nan)
     if truth is None:
         return poses
@@ -63,6 +65,11 @@ def _true_poses(truth: Trajectory | None, stamps: NDArray[np.float64]) -> Pose:
     found = np.searchsorted(truth.stamps[order], stamps).clip(max=len(order) - 1)
     known = truth.stamps[order][found] == stamps
     poses[known] = truth.poses[order][found][known]
+    if known.all():
+        return poses
+    with suppress(AssociationError):
+        matched = associate(Trajectory(stamps[~known], np.zeros((int((~known).sum()), 3))), truth, tolerance=0.0)
+        poses[np.flatnonzero(~known)[matched.rows]] = matched.reference.poses
     return poses
 
 

@@ -45,11 +45,16 @@ class Suggestion:
 
     name: str
     needed: int | None
-    """Smallest count that is predicted to be as good as the largest one; None if not even that one holds."""
+    """The count that the middle one of such worlds needs to be as good as the largest one; None if not even that one
+    holds."""
     interval: tuple[int | None, int | None]
-    """95 % interval; None = more than the largest count."""
+    """95 % of the worlds like it need a count in it; None = more than the largest count."""
+    start: int
+    """The count to start with, which is enough in most worlds like it."""
+    chance: float
+    """Share of the worlds like it in which `start` is enough."""
     holds: float
-    """Probability that a run with that count holds."""
+    """Probability that a run with `start` particles holds."""
     largest: int
     """The largest count of the experiment."""
     largest_holds: float
@@ -57,19 +62,20 @@ class Suggestion:
     outside: tuple[str, ...]
     """Predictors outside of what the experiment covered, in words: the value, and what was measured."""
     record: str
-    """How the expected counts did in worlds that were held out, in words; may be empty."""
+    """How the counts to start with did in worlds that were held out, in words; may be empty."""
 
 
 def suggest(name: str, features: Mapping[str, Any], model: NeededCount) -> Suggestion:
     """Suggest a particle count for a drive with these features."""
     at = predictors_of(features)
-    needed = model.needed(at)
-    counts = np.array([needed or model.max_count, model.max_count])
-    holds, largest_holds = model.holds(counts, at).tolist()
+    start = model.start(at)
+    holds, largest_holds = model.holds(np.array([start, model.max_count]), at).tolist()
     return Suggestion(
         name=name,
-        needed=needed,
+        needed=model.needed(at),
         interval=model.interval(at),
+        start=start,
+        chance=model.chance(at, start),
         holds=holds,
         largest=model.max_count,
         largest_holds=largest_holds,

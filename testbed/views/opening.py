@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import os
 import subprocess
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,17 +77,6 @@ def record_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> No
     write_side_by_side(recording, runs)
 
 
-def moments_of(run: Path) -> Callable[[float], bytes] | None:
-    """What draws a moment of a run, in seconds since its first scan, as a PNG; None where it has no recording.
-
-    run: a directory, or a recording
-
-    Raises ValueError where the recording is damaged, or none of a run.
-    """
-    pictures = _pictures_of(run)
-    return None if pictures is None else pictures.png
-
-
 def events_of(run: Path) -> list[Event] | None:
     """The event log of a run and its changes of state, in the order of time; None where it has no recording.
 
@@ -104,8 +93,8 @@ def events_of(run: Path) -> list[Event] | None:
     return sorted([*recorded.events(), *recorded.states()], key=lambda event: event.time)
 
 
-def _pictures_of(run: Path) -> MomentPictures | None:
-    """The pictures of a run's moments; None where it has no recording.
+def moments_of(run: Path) -> MomentPictures | None:
+    """Return what draws the moments of a run; None where it has no recording.
 
     run: a directory, or a recording
 
@@ -123,7 +112,7 @@ def moments_for_report(run: Path) -> MomentPictures | None:
     """The pictures of a run's moments; None where it has no recording, or one that cannot be read: a report does
     without them."""
     try:
-        return _pictures_of(run)
+        return moments_of(run)
     except ValueError as error:
         logger.warning("the report has no pictures of moments: %s", error)
         return None

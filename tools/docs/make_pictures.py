@@ -55,10 +55,10 @@ def main() -> None:
 def draw_office(viewer: HeadlessViewer, run: Path) -> None:
     """Run the office into a directory, and draw it as a picture, as an animation, and its largest loop closure."""
     testbed("run office", run)
-    moment, draw_moment = verdict(read_run(run)).loop.time, moments_of(run)
-    if moment is None or draw_moment is None:
+    moment, moments = verdict(read_run(run)).loop.time, moments_of(run)
+    if moment is None or moments is None:
         raise RuntimeError("testbed run office: it closes no loop any more, or has no recording")
-    (PICTURES / "moment.png").write_bytes(draw_moment(moment))
+    (PICTURES / "moment.png").write_bytes(moments.png(moment))
     end = viewer.open(run / "recording.rrd")
     (PICTURES / "office.png").write_bytes(viewer.picture(0.72 * end, largest=1400))
     save_animation(viewer, end, PICTURES / "office.gif")

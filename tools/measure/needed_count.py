@@ -4,7 +4,8 @@
 
     testbed sweep --preset experiment --no-worst --out experiment
     testbed sweep --preset experiment-long --no-worst --out long
-    python -m tools.measure.needed_count experiment long
+    testbed sweep --preset experiment-test --no-worst --out test
+    python -m tools.measure.needed_count experiment long --test test
 
 Writes: docs/study.md (needed), docs/pictures/needed_count.png
 
@@ -27,7 +28,7 @@ from eval.files.atomic_write import atomic_write
 from eval.report.comparison_plots import COLOURS
 from eval.sweep import needed_count
 from eval.sweep.answers import particles
-from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, runs_of
+from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, predicted, runs_of
 from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
 from eval.sweep.plots import WIDTHS, style
 from eval.sweep.results import SweepTable, read_sweep
@@ -45,9 +46,17 @@ def main() -> None:
     """Fit, test, and write data, tables and picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sweeps", type=Path, nargs="+", help="directories of the parts; a part may be unfinished")
+    parser.add_argument(
+        "--test",
+        type=Path,
+        help="directory of a part that is predicted from the others, before all are fitted together",
+    )
     parser.add_argument("--print", action="store_true", help="print the tables and write nothing")
     arguments = parser.parse_args()
     tables = [read_sweep(directory) for directory in arguments.sweeps]
+    tested = [] if arguments.test is None else predict_part(tables, read_sweep(arguments.test))
+    if arguments.test is not None:
+        tables.append(read_sweep(arguments.test))
     runs = joined([runs_of(table) for table in tables])
     provenance = {
         "command": "; ".join(table.command for table in tables),
@@ -59,7 +68,7 @@ def main() -> None:
     held_out = predict_held_out(runs, [place for table in tables for place in table.places])
     provenance["held_out"] = {"worlds": len(held_out), "too_small": sum(world.is_too_small for world in held_out)}
     model = fit(runs, provenance)
-    text = page(tables, model, runs.predictors, held_out)
+    text = page(tables, model, runs.predictors, held_out, tested)
     if arguments.print:
         print(text)
         return
@@ -70,45 +79,89 @@ def main() -> None:
     write_table(PAGE, "needed", text)
 
 
-def page(tables: Sequence[SweepTable], model: NeededCount, predictors: np.ndarray, held_out: list[HeldOut]) -> str:
-    """The part of the page: growth of the needed count, levels of the design, held-out worlds."""
-    own, constant = brier_score(held_out)
+def predict_part(tables: Sequence[SweepTable], test: SweepTable) -> list[HeldOut]:
+    """Predict each world of a part from a fit to the other parts alone."""
+    model = fit(joined([runs_of(table) for table in tables]), {})
+    runs = joined([runs_of(test)])
+    return [predicted(model, runs.of(runs.world == world), test.places[int(world)]) for world in np.unique(runs.world)]
+
+
+def page(
+    tables: Sequence[SweepTable],
+    model: NeededCount,
+    predictors: np.ndarray,
+    held_out: list[HeldOut],
+    tested: list[HeldOut],
+) -> str:
+    """The part of the page: growth of the needed count, levels of the design, held-out worlds.
+
+    tested: the worlds of a part that was predicted before it was used.
+    """
     facts = model.provenance
-    same = sum(world.needed_predicted == world.needed_observed for world in held_out)
     parts = [
         f"{facts['runs']} runs of {facts['drives']} drives in {facts['worlds']} worlds; code version {facts['code']}. "
         f"The counts are compared with {model.max_count} particles.",
-        "Needed count, with the other features at their medians (95 % interval, bootstrap over worlds):",
+        "Needed count of the middle one of the worlds with these features, the others at their medians [95 % "
+        "interval], and what 95 % of such worlds need; at last the share of the draws of the parameters in which the "
+        "middle world needs more with the high value than with the low one:",
         growth_table(model, predictors),
         "![How the needed count grows](pictures/needed_count.png)",
+        f"Effects of worlds: standard deviation {model.holding_spread[0, 0]:.1f} on the log odds of holding, "
+        f"{model.growth_spread[0, 0]:.2f} on the slope of the log error, whose mean is {model.growth[0, 0]:.2f}.",
         "Share of the runs that hold, by level of the design:",
         level_table(tables),
-        "Held-out worlds: the model is fitted to the others and predicts the share of the runs that hold.",
-        held_out_table(held_out),
-        f"Mean squared error of these shares: {own:.3f}; predicting each world by the mean of the others gives "
-        f"{constant:.3f}. The needed count is predicted exactly for {same} of {len(held_out)} worlds.",
     ]
+    if tested:
+        parts += [
+            "Worlds set aside, predicted by a fit to the other parts alone:",
+            held_out_table(tested),
+            f"Of these, {calibration(tested)}",
+        ]
+    parts.append(f"Each of all {len(held_out)} worlds, predicted by a fit to the others: {calibration(held_out)}")
     return "\n\n".join(parts)
 
 
+def calibration(found: list[HeldOut]) -> str:
+    """How often the ranges held what was observed, and how often that was to be expected."""
+    own, constant = brier_score(found)
+    number = len(found)
+    within = [
+        f"the {100 * share:.0f} % range in {sum(world.is_within(share) for world in found)} of {number} worlds "
+        f"({sum(world.chance_within(share) for world in found):.1f} expected)"
+        for share in (0.8, 0.95)
+    ]
+    return (
+        f"what was needed lies within {within[0]}, within {within[1]}. The count to start with, or the next one that "
+        f"was tested, was too small in {sum(world.is_too_small for world in found)} "
+        f"({sum(world.chance_too_small for world in found):.1f} expected). Mean squared error of the shares: "
+        f"{own:.3f}; predicting each world by the mean of the others gives {constant:.3f}."
+    )
+
+
 def growth_table(model: NeededCount, predictors: np.ndarray) -> str:
-    """The needed count at a low, middle and high value of each predictor."""
-    rows = [["feature", "low", "middle", "high"]]
+    """The needed count at a low, middle and high value of each predictor, and whether it grows."""
+    rows = [["feature", "low", "middle", "high", "more with high than with low"]]
     for k, predictor in enumerate(PREDICTORS):
-        row = [predictor.words]
+        row, draws = [predictor.words], []
         for value in np.quantile(predictors[:, k], QUANTILES):
             at = model.centre.copy()
             at[k] = value
-            row.append(f"{predictor.text(float(value))}: {with_interval(model, at)}")
-        rows.append(row)
+            draws.append(model.middle_in_draws(at))
+            row.append(f"{predictor.text(float(value))}: {with_intervals(model, at, draws[-1])}")
+        rows.append([*row, f"{100 * (draws[-1] > draws[0]).mean():.0f} %"])
     return markdown(rows)
 
 
-def with_interval(model: NeededCount, at: np.ndarray) -> str:
-    """The needed count with its interval, as text."""
-    low, high = (f"> {model.max_count}" if end is None else str(end) for end in model.interval(at))
-    count = model.needed(at)
-    return f"{f'> {model.max_count}' if count is None else count} [{low}, {high}]"
+def with_intervals(model: NeededCount, at: np.ndarray, draws: np.ndarray) -> str:
+    """The needed count of the middle world, how well it is known, and what 95 % of such worlds need."""
+
+    def text(count: float | None) -> str:
+        return f"> {model.max_count}" if count is None or np.isinf(count) else f"{count:.0f}"
+
+    ordered = np.sort(draws)
+    known = [text(ordered[round(share * (len(ordered) - 1))]) for share in (0.025, 0.975)]
+    worlds = [text(end) for end in model.interval(at)]
+    return f"{text(model.needed(at))} [{', '.join(known)}], worlds {' to '.join(worlds)}"
 
 
 def level_table(tables: Sequence[SweepTable]) -> str:
@@ -148,11 +201,25 @@ def _levels(table: SweepTable) -> dict[str, np.ndarray]:
 def held_out_table(held_out: list[HeldOut]) -> str:
     """Predicted and observed, world by world."""
     counts = held_out[0].counts
-    rows = [["world", "drives", *(f"{c}: predicted / observed" for c in counts), "needed: predicted / observed"]]
+    rows = [
+        [
+            "world",
+            "drives",
+            *(f"{c}: predicted / observed" for c in counts),
+            "start with",
+            "needed: middle, 80 % range / observed",
+        ]
+    ]
+
+    def text(count: float) -> str:
+        return f"{count:.0f}" if np.isfinite(count) else f"> {counts[-1]}"
+
     for world in held_out:
         shares = [f"{100 * p:.0f} / {100 * o:.0f} %" for p, o in zip(world.predicted, world.observed, strict=True)]
-        needed = [f"> {counts[-1]}" if n is None else str(n) for n in (world.needed_predicted, world.needed_observed)]
-        rows.append([world.place, str(world.drives), *shares, " / ".join(needed)])
+        middle, (low, high) = text(world.quantile(0.5)), map(text, world.range(0.8))
+        reach = "" if low == high else f", {low} to {high}"
+        needed = f"{middle}{reach} / {text(world.needed_observed)}"
+        rows.append([world.place, str(world.drives), *shares, text(world.start), needed])
     return markdown(rows)
 
 
@@ -163,19 +230,25 @@ def markdown(rows: list[list[str]]) -> str:
 
 
 def draw(model: NeededCount, predictors: np.ndarray) -> Figure:
-    """The needed count against the longest way through unknown floor, for three errors of the odometry."""
-    figure = Figure(figsize=(WIDTHS[1], 3.0), layout="constrained")
+    """The needed count against the longest way through unknown floor, for three degrees to which scans determine the
+    position; the band: 80 % of the worlds like that."""
+    figure = Figure(figsize=(WIDTHS[1], 3.4), layout="constrained")
     ax: Any = figure.add_subplot()
     lengths = np.linspace(model.low[0], model.high[0], 40)
-    for k, odometry in enumerate(np.quantile(predictors[:, 1], QUANTILES)):
+    for k, determined in enumerate(np.quantile(predictors[:, 2], QUANTILES)):
         at = np.tile(model.centre, (len(lengths), 1))
-        at[:, 0], at[:, 1] = lengths, odometry
+        at[:, 0], at[:, 2] = lengths, determined
         beyond = 1.6 * model.max_count
         middle = [model.needed(row) or beyond for row in at]
-        ends = [[end or beyond for end in model.interval(row)] for row in at]
+        ends = [[model.quantile(row, share) or beyond for share in (0.1, 0.9)] for row in at]
         colour = COLOURS[k % len(COLOURS)]
         ax.fill_between(2.0**lengths, *np.transpose(ends), color=colour, alpha=0.15, linewidth=0)
-        ax.plot(2.0**lengths, middle, color=colour, label=f"odometry {PREDICTORS[1].text(float(odometry))} per m")
+        ax.plot(
+            2.0**lengths,
+            middle,
+            color=colour,
+            label=PREDICTORS[2].text(float(determined)),
+        )
     ax.axhline(model.max_count, color="grey", linewidth=0.8, linestyle="--")
     ax.set(xscale="log", yscale="log", xlabel=f"{PREDICTORS[0].words} [m]", ylabel="particles needed")
     ax.set_yticks([1, 2, 3, 5, 10, 20, 30, 1.6 * model.max_count])
@@ -184,7 +257,7 @@ def draw(model: NeededCount, predictors: np.ndarray) -> Figure:
     lengths_shown = [10, 20, 50, 100, 200, 400, 800]
     ax.set_xticks(lengths_shown, [str(length) for length in lengths_shown])
     ax.set_xlim(2.0 ** model.low[0], 2.0 ** model.high[0])
-    ax.legend(frameon=False, loc="upper left")
+    figure.legend(frameon=False, loc="outside upper center", ncols=3, title="How well scans determine the position")
     return figure
 
 

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -88,6 +89,34 @@ REPORT_PERIOD = 10.0
 """Time between two lines where stderr is no terminal [s]: short jobs print none."""
 
 
+class Overdue:
+    """Says again and again, from a thread of its own, that a stage takes longer than expected."""
+
+    def __init__(
+        self, stage: str, expected: float, say: Callable[[str], None], *, every: float = REPORT_PERIOD
+    ) -> None:
+        """Begin with the first line when the expected time [s] has passed twice over, or `every` [s] after it."""
+        self._stage, self._expected, self._say, self._every = stage, expected, say, every
+        self._started, self._ended = time.perf_counter(), Event()
+        self._thread = Thread(target=self._wait, daemon=True)
+        self._thread.start()
+
+    def _wait(self) -> None:
+        waiting = self._expected + max(self._expected, self._every)
+        while not self._ended.wait(waiting):
+            seconds = time.perf_counter() - self._started
+            self._say(
+                f"{self._stage}: taking longer than expected, {seconds:.0f} s so far (expected about "
+                f"{self._expected:.0f} s; a busy machine takes several times as long)"
+            )
+            waiting = self._every
+
+    def stop(self) -> None:
+        """Say nothing more."""
+        self._ended.set()
+        self._thread.join()
+
+
 class ProgressLine:
     """A line with a bar, the time in the recording, the real-time factor and the current error.
 
@@ -100,15 +129,31 @@ class ProgressLine:
         self._started = self._reported = time.perf_counter()
         self._first_stamp: float | None = None
         self._said = False  # whether a line was printed: short jobs print none
+        self._overdue: Overdue | None = None
 
     def stage(self, text: str) -> None:
         """Show that a new stage of the job begins."""
+        self.stop()
         if text == "final pass" and self._first_stamp is not None:
-            text += f", about {FINAL_PASS_SHARE * (time.perf_counter() - self._started):.0f} s"
+            expected = FINAL_PASS_SHARE * (time.perf_counter() - self._started)
+            self._overdue = Overdue(text, expected, self._say_overdue)
+            text += f", about {expected:.0f} s"
         self._progress.remove_task(self._task)  # a task of unknown length cannot be made of one whose length is known
         self._task = self._progress.add_task(text, total=None, status="")
         if not console.is_terminal and self._said:
             console.print(f"{text} …", soft_wrap=True)
+
+    def stop(self) -> None:
+        """Say nothing more about the stage."""
+        if self._overdue is not None:
+            self._overdue.stop()
+            self._overdue = None
+
+    def _say_overdue(self, text: str) -> None:
+        """Show that the stage takes longer than expected."""
+        self._progress.update(self._task, description=text)
+        if not console.is_terminal:
+            console.print(text, soft_wrap=True)
 
     def step(self, stamp: float, share: float | None, error: float | None) -> None:
         """Show that one scan is done, see `RunProgress.step`."""
@@ -142,4 +187,8 @@ def progress_line() -> Iterator[ProgressLine]:
         TextColumn("{task.fields[status]}"),
     )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield ProgressLine(progress)
+        line = ProgressLine(progress)
+        try:
+            yield line
+        finally:
+            line.stop()

@@ -19,7 +19,7 @@ from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
 from eval.filter.step_table import column
 from eval.first_failure import Failure
 from eval.loss_watch import spells
-from eval.mended import find_mended
+from eval.mended import Mended, find_mended
 from eval.report.check_story import self_check_sentence
 from eval.wording import at_time, up_to_a_tenth
 from testbed.views import recording_of
@@ -41,8 +41,10 @@ HEADLINES = (
     (("realtime_factor",), "speed", "{:.1f} x real time"),
 )
 """Keys in metrics.json, words, format of their values."""
-MAX_CAUSE = 90
+MAX_CAUSE = 160
 """Of a longer cause the terminal prints what stands before its colon [characters]."""
+MAX_STRETCHES = 3
+"""Of more times in which the pose while driving was off the truth the terminal prints the number."""
 
 
 def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table:
@@ -55,7 +57,8 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(no_wrap=True)  # in a narrow terminal only the reason takes several lines
     table.add_column(overflow="fold")
-    table.add_row("outcome", f"{metrics['outcome']}")
+    mended = None if run is None else find_mended(metrics, run)
+    table.add_row("outcome", f"{metrics['outcome']}{'' if mended is None else ' (the final path)'}")
     reason = metrics.get("outcome_reason") or metrics.get("reason")
     if metrics["outcome"] != "ok" and reason:
         table.add_row("reason", f"{reason}")
@@ -64,21 +67,14 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         failure, stamps = found
         cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
         table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}{cause}")
-    mended = None if run is None else find_mended(metrics, run)
+    if mended is not None:
+        for words, text in _mended_rows(mended):
+            table.add_row(words, text)
+    elif _value(metrics, "outcome_online") not in (None, metrics["outcome"], "unjudged"):
+        table.add_row("outcome while driving", f"{_value(metrics, 'outcome_online')}")
     loop = _largest_loop(run)
     if loop is not None:
         table.add_row("largest loop closure", _loop_in_words(*loop))
-    if mended is not None and run is not None:
-        start = float(read_tum(run / "truth.tum").stamps[0])
-        cause = mended.reason if mended.cause is None else mended.cause
-        if len(cause) > MAX_CAUSE:
-            cause = cause.split(":")[0]
-        table.add_row(f"went wrong {mended.which}, mended", f"at {at_time(mended.stamp - start)}: {cause}")
-        if mended.course is not None:
-            table.add_row("while driving", mended.course.in_words(start))
-    while_driving = _value(metrics, "outcome_online")
-    if while_driving not in (None, metrics["outcome"], "unjudged"):
-        table.add_row("outcome while driving", f"{while_driving}")
     if _value(metrics, "self_check.verdict") is not None:
         # its time is that of what the filter saw itself, not the moment of the loss
         table.add_row("self-check, without truth", self_check_sentence(metrics["self_check"]))
@@ -111,6 +107,39 @@ def watch_command(metrics: Mapping[str, Any], run: Path) -> str | None:
     return None if time is None else f"watch {what}: testbed view {shlex.quote(str(run))} --time {time:.1f}"
 
 
+def _mended_rows(mended: Mended) -> Iterator[tuple[str, str]]:
+    """Say what was wrong before the final pass: the outcome, the moment, and all times that the pose was off."""
+    driving, start = mended.driving, mended.start
+    evidence = "" if driving is None else f": {driving.evidence}"
+    yield mended.which, f"{mended.outcome}, mended by the final pass{evidence}"
+    if driving is None:
+        yield f"went wrong {mended.which}", f"at {at_time(mended.stamp - start)}: {mended.cause}"
+        return
+    most, *others = driving.stretches
+    largest = driving.largest_in_words(most, start)
+    yield (
+        f"went wrong {mended.which}",
+        f"at {at_time(mended.stamp - start)}: {_short(mended.cause)}. {largest[0].upper()}{largest[1:]}, "
+        f"{driving.back_in_words(most, start)}. {driving.part_in_words(most)} come from there",
+    )
+    if driving.behind:
+        yield "behind it", driving.behind
+    for stretch in others[:MAX_STRETCHES]:
+        cause = stretch.cause.split(":", maxsplit=1)[0]
+        yield (
+            "also off the truth",
+            f"from {at_time(stretch.start - start)} on, {driving.back_in_words(stretch, start)}, "
+            f"{driving.largest_in_words(stretch, start)}: {cause}; {driving.part_in_words(stretch)}",
+        )
+    if len(others) > MAX_STRETCHES:
+        yield "", f"and {len(others) - MAX_STRETCHES} more times, see the report"
+
+
+def _short(cause: str) -> str:
+    """A cause, of a long one what stands before its colon."""
+    return cause if len(cause) <= MAX_CAUSE else cause.split(":", maxsplit=1)[0]
+
+
 def _largest_loop(run: Path | None) -> tuple[ClosingLoop, float] | None:
     """The largest loop that closed before the estimate was lost, and the stamp of the first scan [s]; None where none
     was seen."""
@@ -123,14 +152,15 @@ def _largest_loop(run: Path | None) -> tuple[ClosingLoop, float] | None:
 
 
 def _loop_in_words(loop: ClosingLoop, start: float) -> str:
-    deaths = ""
+    deaths = "; no particle died" if loop.died == 0 and loop.particles > 1 else ""
     if loop.died and loop.most_died is not None:
         most = "" if loop.resamplings == 1 else "most "
         deaths = f"; {loop.died} of {loop.particles} particles died, {most}at {at_time(loop.most_died - start)}"
     times = f"at {at_time(loop.stamp - start)}"
     if loop.began < loop.stamp:
         times = f"from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
-    return f"{loop.metres:.0f} m of driving, old walls in view again {times}{deaths}"
+    longer = "" if loop.longer is None else f" (a longer one, {loop.longer:.0f} m, let all live)"
+    return f"{loop.metres:.0f} m of driving, old walls in view again {times}{deaths}{longer}"
 
 
 def _failure_of(metrics: Mapping[str, Any], run: Path | None) -> tuple[Failure, NDArray[np.float64]] | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eval.sweep.answers import particles
-from eval.sweep.needed_count import shipped_model
+from eval.sweep.needed_count import of_ten, shipped_model
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.sweep.errors import SweepError
 from testbed.sweep.suggest import (
@@ -49,10 +49,10 @@ def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
 
 
 def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion) -> str:
-    """The sweep that checks a suggestion for a world: half of the count, it, the upper end of its interval, and as many
-    as it is compared with."""
-    count, high = suggestion.needed or suggestion.largest, suggestion.interval[1] or suggestion.largest
-    counts = sorted({max(1, count // 2), count, high, max(suggestion.largest, 2 * count)})
+    """The sweep that checks a suggestion for a world: half of the count of the middle one, it, the count to start with,
+    and as many as it is compared with."""
+    count = suggestion.needed or suggestion.largest
+    counts = sorted({max(1, count // 2), count, suggestion.start, max(suggestion.largest, 2 * count)})
     words = ["testbed", "sweep", "--worlds", name, "--particles", ",".join(map(str, counts)), "--until", "decided"]
     for key, value in settings.items():
         words += ["--route", str(value)] if key == "route" else ["--set", f"{key}={value}"]
@@ -62,7 +62,7 @@ def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion
 def sentences(suggestion: Suggestion) -> list[str]:
     """The suggestion in words: the count, what it promises, the reasons, and what the experiment did not cover."""
     low, high = (f"more than {suggestion.largest}" if end is None else str(end) for end in suggestion.interval)
-    largest = particles(suggestion.largest)
+    largest, start = particles(suggestion.largest), suggestion.start
     if suggestion.needed is None:
         lines = [
             f"{suggestion.name}: even with {largest} most runs end lost or with a broken loop "
@@ -70,20 +70,18 @@ def sentences(suggestion: Suggestion) -> list[str]:
         ]
     else:
         lines = [
-            f"{suggestion.name}: start with {particles(suggestion.interval[1] or suggestion.largest)} "
-            f"({suggestion.needed} expected, 95 % interval {low} to {high}"
-            f"{f'; {suggestion.record}' if suggestion.record else ''})",
-            f"Expected with {suggestion.needed}: an error at most 10 % above that with {suggestion.largest}, and "
-            f"{100.0 * suggestion.holds:.0f} % of the runs hold, that is, do not end lost or with a broken loop "
-            f"({100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}).",
-            "This is a forecast from other worlds. A sweep measures here and asks for proof, so it may want more, or "
-            "leave open what is forecast.",
+            f"{suggestion.name}: start with {particles(start)}, enough in {of_ten(suggestion.chance)} worlds like it.",
+            f"The middle one of them needs {suggestion.needed}, and 95 % of them need {low} to {high}.",
+            f"Enough: an error at most 10 % above that with {suggestion.largest}, and at most 10 % more runs that end "
+            f"lost or with a broken loop. ({100.0 * suggestion.holds:.0f} % of the runs hold with {start}, "
+            f"{100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}.)",
+            "This is a forecast from other worlds"
+            + (f": {suggestion.record}" if suggestion.record else "")
+            + ". A sweep measures here and asks for proof, so it may want more, or leave open what is forecast.",
         ]
         if suggestion.largest_holds < MOSTLY_HOLDS:
             lines.append(f"More than {largest} were not tested and would probably help.")
-    lines[1:1] = [
-        f"Outside of what was measured, so this is an extrapolation: {words}." for words in suggestion.outside
-    ]
+    lines[:0] = [f"Outside of what was measured, so this is an extrapolation: {words}." for words in suggestion.outside]
     for reason in suggestion.reasons:
         needed = f"more than {suggestion.largest}" if reason.needed_if_usual is None else str(reason.needed_if_usual)
         lines.append(f"  {reason.words} (a world with {reason.usual}, the middle of those tested, would need {needed})")

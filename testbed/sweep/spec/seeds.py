@@ -35,7 +35,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
             raise ValueError(f"{text}: {_EXPECTED}")
         first, end = (int(span[1]), int(span[2])) if span else (int(word), int(word) + 1)
         if first >= end or end - 1 > MAX_SEED:
-            raise ValueError(f"{text}: {word} holds no seed or one above {MAX_SEED}")
+            raise ValueError(f"{word} holds {'no seed' if first >= end else f'a seed above {MAX_SEED}'}")
         if len(seeds) + end - first > MAX_SEEDS:
             raise ValueError(f"{text}: more than {MAX_SEEDS} seeds")
         seeds += range(first, end)

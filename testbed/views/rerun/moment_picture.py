@@ -85,7 +85,7 @@ class MomentPictures:
             raise ValueError(f"{recording}: expected the recording of a run, with an estimated pose")
         self._T_world_map = pose(self._recorded.fixed(entities.SLAM))
         self._T_world_odom = pose(self._recorded.fixed(entities.ODOMETRY))
-        self._end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]
+        self.end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]
 
     @property
     def another_best(self) -> NDArray[np.float64]:
@@ -99,7 +99,7 @@ class MomentPictures:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        time = min(max(time, 0.0), self._end)
+        time = min(max(time, 0.0), self.end)
         look: dict[Any, Any] = {
             "font.size": 9.0,
             "axes.titlesize": 10.0,
@@ -204,7 +204,7 @@ class MomentPictures:
                 axes.plot(times[at], values[at], "D", ms=3.5, mew=0.0, color=_rgb(styles.PROPOSAL))
             axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
             reach = f", up to {np.nanmax(values):.3g}{f' {unit}' if unit else ''}" if len(values) else ""
-            axes.set(title=f"{name}{reach}; line: now", xlim=(0.0, self._end), ylim=(0.0, None))
+            axes.set(title=f"{name}{reach}; line: now", xlim=(0.0, self.end), ylim=(0.0, None))
             axes.set_xlabel("time since the first scan [s]")
             axes.margins(y=0.1)
 

@@ -34,20 +34,23 @@ def map_at(recorded: Recorded, parent: str, time: float) -> GridImage | None:
 
 
 def other_particles(recorded: Recorded, time: float) -> list[OtherParticle]:
-    """The particles of the newest comparison up to a time [s]; none where the run has a single particle."""
-    found, labels = [], set[str]()
+    """The particles of the newest comparison up to a time [s], each one once; none where the run has a single one."""
+    found: dict[str, OtherParticle] = {}
     for rank, name in NAMES.items():
         entity = f"{entities.COMPARE}/{rank}"
         label = recorded.latest(f"{entity}/robot/label", time)
         if label is None:
             return []
-        at = float(label[TIME])
+        at, particle = float(label[TIME]), label["Points3D:labels"].as_py()[0]
+        if particle in found:
+            names, _, rest = found[particle].title.partition(": ")
+            found[particle] = found[particle]._replace(title=f"{names}, {name}: {rest}")
+            continue
         best, shown = map_at(recorded, entities.MAP, at), map_at(recorded, f"{entity}/map", at)
         if best is not None and shown is not None:
-            title = f"{name}: {label['Points3D:labels'].as_py()[0]}, {at:.1f} s"
-            found.append(OtherParticle(title, shown, _elsewhere(shown, best)))
-            labels.add(title.removeprefix(name))
-    return found if len(labels) > 1 else []
+            title = f"{name}: {particle}, {at:.1f} s"
+            found[particle] = OtherParticle(title, shown, _elsewhere(shown, best))
+    return list(found.values()) if len(found) > 1 else []
 
 
 def first_comparison(recorded: Recorded) -> float | None:

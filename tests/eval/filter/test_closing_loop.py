@@ -39,9 +39,20 @@ def test_a_loop_goes_from_its_first_scan_until_the_particles_have_settled() -> N
 
 
 def test_scans_that_close_a_loop_much_later_are_another_one() -> None:
-    loop = largest_closing_loop(steps({40: 60.0, 54: 30.0, 69: 30.0}, {70: 3}))
+    loop = largest_closing_loop(steps({40: 60.0, 54: 30.0, 69: 30.0}, {68: 3}))
     assert loop is not None
-    assert (loop.began, loop.end, loop.died, loop.most_died) == (1040.0, 1068.0, 0, None)
+    assert (loop.began, loop.end, loop.died, loop.most_died) == (1040.0, 1068.0, 3, 1068.0)
+
+
+def test_a_loop_in_which_particles_died_comes_before_a_longer_one() -> None:
+    table = {40: 60.0, 70: 30.0, 90: 20.0}
+    loop = largest_closing_loop(steps(table, {72: 3, 91: 5}))
+    assert loop is not None
+    assert (loop.metres, loop.died, loop.longer) == (30.0, 3, 60.0)
+    for died in ({}, {40: 1, 91: 5}):  # none died in any; some died in the longest
+        loop = largest_closing_loop(steps(table, died))
+        assert loop is not None
+        assert (loop.metres, loop.longer) == (60.0, None)
 
 
 def test_without_loops_or_with_an_old_table_there_is_none() -> None:

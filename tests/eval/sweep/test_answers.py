@@ -33,6 +33,11 @@ def test_a_count_that_is_enough_stands_with_its_error(tmp_path):
     )
 
 
+def test_medians_that_round_alike_have_another_digit(tmp_path):
+    found = sentences(tmp_path, error=level(0.0178, 0.0178, 0.0176))
+    assert found[0] == "hall_a, 1 route: 1 particle is enough (1.78 cm; 20 give 1.76 cm)."
+
+
 def test_more_and_undecided_are_different_answers(tmp_path):
     assert sentences(tmp_path, error=level(0.5, 0.2, 0.1))[0] == (
         "hall_a, 1 route: more than 5 particles (5 give 20.0 cm, 20 give 10.0 cm; more were not tested)."
@@ -168,7 +173,7 @@ def test_kinds_of_buildings_come_first_with_the_number_of_worlds(tmp_path, monke
     families = (*["rooms"] * 8, None)
     found = sentences(tmp_path, error=level(0.05, 0.02, 0.02), seeds=2, families=families)
     assert found == [
-        "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+        "rooms, 8 worlds, 8 routes: 5 particles are enough (1.99 cm; 20 give 2.00 cm).",
         "office, 1 route: too few seeds (2): at least 8 are needed; take 20 for now (5 particles were between 0.06 "
         "cm better and 0.04 cm worse than 20 in 2 runs; up to 0.5 cm (25 % of the error) would not matter).",
     ]
@@ -189,8 +194,8 @@ def test_drawn_worlds_with_fewer_seeds_are_complete(tmp_path, monkeypatch):
     table = read_sweep(tmp_path)
     found = [answer.sentence for answer in answers(summarise(table.judged()), "improved")]
     assert found == [
-        "rooms, 8 worlds, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
-        "office, 8 routes: 5 particles are enough (2.0 cm; 20 give 2.0 cm).",
+        "rooms, 8 worlds, 8 routes: 5 particles are enough (2.02 cm; 20 give 1.98 cm).",
+        "office, 8 routes: 5 particles are enough (2.00 cm; 20 give 1.99 cm).",
     ]
     page = write_sweep_report(tmp_path).read_text()
     assert "Incomplete" not in page

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import expit
 
-from eval.sweep.experiment import brier_score, joined, predict_held_out
-from eval.sweep.needed_count import PREDICTORS, NeededCount, Runs, fit, predictors_of, shipped_model
+from eval.sweep.experiment import brier_score, joined, predict_held_out, predicted
+from eval.sweep.needed_count import PREDICTORS, START, NeededCount, Runs, fit, predictors_of, shipped_model
 
 COUNTS = np.array([1, 3, 10, 30])
 HOLDING = np.array([1.0, 0.8, -1.0, -0.7, 0.5])
@@ -16,41 +16,81 @@ HOLDING = np.array([1.0, 0.8, -1.0, -0.7, 0.5])
 GROWTH = np.array([0.6, 0.3, 0.0, 0.0])
 
 
-def experiment(worlds: int, drives: int = 9, seed: int = 0) -> Runs:
-    """Runs whose outcomes are drawn from the law, and whose errors follow it up to noise."""
+def experiment(worlds: int, drives: int = 9, seed: int = 0, effects: tuple[float, float] = (0.0, 0.0)) -> Runs:
+    """Runs whose outcomes are drawn from the law, and whose errors follow it up to noise.
+
+    effects: standard deviations of the effects of worlds on the log odds and on the slope
+    """
     rng = np.random.default_rng(seed)
     world = np.repeat(np.arange(worlds), drives * len(COUNTS))
     drive = np.repeat(np.arange(worlds * drives), len(COUNTS))
     particles = np.tile(COUNTS, worlds * drives)
     x = rng.normal(0.0, 1.5, (worlds * drives, 3))[drive]
-    holds = rng.random(len(world)) < expit(HOLDING[0] + HOLDING[1] * np.log2(particles) + x @ HOLDING[2:])
-    slope = GROWTH[0] + x @ GROWTH[1:]
+    own = rng.standard_normal((worlds, 2))[world] * effects
+    odds = HOLDING[0] + HOLDING[1] * np.log2(particles) + x @ HOLDING[2:] + own[:, 0]
+    holds = rng.random(len(world)) < expit(odds)
+    slope = GROWTH[0] + x @ GROWTH[1:] + own[:, 1]
     error = 0.02 * np.exp(slope * particles**-0.5 + rng.normal(0.0, 0.02, len(world)))
     return Runs(world, drive, particles, x, holds, error)
 
 
 def model(holding=HOLDING, growth=GROWTH) -> NeededCount:
-    """A model with these coefficients and no resamples."""
-    zero = np.zeros(3)
-    return NeededCount(30, zero, zero - 3.0, zero + 3.0, np.array([holding]), np.array([growth]), {})
+    """A model with these coefficients, whose worlds are all alike."""
+    zero, none = np.zeros(3), np.zeros((2, 2))
+    return NeededCount(
+        max_count=30,
+        centre=zero,
+        low=zero - 3.0,
+        high=zero + 3.0,
+        holding=np.array([holding, holding]),
+        holding_spread=none,
+        growth=np.array([growth, growth]),
+        growth_spread=none,
+        provenance={},
+    )
 
 
 def test_the_fit_finds_the_law_of_its_data():
-    found = fit(experiment(100), {}, resamples=0)
+    found = fit(experiment(100), {})
     constant = found.holding[0][0] - found.centre @ found.holding[0][2:]
     np.testing.assert_allclose([constant, *found.holding[0][1:]], HOLDING, atol=0.15)
     slope = found.growth[0][0] - found.centre @ found.growth[0][1:]
     np.testing.assert_allclose([slope, *found.growth[0][1:]], GROWTH, atol=0.03)
+    assert found.holding_spread[0, 0] < 0.3
+    assert found.growth_spread[0, 0] < 0.02
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say():
-    x = np.array([0.5, 0.5, 0.0])
-    truth = model().needed(x)
-    inside = 0
-    for seed in range(20):
-        low, high = fit(experiment(15, seed=seed), {}, resamples=60).interval(x)
-        inside += (low or 31) <= truth <= (high or 31)
-    assert inside >= 16  # 95 % of 20, less 3 standard deviations
+def test_the_fit_finds_how_much_worlds_differ():
+    found = fit(experiment(100, effects=(1.5, 0.4)), {})
+    np.testing.assert_allclose(found.holding_spread[0, 0], 1.5, rtol=0.2)
+    np.testing.assert_allclose(found.growth_spread[0], [0.4, 0.02], rtol=0.2)
+
+
+def test_intervals_hold_what_another_world_needs():
+    """Worlds of an experiment, and others that are predicted, are drawn from one law with effects of worlds."""
+    x, effects = np.array([0.5, 0.5, 0.0]), (1.5, 0.4)
+    rng, within, enough, worlds = np.random.default_rng(5), 0, 0, 25
+    for seed in range(10):
+        found = fit(experiment(18, seed=seed, effects=effects), {})
+        low, high = (end or 31 for end in found.interval(x))
+        for odds, slope in rng.standard_normal((worlds, 2)) * effects:
+            other = model(HOLDING + odds * np.eye(5)[0], GROWTH + slope * np.eye(4)[0])
+            needed = other.needed(x) or 31
+            within += low <= needed <= high
+            enough += needed <= (found.quantile(x, START) or 31)
+    assert within >= 0.9 * 10 * worlds  # 95 %; the draws of one experiment stand or fall together
+    assert enough / (10 * worlds) >= 0.8
+
+
+def test_worlds_that_differ_need_more_to_start_with():
+    alike, unlike = (fit(experiment(40, effects=(own, own / 4)), {}) for own in (0.0, 2.0))
+    x = np.zeros(3)
+    assert unlike.start(x) > alike.start(x)
+    assert unlike.chance(x, unlike.start(x)) >= START
+    assert unlike.chance(x, unlike.start(x) - 1) < START
+    # the middle one is known better than the next one
+    middle, worlds = unlike.middle_in_draws(x), unlike.needed_in_worlds(x)
+    assert np.quantile(middle, 0.9) < np.quantile(worlds, 0.9)
 
 
 def test_harder_drives_need_more_particles():
@@ -74,14 +114,28 @@ def test_the_error_decides_where_all_runs_hold():
 
 
 def test_worlds_are_predicted_by_the_others():
-    runs = experiment(30, drives=20)
-    found = predict_held_out(runs, [f"world {k}" for k in range(30)])
-    assert [world.place for world in found] == [f"world {k}" for k in range(30)]
+    runs = experiment(12, drives=20)
+    found = predict_held_out(runs, [f"world {k}" for k in range(12)])
+    assert [world.place for world in found] == [f"world {k}" for k in range(12)]
     own, constant = brier_score(found)
     assert own < 0.02  # 20 drives give a share to 0.1
-    fooled = predict_held_out(replace(runs, holds=~runs.holds), ["?"] * 30)
-    assert np.abs(fooled[0].predicted - found[0].predicted).max() > 0.2
     assert own < 1.05 * constant
+    fooled = fit(replace(runs, holds=~runs.holds), {})
+    assert np.abs(predicted(fooled, runs.of(runs.world == 0), "?").predicted - found[0].predicted).max() > 0.2
+
+
+def test_predictions_of_held_out_worlds_are_calibrated():
+    found = predict_held_out(experiment(24, drives=4, effects=(1.0, 0.4)), ["?"] * 24)
+    for share in (0.8, 0.95):
+        expected = [world.chance_within(share) for world in found]
+        assert min(expected) >= share
+        spread = np.sqrt(sum(p * (1.0 - p) for p in expected))
+        assert abs(sum(world.is_within(share) for world in found) - sum(expected)) <= 3.0 * spread
+    small = [world.chance_too_small for world in found]
+    assert abs(sum(world.is_too_small for world in found) - sum(small)) <= 3.0 * np.sqrt(sum(small))
+    sure = [replace(world, needed_predicted=np.full(2000, 1.0), start=1.0) for world in found]
+    assert sum(world.is_too_small for world in sure) == sum(world.needed_observed > 1 for world in found) > 12
+    assert not any(world.is_within(0.95) for world in sure if world.needed_observed > 1)
 
 
 def test_a_held_out_world_has_no_say():

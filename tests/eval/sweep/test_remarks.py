@@ -44,6 +44,14 @@ def test_overconfidence_is_said_of_the_baseline_only(tmp_path):
     assert said.endswith("it is scan matching.")
 
 
+def test_a_world_with_an_honest_filter_is_not_overconfident(tmp_path):
+    table = read_sweep(write_sweep(tmp_path, about={"baseline": "motion"}))
+    table.columns["filter.consistency.inside_share"][0] = 0.95  # hall_a
+    said = overconfidence(summarise(table))
+    assert said.startswith("The filter is overconfident in cave: ")
+    assert said.endswith("it does at 70 % (cave, 20 particles).")
+
+
 def test_a_world_that_the_user_gave_up_is_not_said_to_be_hopeless(tmp_path):
     def noisy(p, k, c, s):
         return 0.02 + 0.001 * (0.0, 6.0 * ((5 * s) % 8 - 3.5) / 3.5, 0.0)[c]
@@ -103,9 +111,9 @@ def test_the_rule_of_looks_says_where_each_world_stands(tmp_path):
     done = frozenset((0, k, c, s) for k in range(2) for c in range(3) for s in range(16, 40))
     table = read_sweep(write_sweep(tmp_path / "b", seeds=40, missing=later | done, about={"level": 0.99})).judged()
     assert look_rule(table) == (
-        "The results are looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), each time with 99 % intervals, so "
-        "that of each world the answers of all looks together hold with 95 % (Bonferroni). Here hall_a has look 2 (16 "
-        "seeds), cave has look 1 (8 seeds), of at most 40 seeds."
+        "The results are looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds). Each look uses 99 % "
+        "intervals, so that for each world the answers of all looks together hold with 95 % confidence (Bonferroni). "
+        "hall_a is at look 2 (16 seeds), cave is at look 1 (8 seeds), of at most 40 seeds."
     )
 
 
@@ -117,6 +125,6 @@ def test_the_forecast_of_a_count_needs_features_and_the_default_filter(tmp_path,
     values = {"longest_unknown_m": 48.0, "odometry_deg_per_m": 0.8, "scan_observability": 0.3}
     table.columns.update({f"features.{name}": np.full(table.shape, value) for name, value in values.items()})
     model = shipped_model()
-    low, high = model.interval(predictors_of(values))
-    words = f"start with {high} ({low} to {high} are needed with 95 % confidence)"
+    start = model.start(predictors_of(values))
+    words = f"start with {start}, enough in 9 of 10 worlds like it"
     assert suggested_counts(table) == f"hall_a: {words}; cave: {words}"

@@ -154,7 +154,7 @@ def test_a_single_line_has_errors_and_differences_side_by_side(tmp_path, monkeyp
     assert "with the 99 % interval that decides" in caption
     assert len(caption.split(". ")) <= 4
     assert method.startswith("Method: ")
-    assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), each time with 99 % intervals" in method
+    assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds). Each look uses 99 % intervals" in method
     assert "This is look 1, with 8 of at most 40 seeds." in method
     assert "looked at" not in caption
 
@@ -458,3 +458,16 @@ def test_a_world_that_will_stay_open_may_be_left(tmp_path):
     found = advice(summarise(read_sweep(tmp_path).judged()), "OUT", 2)
     assert [item.command for item in found[:2]] == ["testbed sweep --out OUT", "testbed sweep --out OUT --give-up cave"]
     assert found[1].title == "Go on with hall_a only"
+
+
+def test_drawn_worlds_with_a_seed_each_have_the_interval_that_decides(tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", tuple(f"rooms-{n}" for n in range(8)))
+    page = write_sweep_report(write_sweep(tmp_path, seeds=1, families=("rooms",) * 8)).read_text()
+    assert "too few for the interval that decides" not in page
+    assert "1 seed a world (seed 0)" in page
+    legend = (tmp_path / "figures" / "differences.svg").read_text()
+    assert "95 % interval, which decides" in legend
+    text = (tmp_path / "table.md").read_text()
+    assert "with the 95 % interval that decides" in text
+    assert "*" not in text
+    assert "are needed to show" not in text

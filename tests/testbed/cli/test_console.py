@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Messages of the console: a long job is not silent, a short one is."""
 
+import threading
+
 import worlds
 from testbed.cli.shared import console
-from testbed.cli.shared.console import SlowProgress, announce_world, progress_line
+from testbed.cli.shared.console import Overdue, SlowProgress, announce_world, progress_line
 
 
 def test_a_long_job_prints_its_share_and_a_short_one_nothing(capsys):
@@ -36,6 +38,24 @@ def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys,
     assert lines[1].startswith("25% done, about 0 s left: 30.0 s of the drive ")
     assert lines[1].endswith(" x real time position error 0.012 m")
     assert lines[2:] == ["final pass, about 0 s …", "scoring …"]
+
+
+def test_a_stage_that_takes_longer_says_so_until_it_ends():
+    said, twice = [], threading.Event()
+
+    def say(text):
+        said.append(text)
+        if len(said) == 2:
+            twice.set()
+
+    overdue = Overdue("final pass", 0.0, say, every=0.01)
+    assert twice.wait(30.0)
+    overdue.stop()
+    count = len(said)
+    assert all("final pass: taking longer than expected, 0 s so far" in text for text in said[:2])
+    quick = Overdue("final pass", 3600.0, say, every=0.01)
+    quick.stop()
+    assert len(said) == count
 
 
 def test_the_time_left_does_not_count_what_another_process_compiled(capsys, monkeypatch):

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 
@@ -29,6 +31,13 @@ def moments(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
 
     monkeypatch.setattr(command, "open_run", open_run)
     return opened
+
+
+class Moments(NamedTuple):
+    """Draws moments of a run of 100 s."""
+
+    png: Callable[[float], bytes]
+    end: float = 100.0
 
 
 def test_a_run_that_went_wrong_opens_at_its_moment(tmp_path: Path, moments: list[float | None]) -> None:
@@ -55,7 +64,7 @@ def test_a_moment_of_a_run_is_a_picture(tmp_path: Path, monkeypatch: pytest.Monk
         command.view([run], time="12.5", save=tmp_path / "damaged.png")
     assert not list(tmp_path.glob("*.png"))
     asked: list[float] = []
-    monkeypatch.setattr(command, "moments_of", lambda path: lambda time: asked.append(time) or b"picture")
+    monkeypatch.setattr(command, "moments_of", lambda path: Moments(lambda time: asked.append(time) or b"picture"))
     command.view([run], time="12.5", save=tmp_path / "one.png")
     command.view([run], save=tmp_path / "two.png")
     found, estimate = read_run(run).failure, read_run(run).estimate
@@ -72,18 +81,29 @@ def test_several_times_are_a_picture_each_named_by_its_time(
 ) -> None:
     run = write_run(tmp_path / "run")
     (run / "recording.rrd").touch()
-    monkeypatch.setattr(command, "moments_of", lambda path: lambda time: f"{time}".encode())
+    monkeypatch.setattr(command, "moments_of", lambda path: Moments(lambda time: f"{time}".encode()))
     command.view([run], time="5,60,129.2,5", save=tmp_path / "m.png")
     drawn = {file.name: float(file.read_bytes()) for file in tmp_path.glob("*.png")}
     assert drawn == {"m-5s.png": 5.0, "m-60s.png": 60.0, "m-129.2s.png": 129.2}
     names = (("m-5s.png", "5"), ("m-60s.png", "60"), ("m-129.2s.png", "129.2"))
-    said = capsys.readouterr().err.splitlines()
-    assert said[:3] == [f"{tmp_path / name}: drawing {time} s …" for name, time in names]
+    said = [line for line in capsys.readouterr().err.splitlines() if "drawing" in line]
+    assert said == [f"{tmp_path / name}: drawing {time} s …" for name, time in names]
     with pytest.raises(ValueError, match=r"m-60s\.png: exists"):
         command.view([run], time="7,60", save=tmp_path / "m.png")
     assert not (tmp_path / "m-7s.png").exists()
     with pytest.raises(ValueError, match="expected one time"):
         command.view([run], time="5,60")
+
+
+def test_a_time_after_the_end_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = write_run(tmp_path / "run")
+    (run / "recording.rrd").touch()
+    monkeypatch.setattr(command, "moments_of", lambda path: Moments(lambda time: b"picture"))
+    for time, said in (("100.1", False), ("500", True)):  # times are printed rounded up to a tenth
+        command.view([run], time=time, save=tmp_path / f"{time}.png")
+        assert ("the run ends at 100.0 s, before the time of" in capsys.readouterr().err) is said
 
 
 def test_the_event_log_is_printed(

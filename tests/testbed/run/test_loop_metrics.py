@@ -38,6 +38,17 @@ def test_each_error_is_that_of_its_own_motion() -> None:
     assert found["gap_deg"] == pytest.approx(5.0)
 
 
+def test_the_truth_is_interpolated_between_scans() -> None:
+    """The second visit is a frame without a scan, half way between two true poses 0.4 s apart."""
+    half = np.array([0.0, 0.0, 0.0]), np.array([0.2, 0.0, 0.0])
+    stamps, poses = np.array([11.0, 14.8, 15.2]), np.array([TRUE[1], *(se2.compose(TRUE[5], step) for step in half)])
+    there = se2.compose(TRUE[5], [0.1, 0.0, 0.0])
+    match = se2.between(TRUE[1], there)
+    found = loop_metrics(closing(match), Trajectory(STAMPS, TRUE), Trajectory(stamps, poses))["list"][0]
+    assert (found["match_error_m"], found["match_error_deg"]) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert found["filter_error_m"] == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize("truth", [None, Trajectory(STAMPS[:5], TRUE[:5]), Trajectory(STAMPS + 0.5, TRUE)])
 def test_without_truth_at_both_visits_there_are_no_errors(truth: Trajectory | None) -> None:
     found = loop_metrics(closing(np.zeros(3)), Trajectory(STAMPS, TRUE), truth)["list"][0]

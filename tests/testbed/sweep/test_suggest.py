@@ -18,9 +18,18 @@ def model() -> NeededCount:
     """Doubling the way through unknown floor costs as much as a quarter of the particles gives."""
     one = np.array([4.0, 0.5, -1.0, 0.0, 0.0])
     shift = np.array([0.2, 0.0, 0.0, 0.0, 0.0])
-    holding = np.array([one, one + shift, one - shift])
-    low, centre, high = np.array([3.0, -1.0, -3.0]), np.array([4.0, 0.0, -1.0]), np.array([8.0, 2.0, 0.0])
-    return NeededCount(64, centre, low, high, holding, np.zeros((3, 4)), {"runs": 1, "worlds": 1})
+    none = np.zeros((3, 2))
+    return NeededCount(
+        max_count=64,
+        centre=np.array([4.0, 0.0, -1.0]),
+        low=np.array([3.0, -1.0, -3.0]),
+        high=np.array([8.0, 2.0, 0.0]),
+        holding=np.array([one, one + shift, one - shift]),
+        holding_spread=none,
+        growth=np.zeros((3, 4)),
+        growth_spread=none,
+        provenance={"runs": 1, "worlds": 1},
+    )
 
 
 def test_longer_ways_need_more_particles_and_are_the_reason():
@@ -30,7 +39,8 @@ def test_longer_ways_need_more_particles_and_are_the_reason():
         needed.append(found.needed)
         assert [reason.needed_if_usual for reason in found.reasons] == [needed[0], found.needed, found.needed]
         assert found.holds >= found.largest_holds - 0.1
-        assert found.interval[0] <= found.needed <= found.interval[1]
+        assert found.interval[0] <= found.needed <= found.start == found.interval[1]
+        assert found.chance == 1.0
     assert needed == sorted(needed)
     assert needed[0] == 1
     assert needed[-1] > 8
@@ -40,20 +50,24 @@ def test_what_the_experiment_did_not_cover_is_named():
     inside, outside = (suggest("x", EASY | {"odometry_deg_per_m": e}, model()) for e in (1.0, 30.0))
     assert inside.outside == ()
     assert outside.outside == ("heading error of the odometry over a metre: 30 deg, measured were 0.5 deg to 4 deg",)
-    assert sentences(outside)[1].startswith("Outside of what was measured, so this is an extrapolation: heading error")
+    assert sentences(outside)[0].startswith("Outside of what was measured, so this is an extrapolation: heading error")
     assert not any("Outside" in line for line in sentences(inside))
+    assert sentences(inside)[:2] == [
+        "x: start with 1 particle, enough in nearly all worlds like it.",
+        "The middle one of them needs 1, and 95 % of them need 1 to 1.",
+    ]
 
 
 def test_hopeless_drives_get_no_count():
     found = suggest("desert", EASY | {"longest_unknown_m": 4096.0}, model())
     assert found.needed is None
-    assert sentences(found)[0].startswith("desert: even with 64 particles most runs end lost")
+    assert sentences(found)[1].startswith("desert: even with 64 particles most runs end lost")
 
 
 def test_the_command_checks_the_suggestion_from_both_sides():
     found = suggest("office", EASY | {"longest_unknown_m": 256.0}, model())
     command = check_command("office", {"lidar": "lds01"}, found)
-    assert f"--particles {found.needed // 2},{found.needed},{found.interval[1]},64 --until decided" in command
+    assert f"--particles {found.needed // 2},{found.needed},{found.start},64 --until decided" in command
     assert command.endswith("--until decided --set lidar=lds01")
     assert check_command("office", {"route": "fixed"}, found).endswith("--until decided --route fixed")
 

@@ -31,7 +31,7 @@ def test_counts_lists_and_ranges_are_read(text, seeds):
         ("5:2", "5:2 holds no seed"),
         ("100000000", "100000000 seeds, expected 1 to 10000"),
         ("0:100000000", "more than 10000 seeds"),
-        ("9223372036854775808,", "one above 9223372036854775807"),
+        ("9223372036854775808,", "holds a seed above 9223372036854775807"),
         ("0:99999999999999999999", "expected a number of seeds"),
         ("9" * 5000 + ",", "expected a number of seeds"),
     ],

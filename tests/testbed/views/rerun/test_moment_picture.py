@@ -23,9 +23,9 @@ PINK = (220, 40, 140)
 
 def picture(run: Path, time: float) -> NDArray[np.int64]:
     """A moment as colours (rows, columns, 3)."""
-    draw = moments_of(run)
-    assert draw is not None
-    return np.asarray(Image.open(io.BytesIO(draw(time))).convert("RGB"), dtype=np.int64)
+    moments = moments_of(run)
+    assert moments is not None
+    return np.asarray(Image.open(io.BytesIO(moments.png(time))).convert("RGB"), dtype=np.int64)
 
 
 def test_the_map_grows_and_the_robot_moves(recorded: Recorded) -> None:

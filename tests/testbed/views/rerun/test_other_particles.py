@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from testbed.views.map_cells import UNKNOWN
-from testbed.views.rerun import entities
-from testbed.views.rerun.other_particles import _elsewhere, first_comparison, other_particles
+from testbed.views.rerun.other_particles import NAMES, _elsewhere, first_comparison, other_particles
 from testbed.views.rerun.recorded import GridImage, Recorded
 from tests.testbed.views.conftest import Recorded as Run
 
@@ -32,10 +31,13 @@ def test_walls_that_the_best_particle_has_not_seen_are_not_elsewhere() -> None:
     assert not _elsewhere(GridImage(other, np.zeros(3), 0.1), GridImage(best, np.zeros(3), 0.05)).any()
 
 
-def test_there_is_one_for_each_rank_but_the_best(recorded: Run) -> None:
+def test_each_rank_but_the_best_is_drawn_each_particle_once(recorded: Run) -> None:
     read = Recorded(recorded.path)
     found = other_particles(read, np.inf)
-    assert len(found) == len(entities.RANKS) - 1
+    drawn = [other.title.partition(": ")[2] for other in found]
+    names = ", ".join(other.title.partition(": ")[0] for other in found)
+    assert len(set(drawn)) == len(drawn)  # no particle is drawn twice
+    assert names.split(", ") == list(NAMES.values())
     assert all("weight" in other.title and other.elsewhere.shape == other.map.image.shape for other in found)
     assert other_particles(read, -1.0) == []
 
