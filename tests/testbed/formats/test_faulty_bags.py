@@ -178,6 +178,27 @@ def test_a_directory_without_metadata_is_read(tmp_path, messages, sound, kept):
     assert "no metadata.yaml: read bag.db3" in log.notes
 
 
+@pytest.mark.parametrize("fault", ["renamed", "empty", "no yaml"])
+def test_a_metadata_that_does_not_name_the_files(tmp_path, messages, sound, fault):
+    path = bag(tmp_path / "bag", messages)
+    if fault == "renamed":
+        (path / "bag.db3").rename(path / "other.db3")
+    else:
+        (path / "metadata.yaml").write_text("" if fault == "empty" else "rosbag2: [")
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert any("metadata.yaml does not name the files here: read " in note for note in log.notes)
+
+
+def test_a_file_that_is_there_twice_counts_once(tmp_path, messages, sound):
+    path = bag(tmp_path / "bag", messages)
+    (path / "metadata.yaml").unlink()
+    shutil.copy(path / "bag.db3", path / "bag_1.db3")
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert f"{len(sound.scan_rows)} scans are in the bag twice: one of each two is left out" in log.repairs
+
+
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.999])
 def test_an_mcap_file_without_its_end_is_read(tmp_path, source, share):
     content = (source / "drive.mcap").read_bytes()
@@ -341,3 +362,49 @@ def test_an_odometry_topic_without_messages_gives_way_to_tf(tmp_path, messages, 
             if topic != "/odom":
                 writer.write(connections[topic], time, STORE.serialize_cdr(message, message.__msgtype__))
     assert_like(open_log(path).table, sound)
+
+
+def test_angles_in_degrees_are_read_as_such(tmp_path, messages, sound):
+    def in_degrees(message, _):
+        names = ("angle_min", "angle_max", "angle_increment")
+        return replace(message, **{name: float(np.degrees(getattr(message, name))) for name in names})
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", in_degrees)))
+    np.testing.assert_allclose(log.table.patterns[0].angles, sound.patterns[0].angles, atol=1e-4)
+    assert any("the angles of the scans are in degrees (-180 to 179.55)" in note for note in log.repairs)
+    np.testing.assert_array_equal(log.table.ranges, sound.ranges)
+
+
+@pytest.mark.parametrize("topic", ["/scan", "/odom"])
+def test_stamps_in_whole_seconds_give_way_to_the_bags_time(tmp_path, messages, sound, topic):
+    def whole(message, _):
+        return replace(message, header=replace(message.header, stamp=TIME(message.header.stamp.sec, 0)))
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, topic, whole)))
+    assert_like(log.table, sound, atol=1e-6)
+    assert any("repeat the one before: the bag's own times are used" in note for note in log.repairs)
+
+
+def test_poses_that_are_sent_again_keep_their_stamps(tmp_path, messages, sound):
+    again = [(name, time + 1000 * k, m) for name, time, m in messages for k in range(3 if name == "/odom" else 1)]
+    log = open_log(bag(tmp_path / "bag", again))
+    assert_like(log.table, sound)
+    assert not any("own times" in note for note in log.notes)
+
+
+def test_odometry_without_a_child_frame(tmp_path, messages, sound):
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", lambda m, _: replace(m, child_frame_id=""))))
+    assert_like(log.table, sound)
+    assert "the odometry names no child_frame_id: taken to be that of base_link" in log.repairs
+
+
+def test_the_topic_that_ends_as_usual_is_chosen(tmp_path, messages, sound):
+    new = {"/scan": "/front/scan", "/odom": "/robot/odom"}
+    renamed = [(new.get(name, name), time, message) for name, time, message in messages]
+    others = [(f"/other{name}_filtered", time, message) for name, time, message in messages if name in new]
+    log = open_log(bag(tmp_path / "bag", [*renamed, *others]))
+    assert_like(log.table, sound)
+    assert "scans from /front/scan, odometry from /robot/odom" in log.notes
+    both = [(f"/b{name[6:]}" if name.startswith("/front") else name, t, m) for name, t, m in renamed if "scan" in name]
+    with pytest.raises(LogError, match=r"several topics with scans of one lidar, none is /scan: /b/scan, /front/scan"):
+        open_log(bag(tmp_path / "both", [*renamed, *both]))

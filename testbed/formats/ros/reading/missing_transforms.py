@@ -36,6 +36,10 @@ def complete_transforms(
         content.odometry = with_twists(one_clock(content, track.stamps, track))
         content.topics["odometry"] = f"/tf ({pair[0]} to {pair[1]})"
         robot = pair[1]
+    if not robot and (frames := content.transforms.robot_frames()):
+        robot = frames[0]
+        content.odometry = content.odometry._replace(child_frame=robot)
+        content.notes.append(f"the odometry names no child_frame_id: taken to be that of {robot}")
     if lidars and not all(content.transforms.leads(robot, lidar) for lidar in lidars):
         _find_mounts(content, robot, lidars)
 

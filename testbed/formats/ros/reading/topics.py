@@ -96,6 +96,16 @@ def _choose(path: Path, kind: str, topics: list[str], usual: str, reader: Any) -
     if not topics:
         there = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:8]) or "nothing"
         raise LogError(f"{path}: no topic of type {kind}; there is: {there}")
-    if len(topics) > 1 and usual not in topics:
+    chosen = usual_topic(topics, usual)
+    if chosen is None:
         raise LogError(f"{path}: several topics of type {kind} and none is {usual}: {', '.join(topics)}")
-    return usual if usual in topics else topics[0]
+    return chosen
+
+
+def usual_topic(topics: list[str], usual: str) -> str | None:
+    """The topic of that name, or the only one, or the only one that ends so, such as /front/scan; else None."""
+    ending = [topic for topic in topics if topic.endswith(usual)]
+    for candidates in ([topic for topic in topics if topic == usual], topics, ending):
+        if len(candidates) == 1:
+            return candidates[0]
+    return None
