@@ -78,6 +78,18 @@ def test_odometry_in_tf_only(tmp_path, messages, sound):
     assert np.median(speed, axis=0).max() < 0.05  # over the next 50 ms instead of the scan's time
 
 
+def test_transforms_of_the_robot_from_elsewhere_are_noted(tmp_path, messages, sound):
+    def lost(message, number):
+        (transform,) = message.transforms
+        parent = "map" if number in (40, 41) else transform.header.frame_id
+        return replace(message, transforms=[replace(transform, header=replace(transform.header, frame_id=parent))])
+
+    kept = [m for m in messages if m[0] != "/odom"]
+    log = open_log(bag(tmp_path / "bag", changed(kept, "/tf", lost)))
+    assert "2 transforms to base_link come from other frames than odom: left out" in log.repairs
+    assert log.scan_count == len(sound.scan_rows)
+
+
 def test_a_mount_in_tf(tmp_path, messages, sound):
     (static,) = [message for topic, _, message in messages if topic == "/tf_static"]
 

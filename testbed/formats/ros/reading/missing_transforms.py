@@ -34,6 +34,12 @@ def complete_transforms(
             raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and /tf has no transform from odom")
         track = _track_of(content.moving, pair)
         content.odometry = with_twists(one_clock(content, track.stamps, track))
+        if other := sum(
+            len(found)
+            for (parent, child), found in content.moving.stamps.items()
+            if child == pair[1] and parent != pair[0]
+        ):
+            content.notes.append(f"{other} transforms to {pair[1]} come from other frames than {pair[0]}: left out")
         content.topics["odometry"] = f"/tf ({pair[0]} to {pair[1]})"
         robot = pair[1]
     if not robot and (frames := content.transforms.robot_frames()):
