@@ -21,6 +21,9 @@ from eval.trajectory.trajectory import Trajectory
 from eval.wording import at_time, length, share
 from slam.se2 import between, compose, inverse
 
+TOUCH_S = 0.01
+"""Times with less between them are one [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Drive:
@@ -44,6 +47,8 @@ class Stretch:
     """When the pose left the truth."""
     moment: float
     """What to look at: the beginning, or where it was lost."""
+    spells: tuple[Spell, ...]
+    """The times of the recording's event log that it is made of, in their order."""
     end: float | None
     """When it was back for at least `eval.first_failure.HEAL_PATH` of driving; None = not by the end of the run."""
     worst: float
@@ -92,6 +97,14 @@ class WhileDriving:
         """The latest one."""
         return max(self.stretches, key=lambda stretch: stretch.start)
 
+    def times_in_words(self, stretch: Stretch, start: float) -> str:
+        """When the pose was off, since a start [s], as the event log has it: 81.7 to 181.1 s and 185.6 to 210.5 s."""
+        return " and ".join(
+            f"{at_time(spell.start - start).removesuffix(' s')} to "
+            f"{'the end' if spell.end is None else at_time(spell.end - start)}"
+            for spell in stretch.spells
+        )
+
     def part_in_words(self, stretch: Stretch) -> str:
         """What part of the evidence comes from a time."""
         return f"{share(stretch.share) if stretch.share > 0.0 else 'none'} {self.part_of}"
@@ -126,10 +139,10 @@ def judge_while_driving(outcome: str, drive: Drive) -> WhileDriving | None:
     total = float(weights.sum())
     lost = [spell.start for spell in spells(steps, "lost")] if outcome == "lost" else []
     parts = []
-    for spell in _joined(found, matched):
-        within = _within(matched.estimate.stamps, spell)
+    for together in _joined(found, matched):
+        within = _within(matched.estimate.stamps, Spell(together[0].start, together[-1].end))
         part = float(weights[within].sum()) / total if total > 0.0 else 0.0
-        parts.append(_stretch(spell, part, lost, drive))
+        parts.append(_stretch(together, part, lost, drive))
     parts.sort(key=lambda stretch: (stretch.share, stretch.metres), reverse=True)
     return WhileDriving(tuple(parts), evidence, part_of, rule, _behind(parts[0], drive))
 
@@ -181,17 +194,17 @@ def _errors_from_start(matched: Association) -> tuple[NDArray[np.float64], NDArr
     return np.hypot(miss[:, 0], miss[:, 1]), np.degrees(np.abs(miss[:, 2]))
 
 
-def _joined(found: list[Spell], matched: Association) -> list[Spell]:
-    """Spells in the order of time, those with little driving between joined."""
+def _joined(found: list[Spell], matched: Association) -> list[list[Spell]]:
+    """Spells in the order of time, those with little driving between together."""
     path, stamps = matched.reference.distance, matched.estimate.stamps
-    joined = found[:1]
+    joined = [found[:1]]
     for spell in found[1:]:
-        end = joined[-1].end
+        end = joined[-1][-1].end
         driven = 0.0 if end is None else float(np.diff(np.interp([end, spell.start], stamps, path))[0])
         if driven < HEAL_PATH:
-            joined[-1] = Spell(joined[-1].start, spell.end)
+            joined[-1].append(spell)
         else:
-            joined.append(spell)
+            joined.append([spell])
     return joined
 
 
@@ -216,13 +229,25 @@ def _behind(stretch: Stretch, drive: Drive) -> str:
     return ", and ".join(parts)
 
 
+def _merged(found: list[Spell]) -> tuple[Spell, ...]:
+    """Spells in the order of time, those that touch as one: a drift ends where a loss begins."""
+    merged = found[:1]
+    for spell in found[1:]:
+        if merged[-1].end is None or spell.start - merged[-1].end < TOUCH_S:
+            merged[-1] = Spell(merged[-1].start, spell.end)
+        else:
+            merged.append(spell)
+    return tuple(merged)
+
+
 def _within(stamps: NDArray[np.float64], spell: Spell) -> NDArray[np.bool_]:
     """Which stamps (n,) lie in a spell; at its end the pose is back."""
     return (stamps >= spell.start) & (stamps < (np.inf if spell.end is None else spell.end))
 
 
-def _stretch(spell: Spell, part: float, lost: list[float], drive: Drive) -> Stretch:
-    """Describe one of the times; lost: when losses began [s]."""
+def _stretch(together: list[Spell], part: float, lost: list[float], drive: Drive) -> Stretch:
+    """Describe one of the times, made of spells; lost: when losses began [s]."""
+    spell = Spell(together[0].start, together[-1].end)
     stamps, metres = drive.at_updates("stamp"), drive.at_updates("error_m")
     inside = np.where(_within(stamps, spell), metres, np.nan)
     worst = int(np.nanargmax(inside))
@@ -237,6 +262,7 @@ def _stretch(spell: Spell, part: float, lost: list[float], drive: Drive) -> Stre
     return Stretch(
         start=start,
         moment=moment,
+        spells=_merged([Spell(start, together[0].end), *together[1:]]),
         end=spell.end,
         worst=float(stamps[worst]),
         metres=float(metres[worst]),

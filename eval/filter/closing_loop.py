@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.filter.step_table import Columns, column, updates
+from eval.wording import at_time, length
 
+MIN_FALL_M = 0.01
+"""A loop has decided between the particles' histories where their spread falls by this much in it [m]."""
+MIN_JUMP_M = 0.03
+"""A smaller motion of the reported pose to another best particle is not named [m]."""
 CLOSING_S = 15.0
 """The particles settle on one history within about this time after the last scan that closes a loop [s]."""
 
@@ -33,7 +38,12 @@ class ClosingLoop:
     resamplings: int
     """In how many resamplings they died."""
     most_died: float | None
-    """Stamp of the resampling in which most of them died; None where none did."""
+    """Stamp of the first resampling in which most of them died; None where none did."""
+    most: int
+    """How many died at that one."""
+    jump: tuple[float, float] | None
+    """How far the reported pose moved at most because another particle became the best [m], and when; None where it did
+    not, or where that is unknown."""
     spread: float | None
     """Spread of the particles when it began [m]; None where that is unknown."""
     least_spread: tuple[float, float] | None
@@ -41,17 +51,27 @@ class ClosingLoop:
     errors: tuple[float, float] | None
     """Error of the pose while driving before the loop, and when it had its full length [m]; None without truth."""
     longer: float | None = None
-    """Length of the longest loop [m] where that is another one, in which no particle died; None = it is this one."""
+    """Length of the longest loop [m] where that is another one, which has decided nothing; None = it is this one."""
 
     @property
     def to_watch(self) -> float:
-        """Stamp at which to watch it: the resampling in which most particles died, else the scan that closed it."""
-        return self.stamp if self.most_died is None else self.most_died
+        """Stamp at which to watch it: the resampling in which most particles died, else where another one became the
+        best, else the scan that closed it."""
+        if self.most_died is not None:
+            return self.most_died
+        return self.stamp if self.jump is None else self.jump[1]
+
+    @property
+    def decided(self) -> bool:
+        """Whether it has decided between the particles' histories; where their spread is unknown, whether some died."""
+        if self.spread is None or self.least_spread is None:
+            return bool(self.died)
+        return self.spread - self.least_spread[0] >= MIN_FALL_M
 
 
 def largest_closing_loop(steps: Columns, until: float = np.inf) -> ClosingLoop | None:
-    """Return the longest loop in which particles died, of those that closed before a stamp [s]; where none died in any,
-    the longest. None where none closed, or in tables of older releases."""
+    """Return the longest loop that has decided between the particles' histories, of those that closed before a stamp
+    [s]; where none has, the longest. None where none closed, or in tables of older releases."""
     if "loop_length" not in steps:
         return None
     on = updates(steps)
@@ -63,7 +83,7 @@ def largest_closing_loop(steps: Columns, until: float = np.inf) -> ClosingLoop |
     breaks = np.flatnonzero(np.abs(np.diff(stamps[closing])) >= CLOSING_S) + 1
     loops = [_loop(steps, on, lengths, group) for group in np.split(closing, breaks)]
     longest = max(loops, key=lambda loop: loop.metres)
-    chosen = max((loop for loop in loops if loop.died), key=lambda loop: loop.metres, default=longest)
+    chosen = max((loop for loop in loops if loop.decided), key=lambda loop: loop.metres, default=longest)
     return chosen if chosen is longest else replace(chosen, longer=longest.metres)
 
 
@@ -87,6 +107,8 @@ def _loop(
         died=died,
         resamplings=resamplings,
         most_died=None if most is None else float(stamps[most]),
+        most=0 if most is None else int(column(steps, "particles_died")[on][most]),
+        jump=_jump(steps, on, rows),
         spread=spread,
         least_spread=None if least is None else (least[0], float(stamps[least[1]])),
         errors=_errors(steps, on, int(rows[0]), full),
@@ -99,6 +121,34 @@ def _deaths(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tu
         return None, 0, None
     died = column(steps, "particles_died")[on][rows]
     return int(died.sum()), int(np.count_nonzero(died)), int(rows[np.argmax(died)]) if died.any() else None
+
+
+def _jump(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tuple[float, float] | None:
+    """How far the reported pose moved at most at these rows because another particle became the best [m], and when."""
+    if "best_moved_m" not in steps:
+        return None
+    moved = np.nan_to_num(column(steps, "best_moved_m")[on][rows])
+    at = int(np.argmax(moved))
+    return (float(moved[at]), float(column(steps, "stamp")[on][rows[at]])) if moved[at] >= MIN_JUMP_M else None
+
+
+def deaths_in_words(loop: ClosingLoop, start: float) -> str:
+    """What the particles did in a loop, since a start [s]: those that died, at once or at several resamplings, or that
+    another one became the best; empty for a single particle, or where it is unknown."""
+    if loop.particles == 1 or loop.died is None:
+        return ""
+    if loop.most_died is None:
+        words = "no particle died"
+    else:
+        words = f"{loop.most} of {loop.particles} particles died at {at_time(loop.most_died - start)}"
+        if loop.resamplings > 1:
+            words += f" ({loop.died} in {loop.resamplings} resamplings)"
+    if loop.jump is not None and loop.most_died is None:
+        metres, stamp = loop.jump
+        words += (
+            f", and another became the best at {at_time(stamp - start)}: the reported pose moved by {length(metres)}"
+        )
+    return words
 
 
 def _spreads(

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from eval.files.run_reader import read_run
 from eval.filter.step_table import Columns, column, updates
 from eval.loss_watch import Spell, spells
 from eval.report.report_context import ReportContext
@@ -20,9 +22,16 @@ MAX_SPELLS = 6
 """More times are counted only."""
 
 
-def self_check_sentence(check: Mapping[str, Any]) -> str:
-    """Say what a run's own check found, from the group `self_check` of its metrics; places are in the map's frame."""
-    where = "" if check.get("place") is None else f"{_place(check['place'])} of the map's frame"
+def self_check_sentence(check: Mapping[str, Any], run: Path | None = None) -> str:
+    """Say what a run's own check found, from the group `self_check` of its metrics.
+
+    run: the directory of the run, for its places to be those of report and pictures; else they are the map's
+    """
+    where = ""
+    if check.get("place") is not None:
+        where = f"{_place(check['place'])} of the map's frame"
+        if run is not None:
+            where = _place(_shown_place(ReportContext.of(read_run(run)), check))
     return f"{check['verdict']}{_first_sign(check, where)}: {check['reason']}"
 
 
@@ -92,7 +101,7 @@ def _since(context: ReportContext, doubtful: float) -> str:
     stamp = check.get("stamp")
     if check.get("verdict") != "doubtful" or stamp is None or stamp > doubtful:
         return ""
-    return f", by scans from {at_time(stamp - context.start)} on"
+    return f" (the scans that made it so began at {at_time(stamp - context.start)})"
 
 
 def times_in_words(found: Sequence[Spell], start: float) -> str:

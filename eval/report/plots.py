@@ -29,6 +29,8 @@ WIDE = (5.6, 2.5)
 """Size of a plot [inch]; two stand side by side on a page, one fills a phone."""
 FAINT = 0.45
 """Strength of a map under a plot, 0 to 1."""
+MAX_LEGEND = 52
+"""Letters of the names of a legend that fit into one row above a plot."""
 MAX_POINTS = 1200
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -112,7 +114,9 @@ def over_time(
             ax.axvline(cursor, color=BAD, lw=1.0, ls=(0, (4, 2)), label="where it went wrong")
         ax.set(xlabel=axis, ylabel=label)
         ax.margins(x=0.01)
-        _legend(ax, columns=4 if len(ax.get_legend_handles_labels()[0]) <= 4 else 3)  # four long names do not fit
+        names = ax.get_legend_handles_labels()[1]
+        fits = len(names) <= 4 and sum(map(len, names)) <= MAX_LEGEND
+        _legend(ax, columns=4 if fits else 3 if len(names) > 4 else 2)
         return svg_uri(figure)
 
 
@@ -229,7 +233,8 @@ def scan_over_map(
                 zorder=7,
             )
             size = 12.0 if ring else 7.0
-            ax.plot(scan.pose[0], scan.pose[1], "o", ms=size, mfc="white", mec=scan.colour, mew=1.6, zorder=8)
+            robot = f"robot, {scan.label.rpartition(' the ')[2]}"
+            ax.plot(*scan.pose[:2], "o", ms=size, mfc="white", mec=scan.colour, mew=1.6, zorder=8, ls="", label=robot)
         ax.set_adjustable("box")  # the window is what to show, with a map and without
         ax.set_xlim(window[0], window[1])
         ax.set_ylim(window[2], window[3])

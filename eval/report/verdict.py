@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from eval.files.run_reader import RunFiles
-from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
+from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop
 from eval.loss_watch import spells
 from eval.mended import Mended, find_mended
 from eval.report.check_story import self_check_story
@@ -96,7 +96,9 @@ def verdict(run: RunFiles) -> Verdict:
     sentences = [
         _mended_sentence(mended),
         self_check_story(context),
-        _sentence(reason if mended is None or not reason else f"The final path: {reason}"),
+        _sentence(
+            _without_ate(reason, outcome) if mended is None else f"The final path: {_without_ate(reason, outcome)}"
+        ),
         _path_sentence(run),
         _relations_sentence(run),
         _map_sentence(run),
@@ -143,6 +145,11 @@ def _mended_sentence(mended: Mended | None) -> str:
     driving = mended.driving
     part = driving.part_in_words(driving.stretches[0])
     return f"{which}, {driving.evidence}. {part[0].upper()}{part[1:]} come from one time, which began {moment}"
+
+
+def _without_ate(reason: str, outcome: str) -> str:
+    """The reason of an outcome; that of a good run without the trajectory error, which has a sentence of its own."""
+    return reason.rpartition(", ATE")[0] or reason if outcome == "ok" else reason
 
 
 def _sentence(text: str) -> str:
@@ -256,12 +263,12 @@ def _loop(context: ReportContext) -> Loop:
     if loop.began < loop.stamp:
         times = f"old walls in view again from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
     before = " before the estimate was lost" if lost else ""
-    which = " in which particles died" if loop.longer is not None else ""
+    which = " that decided between the particles" if loop.longer is not None else ""
     text = (
         f"The largest loop closure{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
     )
     if loop.longer is not None:
-        text += f" A longer one, of {loop.longer:.0f} m, let all live."
+        text += f" A longer one, of {loop.longer:.0f} m, decided nothing: the spread fell by less than 1 cm."
     if loop.errors is not None:
         error_before, error_after = loop.errors
         text += (
@@ -279,12 +286,10 @@ def _particles_in(loop: ClosingLoop, start: float) -> str:
     """What the particles did in a loop, as a sentence; empty where it is unknown."""
     if loop.particles == 1:
         return " With a single particle there is no choice between histories."
-    if loop.died is None:
+    words = deaths_in_words(loop, start)
+    if not words:
         return ""
-    if loop.most_died is None:
-        return " No particle died in it."
-    when = "at" if loop.resamplings == 1 else "most at"
-    text = f" {loop.died} of {loop.particles} particles died ({when} {at_time(loop.most_died - start)})"
+    text = f" {words[0].upper()}{words[1:]}"
     if loop.spread is not None and loop.least_spread is not None:
         least, stamp = loop.least_spread
         text += f", and their spread went from {length(loop.spread)} to {length(least)} (at {at_time(stamp - start)})"

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
-
-import numpy as np
 
 from slam.gmapping import GMapping
 from slam.localization import Localization
@@ -43,7 +42,7 @@ def take_snapshot(
 def _proposal(report: StepReport) -> Proposal | None:
     """Return how the best particle's new pose was found; None where no samples were drawn."""
     proposed, best = report.proposed, report.best
-    if proposed is None or np.isnan(proposed.samples[best]).any():
+    if proposed is None or math.isnan(proposed.samples[best, 0, 0]):  # all of a particle's samples are drawn, or none
         return None
     return Proposal(
         samples=proposed.samples[best],

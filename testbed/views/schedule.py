@@ -58,8 +58,8 @@ class Schedule:
         self._map, self._map_at = stamp, travelled
 
     def comparison_due(self, stamp: float, at_once: bool) -> bool:
-        """Whether particles are to be compared, at an update: at resamplings and loop closures (`at_once`), and now
-        and then."""
+        """Whether particles are to be compared, at an update: at resamplings, loop closures and jumps to another best
+        particle (`at_once`), and now and then."""
         self._updates += 1
         elapsed = abs(stamp - self._comparison)
         sparse = not math.isinf(elapsed) and elapsed > self._updates

@@ -85,6 +85,10 @@ def announce_world(world: World) -> None:
 
 FINAL_PASS_SHARE = 0.25
 """The final pass takes about this share of the time that the drive before it took (office, Intel)."""
+FINAL_PASS_SCAN_S = 0.0017
+"""… and at least so long for each scan [s] (maze with five particles)."""
+EXPECTED_S = {"scoring": 4.0, "report": 12.0}
+"""What comes after it takes about so long on two free cores [s]."""
 REPORT_PERIOD = 10.0
 """Time between two lines where stderr is no terminal [s]: short jobs print none."""
 
@@ -102,14 +106,12 @@ class Overdue:
         self._thread.start()
 
     def _wait(self) -> None:
-        waiting = self._expected + max(self._expected, self._every)
+        waiting, why = self._expected + max(self._expected, self._every), "; a busy machine takes several times as long"
         while not self._ended.wait(waiting):
             seconds = time.perf_counter() - self._started
-            self._say(
-                f"{self._stage}: taking longer than expected, {seconds:.0f} s so far (expected about "
-                f"{self._expected:.0f} s; a busy machine takes several times as long)"
-            )
-            waiting = self._every
+            expected = f"expected about {self._expected:.0f} s{why}"
+            self._say(f"{self._stage}: taking longer than expected, {seconds:.0f} s so far ({expected})")
+            waiting, why = max(self._every, 0.5 * seconds), ""
 
     def stop(self) -> None:
         """Say nothing more."""
@@ -129,13 +131,17 @@ class ProgressLine:
         self._started = self._reported = time.perf_counter()
         self._first_stamp: float | None = None
         self._said = False  # whether a line was printed: short jobs print none
+        self._scans = 0
         self._overdue: Overdue | None = None
 
     def stage(self, text: str) -> None:
         """Show that a new stage of the job begins."""
         self.stop()
+        expected = EXPECTED_S.get(text)
         if text == "final pass" and self._first_stamp is not None:
             expected = FINAL_PASS_SHARE * (time.perf_counter() - self._started)
+            expected = max(expected, FINAL_PASS_SCAN_S * self._scans)
+        if expected is not None:
             self._overdue = Overdue(text, expected, self._say_overdue)
             text += f", about {expected:.0f} s"
         self._progress.remove_task(self._task)  # a task of unknown length cannot be made of one whose length is known
@@ -159,6 +165,7 @@ class ProgressLine:
         """Show that one scan is done, see `RunProgress.step`."""
         if self._first_stamp is None:
             self._first_stamp, self._started = stamp, time.perf_counter()
+        self._scans += 1
         seconds = stamp - self._first_stamp
         factor = seconds / max(time.perf_counter() - self._started, 1e-9)
         status = f"{seconds:7.1f} s of the drive  {factor:5.1f} x real time"

@@ -15,7 +15,7 @@ from rich.table import Table
 from eval.files.failure_json import read_failure
 from eval.files.run_reader import read_steps
 from eval.files.tum import read_tum
-from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
+from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop
 from eval.filter.step_table import column
 from eval.first_failure import Failure
 from eval.loss_watch import spells
@@ -77,7 +77,7 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         table.add_row("largest loop closure", _loop_in_words(*loop))
     if _value(metrics, "self_check.verdict") is not None:
         # its time is that of what the filter saw itself, not the moment of the loss
-        table.add_row("self-check, without truth", self_check_sentence(metrics["self_check"]))
+        table.add_row("self-check, without truth", self_check_sentence(metrics["self_check"], run))
     for words, error in _trajectory_errors(metrics):
         table.add_row(words, f"{error:.3f} m")
     for keys, words, number_format in HEADLINES:
@@ -128,7 +128,7 @@ def _mended_rows(mended: Mended) -> Iterator[tuple[str, str]]:
         cause = stretch.cause.split(":", maxsplit=1)[0]
         yield (
             "also off the truth",
-            f"from {at_time(stretch.start - start)} on, {driving.back_in_words(stretch, start)}, "
+            f"from {driving.times_in_words(stretch, start)}, "
             f"{driving.largest_in_words(stretch, start)}: {cause}; {driving.part_in_words(stretch)}",
         )
     if len(others) > MAX_STRETCHES:
@@ -152,14 +152,12 @@ def _largest_loop(run: Path | None) -> tuple[ClosingLoop, float] | None:
 
 
 def _loop_in_words(loop: ClosingLoop, start: float) -> str:
-    deaths = "; no particle died" if loop.died == 0 and loop.particles > 1 else ""
-    if loop.died and loop.most_died is not None:
-        most = "" if loop.resamplings == 1 else "most "
-        deaths = f"; {loop.died} of {loop.particles} particles died, {most}at {at_time(loop.most_died - start)}"
+    deaths = deaths_in_words(loop, start)
+    deaths = f"; {deaths}" if deaths else ""
     times = f"at {at_time(loop.stamp - start)}"
     if loop.began < loop.stamp:
         times = f"from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
-    longer = "" if loop.longer is None else f" (a longer one, {loop.longer:.0f} m, let all live)"
+    longer = "" if loop.longer is None else f" (a longer one, {loop.longer:.0f} m, decided nothing)"
     return f"{loop.metres:.0f} m of driving, old walls in view again {times}{deaths}{longer}"
 
 

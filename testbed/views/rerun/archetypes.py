@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -32,15 +33,25 @@ def grid_map(grid: OccupancyGrid) -> rr.GridMap:
     )
 
 
-def square_frame(index: Index, cell: float) -> rr.GridMap:
+def square_frame(index: Index, cell: float) -> list[rr.DescribedComponentBatch]:
     """Everything but the image of a square of a map, whose cells measure `cell` [m]."""
     side = SQUARE * cell
-    return rr.GridMap.from_fields(
+    shared, translation = _frame_of_squares(cell)
+    place = rr.components.Translation3DBatch([[index[0] * side, index[1] * side, 0.0]])
+    return [*shared, rr.DescribedComponentBatch(place, translation)]
+
+
+@cache
+def _frame_of_squares(cell: float) -> tuple[list[rr.DescribedComponentBatch], rr.ComponentDescriptor]:
+    """What all squares have in common, and how Rerun describes their places: making it anew takes 0.5 ms a square."""
+    frame = rr.GridMap.from_fields(
         format=_image_format(SQUARE, SQUARE),
         cell_size=cell,
-        translation=(index[0] * side, index[1] * side, 0.0),
+        translation=(0.0, 0.0, 0.0),
         colormap=rr.components.Colormap.Grayscale,
-    )
+    ).as_component_batches()
+    places = [batch for batch in frame if batch.component_descriptor().component == "GridMap:translation"]
+    return [batch for batch in frame if batch not in places], places[0].component_descriptor()
 
 
 def _image_format(rows: int, columns: int) -> rr.components.ImageFormat:
@@ -68,6 +79,14 @@ def strips(lines: Sequence[NDArray[Any]], z: float) -> Any:
     kind = rr.components.LineStrip3DBatch._ARROW_DATATYPE
     flat = drawing.lifted(np.concatenate([np.zeros((0, 2)), *lines]), z).reshape(-1)
     offsets = np.cumsum([0, *(len(points) for points in lines)], dtype=np.int32)
+    return pa.ListArray.from_arrays(offsets, pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type), type=kind)
+
+
+def straight_strips(ends: NDArray[np.float64], z: float) -> Any:
+    """Straight lines (n, 2, 2) at height z [m], as `strips` gives lines."""
+    kind = rr.components.LineStrip3DBatch._ARROW_DATATYPE
+    flat = drawing.lifted(ends.reshape(-1, 2), z).reshape(-1)
+    offsets = np.arange(0, 2 * len(ends) + 1, 2, dtype=np.int32)
     return pa.ListArray.from_arrays(offsets, pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type), type=kind)
 
 

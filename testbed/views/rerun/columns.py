@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.se2 import Pose
 from testbed.views.rerun import drawing, entities
-from testbed.views.rerun.archetypes import image_buffers, strips
+from testbed.views.rerun.archetypes import image_buffers, straight_strips, strips
 from testbed.views.rerun.scene.styles import Z_TOP
 
 Values = tuple[Any, ...]
@@ -90,6 +90,12 @@ def lines(z: float, rows: Sequence[Values]) -> rr.ComponentColumnList:
     return rr.LineStrips3D.columns(strips=strips(all_strips, z)).partition([len(row) for row in rows])
 
 
+def pairs(z: float, rows: Sequence[Values]) -> rr.ComponentColumnList:
+    """Rows (pose (3,), pose (3,)), of one straight line each at a height [m]."""
+    ends = np.array(rows, np.float64)[:, :, :2]
+    return rr.LineStrips3D.columns(strips=straight_strips(ends, z))
+
+
 def ellipses(rows: Sequence[Values]) -> rr.ComponentColumnList:
     """Rows (pose (3,), covariance (3, 3)): the ellipses that hold 95 % of the positions."""
     centres = drawing.lifted(np.array([row[0] for row in rows]), Z_TOP)
@@ -121,8 +127,11 @@ def _lengths(rows: Sequence[Values]) -> list[int]:
 
 def _colours(rows: Sequence[Values]) -> NDArray[np.uint8]:
     """Colours (n, 3) by the second value of the rows, weights (n,); each row has its own heaviest."""
-    shares = [row[1] / row[1].max() if len(row[1]) else row[1] for row in rows]
-    return drawing.weight_colours(np.concatenate(shares))
+    weights, lengths = np.concatenate([row[1] for row in rows]), np.array(_lengths(rows))
+    starts = np.cumsum(lengths) - lengths
+    held = lengths > 0
+    heaviest = np.maximum.reduceat(weights, starts[held]) if held.any() else weights
+    return drawing.weight_colours(weights / np.repeat(heaviest, lengths[held]))
 
 
 @dataclass(eq=False)
@@ -255,6 +264,12 @@ class Columns:
             return times, rows
         order = sorted(range(len(times)), key=lambda row: times[row][1])
         return [times[row] for row in order], [rows[row] for row in order]
+
+
+@cache
+def pair_columns(z: float) -> Build:
+    """Columns of straight lines between two poses, at a height [m]."""
+    return partial(pairs, z)
 
 
 @cache

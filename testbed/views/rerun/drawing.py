@@ -52,7 +52,7 @@ def extent_of(grid: OccupancyGrid, T_world_map: ArrayLike) -> Extent:
 
 def thinned_hits(scan: Scan, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Ranges (n,) [m], angles (n,) [rad] and mount (3,) of the hits; every k-th one, so that n <= most."""
-    hit = np.flatnonzero(scan.hit)
+    (hit,) = scan.hit.nonzero()
     hit = hit[:: max(1, -(-len(hit) // most))]
     return scan.ranges[hit], scan.angles[hit], np.asarray(scan.mount)
 

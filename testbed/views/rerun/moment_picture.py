@@ -64,6 +64,7 @@ POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
 """Of several events at one time the one of the highest level is printed, a change of the best particle last."""
 OWN_COVARIANCE = "95 % by the filter's own covariance, around the best"
+BEST = "best particle: largest weight of its whole history"
 TRUTH_THEN = "truth at the update of the particles"
 RECENT_EVENT_S = 20.0
 """The last event is printed for this long [s]."""
@@ -342,12 +343,10 @@ class MomentPictures:
         self._draw_world(axes, time, robot, reach)
         spread = self._recorded.latest(entities.COVARIANCE, time)
         if spread is not None:
-            _ellipse(
-                axes,
-                _moved(T, ellipse(spread)),
-                styles.COVARIANCE,
-                OWN_COVARIANCE,
-            )
+            own = _moved(T, ellipse(spread))  # about the best particle
+            _ellipse(axes, own, styles.COVARIANCE, OWN_COVARIANCE)
+            if len(origins) > 1:
+                axes.plot(*own.centre, "o", ms=9.0, mfc="none", mec="black", mew=1.4, ls="", zorder=8, label=BEST)
             then = self._recorded.latest(entities.TRUE_ROBOT, spread[TIME])
             if then is not None:
                 axes.plot(

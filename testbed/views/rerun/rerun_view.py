@@ -2,10 +2,10 @@
 """The recording of a run: every snapshot becomes entities of a Rerun file, which live viewers follow.
 
 Poses, scan and plots are logged at most ten times a second; particles at every scan that the filter took in; map,
-paths and the tree of histories before they become older than a second or half a metre, after each resampling and
-loop closure, and at the end; the comparison of particles every ten seconds (`schedule`). Map and paths go in pieces of
-which only those that have changed are sent (`layers`). What that costs is measured in docs/views.md. Stored poses are
-float32: the files of the run directory are the source of truth.
+paths and the tree of histories before they become older than a second or half a metre, after each resampling, loop
+closure and change of the best particle, and at the end; the comparison of particles every ten seconds (`schedule`). Map
+and paths go in pieces of which only those that have changed are sent (`layers`). What that costs is measured in
+docs/views.md. Stored poses are float32: the files of the run directory are the source of truth.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from testbed.views.live.viewers import LiveViewer, start_viewers
 from testbed.views.rerun import columns, drawing, entities
 from testbed.views.rerun.archetypes import grid_map, lines, pose_transform, square_frame
 from testbed.views.rerun.blueprints import blueprint
-from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns
+from testbed.views.rerun.columns import Columns, ErrorColumns, arrow_columns, line_columns, pair_columns
 from testbed.views.rerun.layers import comparison
 from testbed.views.rerun.layers.events import EventWatch, final_lines
 from testbed.views.rerun.layers.loop_watch import LoopWatch
@@ -78,6 +78,8 @@ class RerunView:
         self._travelled = 0.0
         self._timed = False  # whether the recording stream has the time of the last snapshot
         self._pending = False  # whether the filter has changed since map and paths were logged
+        self._drawn_best = -1  # the particle whose map was logged
+        self._jumped = False  # whether another particle became the best at the last update, and the estimate moved
         self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
         self._errors: list[ErrorColumns] = []  # of the position, of the heading
@@ -108,7 +110,7 @@ class RerunView:
         self._rec.send_recording_name(scene.title)
         self._columns = Columns(self._rec)
         self._arrows = arrow_columns(ARROW * scene.robot_radius)
-        self._newest = {entity: line_columns(z) for entity, (_, _, z) in styles.PATHS.items()}
+        self._newest = {entity: (f"{entity}/newest", pair_columns(z)) for entity, (_, _, z) in styles.PATHS.items()}
         styles.log_scene(self._rec, scene)
         self._viewers: list[LiveViewer] = start_viewers(recording, run, self._scenery(None), options)
 
@@ -129,8 +131,9 @@ class RerunView:
             self._add_frame(snapshot)
         died = 0 if step is None else self._add_update(snapshot, step)
         self._log_events(snapshot, died)
-        at_once = step is not None and (step.resampled or step.loop_closed)
-        if self._pending and (at_once or self._schedule.map_due(snapshot.stamp, self._travelled, next_step)):
+        at_once = step is not None and (step.resampled or step.loop_closed or self._jumped)
+        another = snapshot.cells is not None and snapshot.best != self._drawn_best  # no map but that of the pose
+        if self._pending and (at_once or another or self._schedule.map_due(snapshot.stamp, self._travelled, next_step)):
             self._add_map_and_paths(snapshot)
         if frame_due:
             self._add_newest(snapshot)
@@ -301,8 +304,8 @@ class RerunView:
             poses[entities.TRUE_PATH] = snapshot.truth
         for entity, pose in poses.items():
             if entity in self._ends:
-                line = np.array([self._ends[entity], pose])
-                self._columns.add(f"{entity}/newest", line, build=self._newest[entity])
+                name, build = self._newest[entity]
+                self._columns.add(name, self._ends[entity], pose, build=build)
 
     def _log_events(self, snapshot: Snapshot, died: int) -> None:
         step, loops = snapshot.step, []
@@ -319,7 +322,7 @@ class RerunView:
 
     def _add_update(self, snapshot: Snapshot, step: StepReport) -> int:
         """Add what the filter did; returns how many particles died."""
-        self._pending = True
+        self._pending, self._jumped = True, False
         self._add_filter(step)
         self._add_particles(snapshot)
         for entity, pose in ((entities.TRUE_PATH, snapshot.truth), (entities.ODOMETRY_PATH, snapshot.odometry)):
@@ -345,6 +348,7 @@ class RerunView:
         moved = moved_by_another_best(before.best, step)
         if not moved > MIN_JUMP_M:
             return
+        self._jumped = True
         self._columns.add_event(f"{entities.ANOTHER_BEST_EVENT}: the reported pose moved by {length(moved)}", "INFO")
         if snapshot.truth is not None:
             row = snapshot.truth, snapshot.estimate, snapshot.odometry
@@ -390,7 +394,9 @@ class RerunView:
             return 0
         self._updates_in_tree += 1
         proposed = snapshot.poses if step.proposed is None else step.proposed.pose
-        branches = self._tree.add(proposed, snapshot.poses)
+        branches = self._tree.add(
+            proposed, snapshot.poses, resampled=step.resampled or snapshot.localization is not None
+        )
         if branches is None:
             return 0
         if branches.shape[1] > 1:
@@ -403,7 +409,7 @@ class RerunView:
     def _add_map_and_paths(self, snapshot: Snapshot, everything: bool = False) -> None:
         """Add what has changed of the best map and of all paths, and the tree of the particles' histories."""
         self._schedule.map_was_logged(snapshot.stamp, self._travelled)
-        self._pending = False
+        self._pending, self._drawn_best = False, snapshot.best
         if snapshot.path is not None:
             if everything or self._since is None:
                 self._add_path(entities.PATH, self._path.changes(snapshot.path(None)))
@@ -421,7 +427,8 @@ class RerunView:
             self._updates_in_tree = 0
             self._columns.add(entities.PARTICLE_PATHS, *self._tree.strips(), build=line_columns(Z_FAN))
         if snapshot.cells is not None:
-            self._add_squares(entities.MAP, self._tiles, snapshot, snapshot.best, everything)
+            exact = everything or self._jumped  # no wall of another particle may stay
+            self._add_squares(entities.MAP, self._tiles, snapshot, snapshot.best, exact)
         elif snapshot.map is not None:
             self._log_whole_map(snapshot.map(None))
 

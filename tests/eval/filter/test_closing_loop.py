@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eval.filter.closing_loop import largest_closing_loop
+from eval.filter.closing_loop import deaths_in_words, largest_closing_loop
 
 
 def steps(loops: dict[int, float], died: dict[int, int], particles: int = 10) -> dict[str, np.ndarray]:
@@ -39,20 +39,42 @@ def test_a_loop_goes_from_its_first_scan_until_the_particles_have_settled() -> N
 
 
 def test_scans_that_close_a_loop_much_later_are_another_one() -> None:
-    loop = largest_closing_loop(steps({40: 60.0, 54: 30.0, 69: 30.0}, {68: 3}))
+    loop = largest_closing_loop(steps({40: 60.0, 54: 30.0, 69: 30.0}, {68: 3, 70: 5}))
     assert loop is not None
     assert (loop.began, loop.end, loop.died, loop.most_died) == (1040.0, 1068.0, 3, 1068.0)
 
 
-def test_a_loop_in_which_particles_died_comes_before_a_longer_one() -> None:
-    table = {40: 60.0, 70: 30.0, 90: 20.0}
-    loop = largest_closing_loop(steps(table, {72: 3, 91: 5}))
+def with_spread(fall: dict[int, float]) -> dict[str, np.ndarray]:
+    """Loops of 60, 30 and 20 m at 40, 70 and 90 s; the spread is 5 cm, and in the loops at these times less by so much
+    [m]. The best particle changes at 71 s, and the pose moves by 28 cm."""
+    table = steps({40: 60.0, 70: 30.0, 90: 20.0}, {42: 3})
+    spread, moved = np.full(200, 0.05), np.zeros(200)
+    for second, less in fall.items():
+        spread[2 * second + 4 : 2 * second + 20] -= less
+    moved[[2 * 71, 2 * 95]] = 0.28, 0.02
+    return table | {"spread_m": spread, "best_moved_m": moved}
+
+
+def test_a_loop_that_decides_comes_before_a_longer_one() -> None:
+    loop = largest_closing_loop(with_spread({40: 0.009, 70: 0.011, 90: 0.04}))
     assert loop is not None
-    assert (loop.metres, loop.died, loop.longer) == (30.0, 3, 60.0)
-    for died in ({}, {40: 1, 91: 5}):  # none died in any; some died in the longest
-        loop = largest_closing_loop(steps(table, died))
+    assert (loop.metres, loop.died, loop.longer) == (30.0, 0, 60.0)
+    assert loop.jump == (0.28, 1071.0)
+    assert loop.to_watch == 1071.0
+    assert deaths_in_words(loop, 1000.0) == (
+        "no particle died, and another became the best at 71.0 s: the reported pose moved by 28\N{NO-BREAK SPACE}cm"
+    )
+    for fall in ({}, {40: 0.02, 90: 0.04}):  # none decides; the longest does
+        loop = largest_closing_loop(with_spread(fall))
         assert loop is not None
-        assert (loop.metres, loop.longer) == (60.0, None)
+        assert (loop.metres, loop.longer, loop.jump) == (60.0, None, None)
+        assert deaths_in_words(loop, 1000.0) == "3 of 10 particles died at 42.0 s"
+
+
+def test_deaths_of_several_resamplings_are_no_deaths_of_one() -> None:
+    loop = largest_closing_loop(steps({40: 60.0}, {41: 2, 50: 2}))
+    assert loop is not None
+    assert deaths_in_words(loop, 1000.0) == "2 of 10 particles died at 41.0 s (4 in 2 resamplings)"
 
 
 def test_without_loops_or_with_an_old_table_there_is_none() -> None:

@@ -55,8 +55,9 @@ def test_the_largest_loop_closure_is_said_with_what_the_particles_did(tmp_path):
     spread[390:420], spread[[120, 410]] = 0.02, (0.001, 0.016)
     loop = verdict(with_steps(run, loop_length=lengths, particles_died=died, spread_m=spread)).loop
     assert loop.sentence.startswith(
-        "The largest loop closure: 64 m of driving, old walls in view again from 30.0 s to 35.0 s. 13 of "
-        "30 particles died (most at 32.0 s), and their spread went from 5.0\u00a0cm to 1.6\u00a0cm (at 41.0 s)."
+        "The largest loop closure: 64 m of driving, old walls in view again from 30.0 s to 35.0 s. 11 of "
+        "30 particles died at 32.0 s (13 in 2 resamplings), and their spread went from 5.0\u00a0cm to 1.6\u00a0cm (at "
+        "41.0 s)."
     )
     assert loop.time == pytest.approx(32.0)
 
@@ -181,7 +182,7 @@ def test_a_doubt_has_the_time_of_its_first_sign_too(tmp_path):
     verdicts = np.zeros(n)
     verdicts[260:280] = 1.0
     for verdict_of_drive, words in (
-        ("doubtful", "it was doubtful from 26.0 s on, by scans from 25.1 s on."),
+        ("doubtful", "it was doubtful from 26.0 s on (the scans that made it so began at 25.1 s)."),
         ("lost", "it was doubtful from 26.0 s on."),
     ):
         driving = {"verdict": verdict_of_drive, "reason": "because", "stamp": start + 25.07, "time_s": 25.07}

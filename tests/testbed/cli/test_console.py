@@ -37,7 +37,7 @@ def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys,
         assert len(lines) == expected
     assert lines[1].startswith("25% done, about 0 s left: 30.0 s of the drive ")
     assert lines[1].endswith(" x real time position error 0.012 m")
-    assert lines[2:] == ["final pass, about 0 s …", "scoring …"]
+    assert lines[2:] == ["final pass, about 0 s …", "scoring, about 4 s …"]
 
 
 def test_a_stage_that_takes_longer_says_so_until_it_ends():

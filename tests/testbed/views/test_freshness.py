@@ -25,6 +25,8 @@ from testbed.presets import load_lidar
 from testbed.run.snapshot import take_snapshot
 from testbed.simulation import DriverConfig, SimulationConfig, simulate
 from testbed.views import Snapshot, open_view
+from testbed.views.another_best import MIN_JUMP_M
+from testbed.views.another_best import moved_by_another_best as moved_by
 from testbed.views.map_cells import grey_levels
 from testbed.views.rerun import entities, rerun_view
 from testbed.views.rerun.layers.comparison import COARSE, most_different
@@ -202,6 +204,31 @@ def test_the_map_is_new_after_each_resampling_and_loop_closure(tmp_path: Path) -
     for stamp, grid in events:
         held, seen = kinds(grid), shown.at(stamp, grid)
         assert np.mean(seen[held != UNSEEN] == held[held != UNSEEN]) >= 0.99
+
+
+def test_the_map_is_that_of_the_particle_that_has_become_the_best(tmp_path: Path) -> None:
+    """Particles that disagree: the scans of a robot whose wheels slip."""
+    path, changes, before = tmp_path / "recording.rrd", [], None
+    with open_view(path, replace(scene(), true_map=None, T_world_map=np.zeros(3))) as view:
+        for snapshot in snapshots(40.0, particles=6):
+            view.show(snapshot)
+            step = snapshot.step
+            assert step is not None
+            if not step.updated:
+                continue
+            plain = not step.resampled and not step.loop_closed  # else the map is new anyway
+            if before is not None and before != snapshot.best and plain:
+                assert snapshot.map is not None
+                assert snapshot.path is not None
+                changes.append((snapshot.stamp, snapshot.map(None), snapshot.path(None), moved_by(before, step)))
+            before = snapshot.best
+    assert len(changes) > 3
+    shown, paths = ShownMap(path), ShownPath(path)
+    for stamp, grid, held_path, moved in changes:
+        held, seen = kinds(grid), shown.at(stamp, grid)
+        share = np.mean(seen[held != UNSEEN] == held[held != UNSEEN])
+        assert share == 1.0 if moved > MIN_JUMP_M else share >= 0.99
+        np.testing.assert_array_equal(paths.at(stamp), held_path[:, :2].astype(np.float32))
 
 
 def test_compared_particles_have_their_own_maps(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def look(table, tiles, grey, touched, since, offset, coarse, looks):
     side = SIDE // coarse
     pixels = looks.images.shape[2]
     small = pixels // side
-    now = np.empty(side, np.uint8)
+    now = np.empty(side * side, np.uint8)
     for r in range(rows):
         for c in range(columns):
             at_row, at_column = r + offset[0], c + offset[1]
@@ -69,22 +69,25 @@ def look(table, tiles, grey, touched, since, offset, coarse, looks):
                 continue
             looks.number[at_row, at_column] = table[r, c]
             tile = tiles[table[r, c]]
+            if coarse > 1:  # all at once, which takes half as long as row by row
+                for row in range(side):
+                    for column in range(side):
+                        now[row * side + column] = pixel_of(tile, grey, (row * SIDE + column) * coarse, coarse)
             image = looks.images[at_row // small, at_column // small]
             bottom, left = pixels - 1 - at_row % small * side, at_column % small * side
             differ, of_other_kind, seen = 0, 0, 0
             for row in range(side):
-                line = image[bottom - row, left : left + side]
+                line, fresh = image[bottom - row, left : left + side], now[row * side : (row + 1) * side]
+                if coarse == 1:
+                    for column in range(side):
+                        fresh[column] = grey[tile[row * SIDE + column]]
                 other = 0
                 for column in range(side):
-                    if coarse == 1:
-                        now[column] = grey[tile[row * SIDE + column]]
-                    else:
-                        now[column] = pixel_of(tile, grey, (row * SIDE + column) * coarse, coarse)
-                    other |= now[column] ^ line[column]
+                    other |= fresh[column] ^ line[column]
                 if other == 0:  # most rows look as before
                     continue
                 for column in range(side):
-                    level, before = now[column], line[column]
+                    level, before = fresh[column], line[column]
                     line[column] = level
                     differ += level != before
                     seen += np.int64(level != UNKNOWN) - np.int64(before != UNKNOWN)

@@ -97,10 +97,13 @@ class LoopWatch:
         if loop.spread is None or loop.least is None:
             return [LoopLine("INFO", f"{text}: a single particle cannot correct it")]
         most, at = loop.most_died
-        when = f" ({'' if most == loop.died else 'most '}at {at_time(at)})" if most else ""
+        deaths = f"{count_of(loop.died)} died"
+        if most:
+            deaths = f"{count_of(most)} died at {at_time(at)}"
+            deaths += f" ({loop.died} in all)" if loop.died > most else ""
         least, least_at = loop.least
         spread = f"the spread went from {100 * loop.spread:.1f} to {100 * least:.1f} cm (at {at_time(least_at)})"
-        return [LoopLine("INFO", f"{text}: {count_of(loop.died)} died{when}, {spread}")]
+        return [LoopLine("INFO", f"{text}: {deaths}, {spread}")]
 
 
 def count_of(particles: int) -> str:

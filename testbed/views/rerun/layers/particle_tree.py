@@ -40,10 +40,11 @@ class ParticleTree:
         self._trunk: list[NDArray[np.float64]] = []  # positions (n, 2) of the past that all particles share
         self._epochs = [_Epoch()]
 
-    def add(self, proposed: Pose, poses: Pose) -> NDArray[np.float64] | None:
+    def add(self, proposed: Pose, poses: Pose, *, resampled: bool = True) -> NDArray[np.float64] | None:
         """Take in one update.
 
-        proposed (n, 3): poses of the particles before resampling;  poses (m, 3): after it, copies of them
+        proposed (n, 3): poses of the particles before resampling;  poses (m, 3): after it, copies of them;  resampled:
+        whether they may have been; else both are the same
 
         Returns, where they were resampled, the branches (dead, updates, 2) of the particles that died, as far back as
         the resampling before; None where they were not.
@@ -52,7 +53,7 @@ class ParticleTree:
             self._start()
         epoch = self._epochs[-1]
         epoch.poses.append(proposed[:, :2].copy())
-        if len(proposed) == len(poses) and (proposed == poses).all():
+        if not resampled or (len(proposed) == len(poses) and (proposed == poses).all()):
             return None
         parents = _parents(proposed, poses)
         if parents is None:  # the particles are elsewhere now

@@ -122,7 +122,8 @@ def test_the_largest_loop_of_a_good_run_is_to_be_watched(tmp_path: Path) -> None
     assert metrics["outcome"] == "ok"
     row = next(line for line in printed(metrics, run).splitlines() if line.startswith("largest loop closure"))
     assert row.split("closure")[1].strip() == (
-        "57 m of driving, old walls in view again from 30.0 s to 34.0 s; 13 of 30 particles died, most at 32.0 s"
+        "57 m of driving, old walls in view again from 30.0 s to 34.0 s; 11 of 30 particles died at 32.0 s (13 in 2 "
+        "resamplings)"
     )
     assert (
         watch_command(metrics, run)

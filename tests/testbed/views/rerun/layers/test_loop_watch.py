@@ -40,7 +40,7 @@ def test_a_loop_is_said_at_once_and_again_when_it_has_settled() -> None:
         105: [
             (
                 "INFO",
-                "after the loop of 40 m: 5 particles died (most at 95.0 s), the spread went from 8.0 to 2.0 cm "
+                "after the loop of 40 m: 3 particles died at 95.0 s (5 in all), the spread went from 8.0 to 2.0 cm "
                 "(at 98.0 s)",
             )
         ],
