@@ -51,7 +51,7 @@ def show(name: str) -> None:
     preset: RobotPreset | LidarPreset = load_lidar(name) if name in lidars() else load_robot(name)
     results.print(f"{preset.name}: {preset.title}")
     table = _table("key", "value", "source")
-    for key, source in preset.sources.items():
+    for key, source in preset.source_of.items():
         table.add_row(key, str(preset.model_dump()[key]), source)
     results.print(table)
 

@@ -12,9 +12,8 @@ from testbed.formats.beams import even_spacing
 from testbed.frame_table import FrameTable, Integers
 from testbed.inspect.finding import Finding
 from testbed.inspect.times import scans_of
+from testbed.weak_sensors import shortcomings, view_of
 
-MIN_VIEW, MIN_BEAMS, MIN_REACH = math.radians(90.0), 30, 2.0
-"""A lidar that sees less of the circle [rad], has fewer beams or a shorter reach [m] can hardly carry a map."""
 MAX_TYPICAL = 60.0
 """Median of the hits [m] from which on they are hardly metres."""
 MIN_HITS = 0.05
@@ -49,7 +48,7 @@ def _beams(table: FrameTable, name: str, scans: Integers) -> Finding:
     low, high = table.range_limits[scans[0]].tolist()
     count = f"{counts.min()} beams" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()} beams"
     spacing = even_spacing(pattern.angles)
-    view = float(np.ptp(pattern.angles)) + (abs(spacing[1]) if spacing else 0.0) if pattern.angles.size else 0.0
+    view = view_of(pattern.angles)
     way = "unevenly spaced" if spacing is None else f"every {math.degrees(abs(spacing[1])):.2f} deg"
     way += ", clockwise" if spacing is not None and spacing[1] < 0.0 else ""
     times = (
@@ -59,15 +58,7 @@ def _beams(table: FrameTable, name: str, scans: Integers) -> Finding:
     )
     limits = f"{low:g} m to {'any range' if math.isinf(high) else f'{high:g} m'}"
     found = f"{count} over {math.degrees(min(view, 2.0 * math.pi)):.0f} deg, {way}{times}; hits from {limits}"
-    short = [
-        words
-        for few, words in (
-            (view < MIN_VIEW, f"a view of less than {math.degrees(MIN_VIEW):.0f} deg"),
-            (int(np.median(counts)) < MIN_BEAMS, f"fewer than {MIN_BEAMS} beams"),
-            (high < MIN_REACH, f"a reach of less than {MIN_REACH:g} m"),
-        )
-        if few
-    ]
+    short = shortcomings(view, int(np.median(counts)), high)
     if short:
         found += f": {' and '.join(short)}"
         return Finding(f"beams of {name}", found, "doubtful", "such a sensor can hardly carry a map: compare odometry")

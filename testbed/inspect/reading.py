@@ -6,9 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from testbed.formats import Log, open_log
+from testbed.inspect.mount_correction import parse_mount_correction, with_mount_correction
 from testbed.inspect.time_offset import parse_time_offset, without_time_offset
 
 
@@ -23,6 +26,8 @@ class Reading:
     time_offset: str | None = None
     """The stamps of scans are this much later than those of odometry [s]; auto: estimated, and taken back where it is
     significant. Default: 0; a note says where an offset is seen."""
+    mount_correction: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
+    """X,Y,DEG: the lidar sits this much further ahead [m], left [m] and turned left [deg] than the log says."""
     slice: str | None = None
     """LOW,HIGH: scans are made of the points of clouds (PointCloud2) between these heights above the robot's frame
     [m]."""
@@ -30,6 +35,8 @@ class Reading:
     def __post_init__(self) -> None:
         if self.time_offset is not None:
             parse_time_offset(self.time_offset)
+        if self.mount_correction is not None:
+            parse_mount_correction(self.mount_correction)
         self._heights()
 
     @classmethod
@@ -46,6 +53,8 @@ class Reading:
             heights=self._heights(),
             scans_needed=scans_needed,
         )
+        if self.mount_correction is not None:
+            log = with_mount_correction(log, parse_mount_correction(self.mount_correction))
         if self.time_offset is None or not log.scan_count:
             return log
         return without_time_offset(log, parse_time_offset(self.time_offset))

@@ -26,6 +26,10 @@ Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
 Degrees = Annotated[float, Field(strict=True, ge=-360.0, le=360.0)]
 
 
+_NO_NUMBERS = {"name", "title", "source", "sources"}
+"""Keys that need no source."""
+
+
 class _Preset(BaseModel):
     """A device: immutable, no unknown keys, a source for each number."""
 
@@ -35,17 +39,29 @@ class _Preset(BaseModel):
     """Short name, as on the command line."""
     title: str
     """Manufacturer and product."""
-    sources: dict[str, str]
+    source: str = ""
+    """Source of all values that `sources` does not name; empty = `sources` names each."""
+    sources: dict[str, str] = Field(default_factory=dict)
     """Source of the value of each key: a document, or "estimated", the reason, and what a wrong value would change."""
 
     @model_validator(mode="after")
     def _every_number_has_a_source(self) -> Self:
-        numbers = self.model_fields_set - {"name", "title", "sources"}
-        if missing := sorted(numbers - self.sources.keys()):
-            raise ValueError(f"sources lacks {', '.join(missing)}: name a document or write 'estimated'")
+        numbers = self.model_fields_set - _NO_NUMBERS
+        missing = sorted(numbers - self.sources.keys())
+        if missing and not self.source.strip():
+            raise ValueError(
+                f"sources lacks {', '.join(missing)}: name a document or write 'estimated'; `source = \"…\"` above the "
+                "table is the source of all others"
+            )
         if unknown := sorted(self.sources.keys() - numbers):
             raise ValueError(f"sources names {', '.join(unknown)}, which the preset does not set")
         return self
+
+    @property
+    def source_of(self) -> dict[str, str]:
+        """The source of each value that the preset sets, in the order of `sources`, then of the keys."""
+        others = [key for key in type(self).model_fields if key in self.model_fields_set and key not in self.sources]
+        return self.sources | dict.fromkeys((key for key in others if key not in _NO_NUMBERS), self.source)
 
 
 class Mount(BaseModel):

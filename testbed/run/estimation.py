@@ -25,6 +25,7 @@ from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
 from testbed.run.known_map import KnownMap
+from testbed.run.starting_path import likelier, starting_path_note, what_is_lacking
 from testbed.run.step_table import StepTable
 from testbed.seeds import Stream
 
@@ -45,6 +46,8 @@ class Estimate:
     """What the final pass found the noise to be, the group `noise` of `metrics.json`; None without a final pass."""
     covariances: NDArray[np.float64] | None = None
     """Covariances of the dense poses relative to the first, (frames, 3, 3); None without a final pass."""
+    notes: tuple[str, ...] = ()
+    """What a reader of the result must know."""
 
     @property
     def at_scans(self) -> Trajectory:
@@ -145,18 +148,18 @@ class Estimation:
         return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
 
     def refined(self, estimate: Estimate) -> Estimate:
-        """Return the estimate after the final pass over all frames, see `slam.refinement.refine`."""
-        scans: list[Scan | None] = [frame.scan for frame in self.frames]
-        twists = [frame.twist for frame in self.frames]
-        result = refine(
-            self.odometry,
-            scans,
-            estimate.dense.poses,
-            self.config,
-            twists=twists,
-            stamps=self.stamps,
-            threads=self.threads,
-        )
+        """Return the estimate after the final pass over all frames, see `slam.refinement.refine`.
+
+        Where the sensors see too little to carry a map, it is also made from the odometry's path (`starting_path`).
+        """
+        result, notes = self._refine(estimate.dense.poses), []
+        if lacking := what_is_lacking(self.frames, self.config):
+            by_odometry = se2.compose(estimate.dense.poses[0], se2.between(self.odometry[0], self.odometry))
+            results = result, self._refine(by_odometry)
+            updates = estimate.scan_frames[np.asarray(self.mapper.update_scans)]
+            chosen = likelier(results, self.frames, updates, self.config)
+            result = results[chosen]
+            notes.append(starting_path_note(lacking, from_odometry=chosen == 1))
         dense = Trajectory(self.stamps, result.poses)
         return Estimate(
             dense=dense,
@@ -165,6 +168,19 @@ class Estimation:
             closing=result.closing,
             noise=noise_metrics(result),
             covariances=result.covariances,
+            notes=tuple(notes),
+        )
+
+    def _refine(self, path: Pose) -> Refined:
+        """Make the final pass from a path (frames, 3)."""
+        return refine(
+            self.odometry,
+            [frame.scan for frame in self.frames],
+            path,
+            self.config,
+            twists=[frame.twist for frame in self.frames],
+            stamps=self.stamps,
+            threads=self.threads,
         )
 
 

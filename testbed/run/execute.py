@@ -35,6 +35,7 @@ from testbed.run.interruption import deferred_interruption
 from testbed.run.job import Job
 from testbed.run.known_map import KnownMap, failure_reason, localization_metrics
 from testbed.run.loop_metrics import loop_metrics, loops_to_show
+from testbed.run.mount_metrics import find_mount, mount_metrics, mount_notes
 from testbed.run.run_directory import RunDirectory, result_hash
 from testbed.run.self_check import localization_self_check, self_check_metrics
 from testbed.run.snapshot import take_snapshot
@@ -238,7 +239,15 @@ def metrics_of(
     if estimate.covariances is not None:
         truth = [frame.truth for frame in estimation.frames]
         metrics["covariance"] = covariance_metrics(estimate.covariances, estimate.dense.poses, truth)
-    metrics["notes"] = [*job.notes, *metrics["notes"]]
+    mount = None if estimate is filtered else find_mount(estimation.frames, estimation.odometry, estimate.dense.poses)
+    if mount is not None:
+        metrics["mount"] = mount_metrics(mount)
+    metrics["notes"] = [
+        *job.notes,
+        *estimate.notes,
+        *([] if mount is None else mount_notes(mount)),
+        *metrics["notes"],
+    ]
     if job.known_map is None:
         return metrics
     metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]

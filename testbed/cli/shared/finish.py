@@ -34,6 +34,9 @@ def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: Outp
         with directory.marked(metrics, stage="the report was written"):
             report = write_report(directory.path, moments_for_report(directory.path))
     results.print(headline_table(metrics, directory.path))
+    for note in metrics["notes"]:
+        if note.startswith(("mount: ", "final pass: ")):  # the others were printed before the run
+            console.print(note, soft_wrap=True)
     broken = check(metrics, output.limits)
     for sentence in broken:
         console.print(f"limit broken: {sentence}")

@@ -42,20 +42,40 @@ def readable(path: Path) -> Iterator[Readable]:
 
     Raises LogError where not even the begin of a file is whole, and as `verify_mcap` does.
     """
-    has_metadata = path.is_dir() and (path / "metadata.yaml").is_file()
     files = bag_files(path) if path.is_dir() else [path]
+    has_metadata = path.is_dir() and (path / "metadata.yaml").is_file()
+    odd = has_metadata and bool(files) and not _names_its_files(path)
+    has_metadata = has_metadata and not odd
     broken = [file for file in files if _is_unfinished(file)]
     for file in files:
         if file.suffix == ".mcap" and file not in broken:
             verify_mcap(file)
     if not broken:
-        notes = [] if has_metadata or path.is_file() else [f"no metadata.yaml: read {_names(files)}"]
+        notes = (
+            []
+            if has_metadata or path.is_file()
+            else [
+                f"{'metadata.yaml does not name the files here' if odd else 'no metadata.yaml'}: read {_names(files)}"
+            ]
+        )
         yield Readable([path] if has_metadata or path.is_file() else files, notes)
         return
     with tempfile.TemporaryDirectory(prefix="testbed-") as folder:
         copies = [_repaired(file, Path(folder)) if file in broken else file for file in files]
         text = f"{_names(broken)}: the recorder was not stopped properly: what is whole is read, the rest is left out"
         yield Readable(copies, [text])
+
+
+def _names_its_files(directory: Path) -> bool:
+    """Tell whether a metadata.yaml is whole and its files are there."""
+    import yaml
+
+    try:
+        content = yaml.safe_load((directory / "metadata.yaml").read_text(encoding="utf-8"))
+        names = content["rosbag2_bagfile_information"]["relative_file_paths"]
+        return bool(names) and all((directory / name).is_file() for name in names)
+    except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError):
+        return False
 
 
 def bag_files(directory: Path) -> list[Path]:

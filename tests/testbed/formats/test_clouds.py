@@ -106,7 +106,7 @@ def test_a_bag_of_clouds_is_the_bag_of_scans(tmp_path):
     config = SimulationConfig(backend="fast", duration=4.0)
     write_dataset(tmp_path / "drive", load("office"), config, {"seed": 0}, log_format="rosbag2")
     scans = open_log(tmp_path / "drive").table
-    with pytest.raises(LogError, match="choose other heights"):
+    with pytest.raises(LogError, match=r"first lie between 0\.00 and 0\.00 m; choose other heights"):
         open_log(tmp_path / "drive", heights=(1.5, 2.0))
     slices = open_log(tmp_path / "drive", heights=(0.0, 0.5))
     assert any("scans are slices of point clouds between 0 and 0.5 m" in note for note in slices.repairs)

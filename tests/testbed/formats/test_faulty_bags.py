@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from slam import se2
 from testbed.datasets.simulated import write_dataset
@@ -75,6 +76,18 @@ def test_odometry_in_tf_only(tmp_path, messages, sound):
     rows = log.table.scan_rows
     speed = np.abs(log.table.twist[rows] - sound.twist[sound.scan_rows])
     assert np.median(speed, axis=0).max() < 0.05  # over the next 50 ms instead of the scan's time
+
+
+def test_transforms_of_the_robot_from_elsewhere_are_noted(tmp_path, messages, sound):
+    def lost(message, number):
+        (transform,) = message.transforms
+        parent = "map" if number in (40, 41) else transform.header.frame_id
+        return replace(message, transforms=[replace(transform, header=replace(transform.header, frame_id=parent))])
+
+    kept = [m for m in messages if m[0] != "/odom"]
+    log = open_log(bag(tmp_path / "bag", changed(kept, "/tf", lost)))
+    assert "2 transforms to base_link come from other frames than odom: left out" in log.repairs
+    assert log.scan_count == len(sound.scan_rows)
 
 
 def test_a_mount_in_tf(tmp_path, messages, sound):
@@ -177,6 +190,27 @@ def test_a_directory_without_metadata_is_read(tmp_path, messages, sound, kept):
     assert "no metadata.yaml: read bag.db3" in log.notes
 
 
+@pytest.mark.parametrize("fault", ["renamed", "empty", "no yaml"])
+def test_a_metadata_that_does_not_name_the_files(tmp_path, messages, sound, fault):
+    path = bag(tmp_path / "bag", messages)
+    if fault == "renamed":
+        (path / "bag.db3").rename(path / "other.db3")
+    else:
+        (path / "metadata.yaml").write_text("" if fault == "empty" else "rosbag2: [")
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert any("metadata.yaml does not name the files here: read " in note for note in log.notes)
+
+
+def test_a_file_that_is_there_twice_counts_once(tmp_path, messages, sound):
+    path = bag(tmp_path / "bag", messages)
+    (path / "metadata.yaml").unlink()
+    shutil.copy(path / "bag.db3", path / "bag_1.db3")
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert f"{len(sound.scan_rows)} scans are in the bag twice: one of each two is left out" in log.repairs
+
+
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.999])
 def test_an_mcap_file_without_its_end_is_read(tmp_path, source, share):
     content = (source / "drive.mcap").read_bytes()
@@ -272,3 +306,117 @@ def test_a_limit_that_is_no_number_is_noted(tmp_path, messages, sound):
     log = open_log(path)
     assert_like(log.table, sound)
     assert any(note.startswith("angle_max is inf") for note in log.repairs)
+
+
+def with_twist(message, linear=1.0, angular=1.0):
+    twist = message.twist.twist
+    changed_twist = replace(
+        twist,
+        linear=replace(twist.linear, x=linear * twist.linear.x),
+        angular=replace(twist.angular, z=angular * twist.angular.z),
+    )
+    return replace(message, twist=replace(message.twist, twist=changed_twist))
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory):
+    """The messages of a drive with turns, and what is read of them."""
+    path = tmp_path_factory.mktemp("turning")
+    config = SimulationConfig(backend="fast", duration=40.0)
+    write_dataset(path / "drive", load("office"), config, {"seed": 0}, log_format="rosbag2-lean")
+    with AnyReader([path / "drive"], default_typestore=STORE) as reader:
+        found = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages()]
+    messages = [message for message in found if message[0] in TOPICS]
+    log = open_log(bag(path / "bag", messages))
+    assert not any("twists" in note for note in log.notes)
+    return messages, log.table
+
+
+@pytest.mark.parametrize(("linear", "angular"), [(0.0, 0.0), (1.0, 0.0), (1.0, 57.2958), (1.0, -1.0), (1000.0, 1.0)])
+def test_twists_that_the_poses_contradict_are_not_used(tmp_path, turning, linear, angular):
+    messages, sound = turning
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", lambda m, _: with_twist(m, linear, angular))))
+    assert any("the poses give the velocities" in note for note in log.repairs)
+    rows = log.table.scan_rows
+    apart = np.abs(log.table.twist[rows] - sound.twist[sound.scan_rows])
+    assert np.median(apart, axis=0).max() < 0.05
+    assert_like(log.table, sound)
+
+
+def test_twists_that_no_robot_makes_are_left_out(tmp_path, messages, sound):
+    def wild(message, number):
+        return with_twist(message, linear=1e9) if number in (20, 60) else message
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", wild)))
+    assert "2 twists of the odometry are faster than any robot: the poses give the velocities" in log.repairs
+    assert np.nanmax(np.abs(log.table.twist)) < 3.0
+    assert_like(log.table, sound)
+
+
+@pytest.mark.parametrize("seconds", [-1_000_000, 3600])
+def test_scans_by_another_clock_are_related_by_the_bags_times(tmp_path, messages, sound, seconds):
+    def by_other_clock(message, _):
+        stamp = message.header.stamp
+        return replace(message, header=replace(message.header, stamp=TIME(stamp.sec + seconds, stamp.nanosec)))
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", by_other_clock)))
+    assert_like(log.table, sound, atol=1e-6)
+    assert any("stamps of scans are by another clock" in note for note in log.repairs)
+
+
+def test_an_odometry_topic_without_messages_gives_way_to_tf(tmp_path, messages, sound):
+    path = tmp_path / "bag"
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connections = {}
+        for topic, time, message in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, message.__msgtype__, typestore=STORE)
+            if topic != "/odom":
+                writer.write(connections[topic], time, STORE.serialize_cdr(message, message.__msgtype__))
+    assert_like(open_log(path).table, sound)
+
+
+def test_angles_in_degrees_are_read_as_such(tmp_path, messages, sound):
+    def in_degrees(message, _):
+        names = ("angle_min", "angle_max", "angle_increment")
+        return replace(message, **{name: float(np.degrees(getattr(message, name))) for name in names})
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", in_degrees)))
+    np.testing.assert_allclose(log.table.patterns[0].angles, sound.patterns[0].angles, atol=1e-4)
+    assert any("the angles of the scans are in degrees (-180 to 179.55)" in note for note in log.repairs)
+    np.testing.assert_array_equal(log.table.ranges, sound.ranges)
+
+
+@pytest.mark.parametrize("topic", ["/scan", "/odom"])
+def test_stamps_in_whole_seconds_give_way_to_the_bags_time(tmp_path, messages, sound, topic):
+    def whole(message, _):
+        return replace(message, header=replace(message.header, stamp=TIME(message.header.stamp.sec, 0)))
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, topic, whole)))
+    assert_like(log.table, sound, atol=1e-6)
+    assert any("repeat the one before: the bag's own times are used" in note for note in log.repairs)
+
+
+def test_poses_that_are_sent_again_keep_their_stamps(tmp_path, messages, sound):
+    again = [(name, time + 1000 * k, m) for name, time, m in messages for k in range(3 if name == "/odom" else 1)]
+    log = open_log(bag(tmp_path / "bag", again))
+    assert_like(log.table, sound)
+    assert not any("own times" in note for note in log.notes)
+
+
+def test_odometry_without_a_child_frame(tmp_path, messages, sound):
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", lambda m, _: replace(m, child_frame_id=""))))
+    assert_like(log.table, sound)
+    assert "the odometry names no child_frame_id: taken to be that of base_link" in log.repairs
+
+
+def test_the_topic_that_ends_as_usual_is_chosen(tmp_path, messages, sound):
+    new = {"/scan": "/front/scan", "/odom": "/robot/odom"}
+    renamed = [(new.get(name, name), time, message) for name, time, message in messages]
+    others = [(f"/other{name}_filtered", time, message) for name, time, message in messages if name in new]
+    log = open_log(bag(tmp_path / "bag", [*renamed, *others]))
+    assert_like(log.table, sound)
+    assert "scans from /front/scan, odometry from /robot/odom" in log.notes
+    both = [(f"/b{name[6:]}" if name.startswith("/front") else name, t, m) for name, t, m in renamed if "scan" in name]
+    with pytest.raises(LogError, match=r"several topics with scans of one lidar, none is /scan: /b/scan, /front/scan"):
+        open_log(bag(tmp_path / "both", [*renamed, *both]))

@@ -11,6 +11,7 @@ from testbed.presets import LidarPreset, PresetError, lidars, load_lidar, load_r
 from testbed.seeds import RunSeeds
 from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.robot.umbmark import umbmark
+from tests.shell import call
 from tests.testbed.simulation.small_worlds import room
 
 ROBOT = """
@@ -96,6 +97,24 @@ def test_a_users_own_file_works_the_same_way(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(ROBOT)
     assert load_robot(path).footprint_radius == pytest.approx(math.hypot(0.2, 0.175))
+
+
+def test_one_source_serves_all_values(tmp_path, capsys):
+    path = tmp_path / "mine.toml"
+    head = ROBOT.split("[sources]", maxsplit=1)[0].replace(
+        'name = "mine"', 'name = "mine"\nsource = "measured by hand"'
+    )
+    path.write_text(head)
+    assert load_robot(path).source_of == dict.fromkeys(load_robot(path).source_of, "measured by hand")
+    assert {"track", "lidar_mount"} < load_robot(path).source_of.keys()
+    path.write_text(head + '[sources]\ntrack = "data sheet"')
+    assert load_robot(path).source_of["track"] == "data sheet"
+    assert load_robot(path).source_of["mass"] == "measured by hand"
+    assert call("presets", "show", path) == 0
+    assert "measured by hand" in capsys.readouterr().out
+    path.write_text(head.replace("measured by hand", " "))
+    with pytest.raises(PresetError, match=r"sources lacks .*mass.*`source = "):
+        load_robot(path)
 
 
 @pytest.mark.parametrize(

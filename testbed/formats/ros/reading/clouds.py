@@ -53,8 +53,19 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
     low, high = content.heights
     where = f"between {low:g} and {high:g} m above {robot or 'the robot'}"
     if not known:
-        raise LogError(f"{path}: no point of the clouds lies {where}; choose other heights")
+        there = _heights_of_first(reader, clouds, places[content.cloud_frames[clouds[0].topic]]) if clouds else ""
+        raise LogError(f"{path}: no point of the clouds lies {where}{there}; choose other heights")
     content.notes.append(f"scans are slices of point clouds {where}: {known / max(count, 1):.0f} of {BINS} directions")
+
+
+def _heights_of_first(reader: Any, connections: list[Any], T_robot_lidar: NDArray[np.float64]) -> str:
+    """Say at which heights the points of the first cloud lie; empty where it has none."""
+    connection, _, raw = next(reader.messages(connections=connections))
+    points = points_of(reader.deserialize(raw, connection.msgtype))
+    if not len(points):
+        return ""
+    z = points @ T_robot_lidar[2, :3] + T_robot_lidar[2, 3]
+    return f", those of the first lie between {z.min():.2f} and {z.max():.2f} m"
 
 
 def slice_of(message: Any, T_robot_lidar: NDArray[np.float64], heights: Heights) -> RawScan:

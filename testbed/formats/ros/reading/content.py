@@ -51,6 +51,8 @@ class BagContent:
     """Transforms of topics that are not static; only read where odometry or mounts are nowhere else."""
     clock_offset: float = 0.0
     """How far the bag's own times lie behind the stamps of odometry [s]."""
+    scan_clock_offset: float = 0.0
+    """How far they lie behind the stamps of the scans [s]."""
     truth_map: OccupancyGrid | None = None
     robot_urdf: str | None = None
     messages: int = 0

@@ -97,6 +97,27 @@ def decode_odometry(raws: Sequence[bytes], encoding: Encoding, deserialise: Dese
     return Track(_stamps(rows), _planar(rows["position"], rows["orientation"]), twists, frame, child)
 
 
+def decode_truth(raws: Sequence[bytes], kind: str, deserialise: Deserialise) -> Track:
+    """The stamped poses of messages of another kind than Odometry; BadMessageError where a pose is none in the plane.
+
+    kind: the type of the messages. A nav_msgs/Path is sent again as it grows: the longest counts.
+    """
+    messages = [deserialise(raw) for raw in raws]
+    if kind.endswith("/Path"):
+        messages = list(max(messages, key=lambda message: len(message.poses)).poses)
+    pairs = [_position_and_rotation(message) for message in messages]
+    stamps = np.array([stamp_of(message) for message in messages])
+    return Track(stamps, _poses(pairs), np.full((len(pairs), 3), np.nan))
+
+
+def _position_and_rotation(message: Any) -> tuple[Any, Any]:
+    """Of a PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
+    if hasattr(message, "transform"):
+        return message.transform.translation, message.transform.rotation
+    pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+    return pose.position, pose.orientation
+
+
 def decode_commands(
     raws: Sequence[bytes], times: Sequence[int], encoding: Encoding, deserialise: Deserialise
 ) -> Floats:
@@ -132,6 +153,13 @@ def decode_scan(raw: bytes, encoding: Encoding, deserialise: Deserialise) -> Raw
         return _scan_of(deserialise(raw))
 
 
+def decode_echoes(raw: bytes, deserialise: Deserialise) -> RawScan:
+    """A MultiEchoLaserScan, of whose echoes the first in each direction counts; NaN where there is none."""
+    message = deserialise(raw)
+    first = [echo.echoes[0] if len(echo.echoes) else math.nan for echo in message.ranges]
+    return _scan_of(message, np.array(first, dtype=np.float32))
+
+
 def stamp_of(message: Any) -> float:
     """The stamp in a message's header [s]."""
     time = message.header.stamp
@@ -143,10 +171,11 @@ def seconds(nanoseconds: int) -> float:
     return nanoseconds / NANOSECONDS
 
 
-def _scan_of(message: Any) -> RawScan:
+def _scan_of(message: Any, ranges: NDArray[np.float32] | None = None) -> RawScan:
     numbers = (getattr(message, name) for name in RawScan._fields[2:8])
     first, last, step, beat, low, high = (float(number) for number in numbers)
-    ranges = np.asarray(message.ranges, dtype=np.float32)
+    if ranges is None:
+        ranges = np.asarray(message.ranges, dtype=np.float32)
     return RawScan(stamp_of(message), message.header.frame_id, first, last, step, beat, low, high, ranges)
 
 

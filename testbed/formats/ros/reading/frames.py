@@ -13,8 +13,8 @@ from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
 from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan, Track
-from testbed.formats.ros.reading.repairs import bridged
-from testbed.formats.ros.reading.scans import ScanColumns, one_topic_per_lidar
+from testbed.formats.ros.reading.repairs import bridged, with_sound_twists
+from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar
 from testbed.frame_table import FrameTable
 
 MAX_GAP, GAP_PERIODS = 1.0, 3.0
@@ -29,15 +29,19 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     range_max [m] overrides what the scans say. Raises LogError where the clocks of scans and odometry do not meet, or
     where several topics have scans of one lidar.
     """
-    track, jumps = bridged(content.odometry.in_time())
-    content.notes += jumps
+    track, odd_twists = with_sound_twists(content.odometry.in_time())
+    track, jumps = bridged(track)
+    content.notes += [*odd_twists, *jumps]
     first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = one_topic_per_lidar(path, content)
-    reachable = [scan for scan in scans if first - ODOMETRY_REACH <= scan.stamp <= last + ODOMETRY_REACH]
+    scans = of_level_lidars(content, scans)
+    if scans and not _reachable(scans, track):
+        scans = _by_clock_of_bag(content, scans)
+    reachable = _reachable(scans, track)
     if scans and not reachable:
         raise LogError(
-            f"{path}: the clocks of scans and odometry do not meet: scans from {scans[0].stamp:.3f} to "
-            f"{scans[-1].stamp:.3f} s, odometry from {first:.3f} to {last:.3f} s"
+            f"{path}: the clocks of scans and odometry do not meet, nor by the bag's own times: scans from "
+            f"{scans[0].stamp:.3f} to {scans[-1].stamp:.3f} s, odometry from {first:.3f} to {last:.3f} s"
         )
     chosen = " and ".join(topic for topic in content.scans if topic not in repeated) or "nowhere"
     notes = [f"scans from {chosen}, odometry from {content.topics['odometry']}"]
@@ -58,6 +62,25 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
         truth_map=content.truth_map,
         robot_urdf=content.robot_urdf,
     )
+
+
+def _reachable(scans: list[RawScan], track: Track) -> list[RawScan]:
+    """The scans within the time of the odometry."""
+    first, last = track.stamps[0] - ODOMETRY_REACH, track.stamps[-1] + ODOMETRY_REACH
+    return [scan for scan in scans if first <= scan.stamp <= last]
+
+
+def _by_clock_of_bag(content: BagContent, scans: list[RawScan]) -> list[RawScan]:
+    """Scans whose clock is another than that of the odometry, such as the time since the lidar was switched on: both
+    are related by the times at which the bag recorded them."""
+    shift = content.scan_clock_offset - content.clock_offset
+    content.notes.append(
+        f"stamps of scans are by another clock, {-shift:+.1f} s from that of the odometry: related by the bag's own "
+        "times; --time-offset auto refines that"
+    )
+    moved = [scan._replace(stamp=scan.stamp + shift) for scan in scans]
+    content.places |= {id(new): content.places[id(old)] for new, old in zip(moved, scans, strict=True)}
+    return moved
 
 
 def _gap_notes(track: Track, scans: list[RawScan]) -> list[str]:

@@ -34,8 +34,18 @@ def complete_transforms(
             raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and /tf has no transform from odom")
         track = _track_of(content.moving, pair)
         content.odometry = with_twists(one_clock(content, track.stamps, track))
+        if other := sum(
+            len(found)
+            for (parent, child), found in content.moving.stamps.items()
+            if child == pair[1] and parent != pair[0]
+        ):
+            content.notes.append(f"{other} transforms to {pair[1]} come from other frames than {pair[0]}: left out")
         content.topics["odometry"] = f"/tf ({pair[0]} to {pair[1]})"
         robot = pair[1]
+    if not robot and (frames := content.transforms.robot_frames()):
+        robot = frames[0]
+        content.odometry = content.odometry._replace(child_frame=robot)
+        content.notes.append(f"the odometry names no child_frame_id: taken to be that of {robot}")
     if lidars and not all(content.transforms.leads(robot, lidar) for lidar in lidars):
         _find_mounts(content, robot, lidars)
 

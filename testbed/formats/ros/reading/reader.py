@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
 """ROS bags, read without ROS: rosbag2 directories (MCAP, SQLite), single `.mcap` or `.db3` files, ROS 1 `.bag` files.
 
-Scans are `sensor_msgs/LaserScan`, odometry and truth `nav_msgs/Odometry`, commands `geometry_msgs/Twist`, the true map
-`nav_msgs/OccupancyGrid`; the lidars' mounts come from the static transforms. Frames by REP 105: the odometry's
-`child_frame_id` is the robot, and the frame of a scan tells which lidar took it.
+Scans are `sensor_msgs/LaserScan` or `MultiEchoLaserScan`, odometry `nav_msgs/Odometry`, truth the same or stamped
+poses, commands `geometry_msgs/Twist`, the true map `nav_msgs/OccupancyGrid`; the lidars' mounts come from the static
+transforms. Frames by REP 105: the odometry's `child_frame_id` is the robot, and the frame of a scan tells which lidar
+took it.
 """
 
 from __future__ import annotations
@@ -25,14 +26,23 @@ from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage
 from testbed.formats.ros.reading.decode import (
     BadMessageError,
     decode_commands,
+    decode_echoes,
     decode_odometry,
     decode_scan,
+    decode_truth,
     seconds,
 )
 from testbed.formats.ros.reading.frames import assemble
 from testbed.formats.ros.reading.missing_transforms import complete_transforms
 from testbed.formats.ros.reading.repairs import first_pass, in_one_pass, one_clock
-from testbed.formats.ros.reading.topics import CLOUD_TYPE, DESCRIPTION, TRANSFORM_TYPE, choose_topics
+from testbed.formats.ros.reading.topics import (
+    CLOUD_TYPE,
+    DESCRIPTION,
+    ECHO_TYPE,
+    ODOMETRY_TYPE,
+    TRANSFORM_TYPE,
+    choose_topics,
+)
 from testbed.formats.ros.reading.transforms import planar_pose
 from testbed.formats.ros.salvage import readable
 
@@ -138,7 +148,11 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
     elif topic == DESCRIPTION:
         content.robot_urdf = deserialise(data[-1]).data
     elif topic in content.scans:
-        scans, kept = in_one_pass(content, raws, [decode_scan(raw, encoding, deserialise) for raw in data])
+        if connection.msgtype == ECHO_TYPE:
+            decoded = [decode_echoes(raw, deserialise) for raw in data]
+        else:
+            decoded = [decode_scan(raw, encoding, deserialise) for raw in data]
+        scans, kept = in_one_pass(content, raws, decoded)
         content.scans[topic] = scans
         content.places |= {
             id(scan): f"message {raws[row].number} ({topic})" for scan, row in zip(scans, kept.tolist(), strict=True)
@@ -151,8 +165,28 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
         track = decode_odometry(data, encoding, deserialise)
         content.odometry = one_clock(content, np.array([seconds(raw.time) for raw in raws]), track)
     else:
+        _decode_truth(content, connection, data, encoding, deserialise)
+
+
+def _decode_truth(
+    content: BagContent, connection: Any, data: list[bytes], encoding: Encoding, deserialise: Callable[[bytes], Any]
+) -> None:
+    """Decode the true poses; those of another kind than Odometry are left out, with a note, where they are none in the
+    plane: they may be those of a camera."""
+    if connection.msgtype == ODOMETRY_TYPE:
         truth = decode_odometry(data, encoding, deserialise)
-        content.truth = truth.first(first_pass(truth.stamps))
+    else:
+        try:
+            truth = decode_truth(data, connection.msgtype, deserialise)
+        except BadMessageError as error:
+            content.notes.append(f"{connection.topic} is not used as truth: pose {error.number + 1}: {error}")
+            return
+        if len(truth.stamps) > 1 and float(np.ptp(truth.stamps)) == 0.0:
+            content.notes.append(
+                f"{connection.topic} is not used as truth: all poses have the stamp {truth.stamps[0]:g} s"
+            )
+            return
+    content.truth = truth.first(first_pass(truth.stamps))
 
 
 def _one_by_one(raws: list[bytes], take: Callable[[bytes], None]) -> None:

@@ -14,6 +14,7 @@ from testbed.formats.log import LogError
 from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan
 from testbed.formats.ros.reading.repairs import Fan, sound_beat
+from testbed.formats.ros.reading.topics import usual_topic
 from testbed.frame_table import BeamPattern
 
 
@@ -31,7 +32,8 @@ class ScanColumns:
         known: dict[tuple[Any, ...], int] = {}
         checked: set[Fan] = set()
         mounts: dict[str, tuple[tuple[float, float, float], bool]] = {}
-        for scan in scans:
+        for stated in scans:
+            scan = self._in_radians(stated)
             self._check(scan)
             if scan.frame_id not in mounts:
                 mounts[scan.frame_id] = self._mount(scan)
@@ -49,6 +51,21 @@ class ScanColumns:
             self.lidar_of.append(self.lidars.setdefault(scan.frame_id, len(self.lidars)))
             self.limits.append((scan.range_min, scan.range_max if range_max is None else range_max))
             self.mounts.append(mount)
+
+    def _in_radians(self, scan: RawScan) -> RawScan:
+        """The scan with angles in radians, with a note where they were in degrees."""
+        if not Fan(scan.angle_min, scan.angle_max, scan.angle_increment, scan.ranges.size).is_in_degrees:
+            return scan
+        if not any("in degrees" in other for other in self._content.notes):
+            numbers = f"{scan.angle_min:g} to {scan.angle_max:g}"
+            self._content.notes.append(f"the angles of the scans are in degrees ({numbers}): read as such")
+        converted = scan._replace(
+            angle_min=math.radians(scan.angle_min),
+            angle_max=math.radians(scan.angle_max),
+            angle_increment=math.radians(scan.angle_increment),
+        )
+        self._content.places[id(converted)] = self._content.places[id(scan)]
+        return converted
 
     def _check(self, scan: RawScan) -> None:
         if not (math.isfinite(scan.angle_min) and math.isfinite(scan.angle_increment)):
@@ -108,6 +125,27 @@ def _pattern(first: float, step: float, between: float, count: int, upside_down:
     )
 
 
+def of_level_lidars(content: BagContent, scans: list[RawScan]) -> list[RawScan]:
+    """The scans without those of lidars that lean, with a note, if others remain: many robots carry one that looks down
+    or up."""
+    if content.laser_offset is not None or content.heights is not None:
+        return scans
+    faults = {}
+    for name in {scan.frame_id for scan in scans}:
+        try:
+            content.transforms.mount(content.odometry.child_frame, name)
+        except ValueError as error:
+            if "leans" in str(error):
+                faults[name] = str(error)
+    kept = [scan for scan in scans if scan.frame_id not in faults]
+    if not kept:
+        return scans
+    for name, fault in sorted(faults.items()):
+        count = sum(scan.frame_id == name for scan in scans)
+        content.notes.append(f"{count} scans of {name} are left out: {fault}")
+    return kept
+
+
 def one_topic_per_lidar(path: Path, content: BagContent) -> tuple[list[RawScan], list[str]]:
     """The scans of all lidars in the order of time, and the topics that are left out: scans with the same frame are
     the same lidar's, once more or processed somehow."""
@@ -117,8 +155,9 @@ def one_topic_per_lidar(path: Path, content: BagContent) -> tuple[list[RawScan],
             by_lidar[name].append(topic)
     chosen = set()
     for topics in by_lidar.values():
-        if len(topics) > 1 and "/scan" not in topics:
+        usual = usual_topic(topics, "/scan")
+        if usual is None:
             raise LogError(f"{path}: several topics with scans of one lidar, none is /scan: {', '.join(topics)}")
-        chosen.add("/scan" if "/scan" in topics else topics[0])
+        chosen.add(usual)
     kept = [scan for topic in sorted(chosen) for scan in content.scans[topic]]
     return sorted(kept, key=lambda scan: scan.stamp), [topic for topic in content.scans if topic not in chosen]

@@ -12,6 +12,7 @@ from testbed.formats.log import LogError, Topic
 from testbed.formats.ros.reading.content import BagContent
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
+ECHO_TYPE = "sensor_msgs/msg/MultiEchoLaserScan"
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
@@ -19,8 +20,16 @@ COMMAND_TYPES = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 MAP_TYPE = "nav_msgs/msg/OccupancyGrid"
 DESCRIPTION = "/robot_description"
 COMMANDS = "/cmd_vel"
-TRUTH_WORDS = ("ground_truth", "truth", "groundtruth")
+TRUTH_WORDS = ("truth", "mocap", "vicon", "vrpn", "optitrack", "qualisys")
 """A topic whose name contains one of these words holds the true pose."""
+TRUTH_TYPES = (
+    ODOMETRY_TYPE,
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/TransformStamped",
+    "nav_msgs/msg/Path",
+)
+"""Types of messages that may hold it; the first of which there is one counts."""
 
 
 def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
@@ -29,9 +38,13 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     for connection in reader.connections:
         by_type[connection.msgtype].add(connection.topic)
     poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
-    truths = [topic for topic in poses if _is_ground_truth(topic)]
-    others = [topic for topic in poses if topic not in truths]
+    filled = {c.topic for c in reader.connections if c.msgcount}
+    others = [topic for topic in poses if not _is_ground_truth(topic)]
+    if "/tf" in filled or filled & set(others):
+        others = [topic for topic in others if topic in filled]
+    truths = [topic for kind in TRUTH_TYPES for topic in sorted(by_type[kind]) if _is_ground_truth(topic)]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
+    by_type[SCAN_TYPE] |= by_type[ECHO_TYPE]
     seen = SCAN_TYPE if content.heights is None else CLOUD_TYPE
     if not by_type[seen] and (content.heights is not None or by_type[CLOUD_TYPE]):
         there = ", ".join(sorted(by_type[SCAN_TYPE if seen == CLOUD_TYPE else CLOUD_TYPE])) or "nothing of either kind"
@@ -83,6 +96,16 @@ def _choose(path: Path, kind: str, topics: list[str], usual: str, reader: Any) -
     if not topics:
         there = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:8]) or "nothing"
         raise LogError(f"{path}: no topic of type {kind}; there is: {there}")
-    if len(topics) > 1 and usual not in topics:
+    chosen = usual_topic(topics, usual)
+    if chosen is None:
         raise LogError(f"{path}: several topics of type {kind} and none is {usual}: {', '.join(topics)}")
-    return usual if usual in topics else topics[0]
+    return chosen
+
+
+def usual_topic(topics: list[str], usual: str) -> str | None:
+    """The topic of that name, or the only one, or the only one that ends so, such as /front/scan; else None."""
+    ending = [topic for topic in topics if topic.endswith(usual)]
+    for candidates in ([topic for topic in topics if topic == usual], topics, ending):
+        if len(candidates) == 1:
+            return candidates[0]
+    return None

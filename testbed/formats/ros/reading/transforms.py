@@ -66,6 +66,11 @@ class Transforms:
             T = _matrix(transform.transform.translation, transform.transform.rotation)
             self.parents[_name(transform.child_frame_id)] = (_name(transform.header.frame_id), T)
 
+    def robot_frames(self) -> list[str]:
+        """The frames that have a name of the robot's own, the best first."""
+        known = self.parents.keys() | {parent for parent, _ in self.parents.values()}
+        return [name for name in ROBOT_FRAMES if name in known]
+
     def leads(self, robot: str, lidar: str) -> bool:
         """Tell whether a chain of transforms leads from one frame to the other."""
         try:

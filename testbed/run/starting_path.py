@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""Where the final pass begins: at the filter's path or, for sensors that see too little, perhaps at the odometry's.
+
+Where a scan says nothing, the filter's particles spread as far as its motion model allows, which is far more than most
+odometries err in a step, and the best of them is a random walk. The final pass estimates how far the odometry errs;
+from the odometry's path it comes near the truth, from a random walk it does not. It is therefore made from both, and
+the one counts under which scans and odometry together are likelier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.config import FilterConfig
+from slam.diagnosis.path_check import left_out_score
+from slam.refinement import Refined
+from slam.scan import Scan
+from slam.sensor.rays import make_rays
+from testbed.frame import Frame
+from testbed.weak_sensors import shortcomings, view_of
+
+NO_SCAN = Scan(ranges=np.empty(0), angles=np.empty(0), range_max=1.0, stamp=0.0)
+
+
+def what_is_lacking(frames: Sequence[Frame], config: FilterConfig) -> list[str]:
+    """Say what the lidar lacks that comes nearest to carrying a map; empty where one of them can."""
+    scans: dict[str, Scan] = {}
+    for frame in frames:
+        if frame.scan is not None and len(frame.scan.angles) > len(scans.get(frame.lidar, NO_SCAN).angles):
+            scans[frame.lidar] = frame.scan
+    lacking = [
+        shortcomings(view_of(scan.angles), len(scan.angles), min(scan.range_max, config.map.usable_range))
+        for scan in scans.values()
+    ]
+    return min(lacking, key=len, default=[])
+
+
+def starting_path_note(lacking: Sequence[str], *, from_odometry: bool) -> str:
+    """Return the sentence about it for the notes of a run."""
+    begin = "the odometry's path, under which scans and odometry are likelier" if from_odometry else "the filter's path"
+    return f"final pass: a lidar with {' and '.join(lacking)} can hardly carry a map: it began at {begin}"
+
+
+def likelier(
+    results: Sequence[Refined], frames: Sequence[Frame], updates: NDArray[np.intp], config: FilterConfig
+) -> int:
+    """Return which of several results of the final pass is the likeliest; updates: frames whose scans are compared."""
+    return int(np.argmax([_log_likelihood(result, frames, updates, config) for result in results]))
+
+
+def _log_likelihood(result: Refined, frames: Sequence[Frame], updates: NDArray[np.intp], config: FilterConfig) -> float:
+    """Log-likelihood of scans and odometry under a result [nats], up to a constant of the recording.
+
+    Of scans: that of beams kept out of the map, each with the weight that beams have in the filter. Of odometry: with
+    the variances that were estimated, the squares are as large as their number, and only the normalisation is left.
+    """
+    rays = [
+        make_rays([scan], usable_range=config.map.usable_range, twist=frames[row].twist if config.deskew else None)
+        for row in updates.tolist()
+        if (scan := frames[row].scan) is not None
+    ]
+    score = left_out_score(result.poses[updates], rays, config.map)
+    of_scans = 0.0 if score is None else score * config.match.beam_weight * sum(int(ray.hit.sum()) for ray in rays)
+    position, heading = result.odometry_variance
+    return of_scans - (len(frames) - 1) * float(np.log(position) + 0.5 * np.log(heading))
