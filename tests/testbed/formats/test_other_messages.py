@@ -94,7 +94,7 @@ def growing(messages):
         yield "/truth/path", time, path(message.header, list(poses))
 
 
-@pytest.mark.parametrize("kind", [stamped, covariant, transformed, "path"], ids=str)
+@pytest.mark.parametrize("kind", [stamped, covariant, transformed, "path"], ids=["stamped", "covariant", "transformed", "path"])
 @pytest.mark.parametrize("topic", ["/vrpn_client_node/robot/pose", "/mocap/pose"])
 def test_truth_of_other_kinds(tmp_path, messages, sound, kind, topic):
     truths = [message for message in messages if message[0] == "/ground_truth/odom"]
