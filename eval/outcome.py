@@ -152,9 +152,9 @@ def _first_rule(evidence: Evidence) -> Outcome:
         )
     whole = f"{evidence.whole_name} {evidence.whole_m:.3f} m"
     if evidence.whole_m > DRIFT_M:
-        return Outcome("drift", f"every stretch and loop holds, but {whole} is above {DRIFT_M} m")
+        return Outcome("drift", f"no stretch or loop of the path is broken, but {whole} is above {DRIFT_M} m")
     loops = "every loop closes" if len(evidence.loops[0]) else "no place was visited twice"
-    return Outcome("ok", f"every stretch holds, {loops}, {whole}")
+    return Outcome("ok", f"no stretch of the path is broken, {loops}, {whole}")
 
 
 def _local_reason(weight: float, *, by_relations: bool) -> str:

@@ -50,6 +50,8 @@ class ClosingLoop:
     """Their smallest spread in it [m], and its stamp."""
     errors: tuple[float, float] | None
     """Error of the pose while driving before the loop, and when it had its full length [m]; None without truth."""
+    jump_errors: tuple[float, float] | None = None
+    """The same at the update before the jump, and at it [m]; None without a jump, or without truth."""
     longer: float | None = None
     """Length of the longest loop [m] where that is another one, which has decided nothing; None = it is this one."""
 
@@ -98,6 +100,7 @@ def _loop(
     particles = int(column(steps, "particles")[on][rows[0]])
     died, resamplings, most = _deaths(steps, on, rows)
     spread, least = _spreads(steps, on, rows) if particles > 1 else (None, None)
+    jump = _jump(steps, on, rows)
     return ClosingLoop(
         metres=float(lengths[full]),
         began=float(stamps[rows[0]]),
@@ -108,10 +111,11 @@ def _loop(
         resamplings=resamplings,
         most_died=None if most is None else float(stamps[most]),
         most=0 if most is None else int(column(steps, "particles_died")[on][most]),
-        jump=_jump(steps, on, rows),
+        jump=None if jump is None else (jump[0], float(stamps[jump[1]])),
         spread=spread,
         least_spread=None if least is None else (least[0], float(stamps[least[1]])),
         errors=_errors(steps, on, int(rows[0]), full),
+        jump_errors=None if jump is None else _errors(steps, on, jump[1], jump[1]),
     )
 
 
@@ -123,13 +127,14 @@ def _deaths(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tu
     return int(died.sum()), int(np.count_nonzero(died)), int(rows[np.argmax(died)]) if died.any() else None
 
 
-def _jump(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tuple[float, float] | None:
-    """How far the reported pose moved at most at these rows because another particle became the best [m], and when."""
+def _jump(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tuple[float, int] | None:
+    """How far the reported pose moved at most at these rows because another particle became the best [m], and at
+    which."""
     if "best_moved_m" not in steps:
         return None
     moved = np.nan_to_num(column(steps, "best_moved_m")[on][rows])
     at = int(np.argmax(moved))
-    return (float(moved[at]), float(column(steps, "stamp")[on][rows[at]])) if moved[at] >= MIN_JUMP_M else None
+    return (float(moved[at]), int(rows[at])) if moved[at] >= MIN_JUMP_M else None
 
 
 def deaths_in_words(loop: ClosingLoop, start: float) -> str:

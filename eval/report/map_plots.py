@@ -149,7 +149,7 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
     source = plots.links(path, groups, background=_background(context, context.T_frame_start))
     caption = (
         "A link joins the middles of two stretches that show the same walls. The final pass found them after the "
-        "drive, between pieces of the map; they are not the moments at which loops closed while driving."
+        "drive, between pieces of the map; the times are not those at which old walls came into view while driving."
     )
     yield Plot("Loops", source, caption)
 

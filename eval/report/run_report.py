@@ -6,7 +6,6 @@ from __future__ import annotations
 import base64
 import os
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,12 +14,13 @@ from numpy.typing import NDArray
 
 from eval.files.atomic_write import atomic_write
 from eval.files.run_reader import RunFiles, read_run
-from eval.filter.closing_loop import largest_closing_loop
+from eval.filter.closing_loop import ClosingLoop, largest_closing_loop
 from eval.filter.step_table import column, updates
 from eval.first_failure import BAD_DEG, BAD_M
-from eval.loss_watch import Spell, spells
-from eval.mended import Mended, drift_in
+from eval.loss_watch import spells
+from eval.mended import Mended
 from eval.report import plots
+from eval.report.bent_map import bent_before
 from eval.report.check_story import times_in_words
 from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
 from eval.report.page import Plot, flat, render
@@ -28,9 +28,6 @@ from eval.report.report_context import ReportContext
 from eval.report.time_plots import error_plots, filter_plots, moment_plots
 from eval.report.verdict import verdict
 from eval.wording import at_time, length, share, up_to_a_tenth
-
-DrawMoment = Callable[[float], bytes]
-"""Draws a moment of a run, in seconds since its first scan, as a PNG."""
 
 
 class Recording(Protocol):
@@ -41,8 +38,36 @@ class Recording(Protocol):
         """Times at which the pose while driving moved because another particle became the best, in seconds since the
         first scan, (n,)."""
 
-    def png(self, time: float) -> bytes:
-        """Draw a moment, in seconds since the first scan."""
+    def png(self, time: float, compared_with: float | None = None) -> bytes:
+        """Draw a moment, in seconds since the first scan; its close views on one scale with those of another one."""
+
+
+class MomentPlots:
+    """The pictures of moments of a report, each of which it holds once."""
+
+    def __init__(self, recording: Recording | None) -> None:
+        """recording: draws them; None = nothing can be drawn."""
+        self._recording = recording
+        self._titles: dict[float, str] = {}  # of those that were drawn, by their time
+
+    @property
+    def possible(self) -> bool:
+        """Whether anything can be drawn."""
+        return self._recording is not None
+
+    def draw(self, name: str, time: float, compared_with: float | None = None) -> Plot:
+        """Return the picture of a time since the first scan [s]; where the report has it already, a plot without source
+        whose title says which it is.
+
+        compared_with: the time of a picture that has the same scale
+        """
+        assert self._recording is not None
+        title = f"{name}, {at_time(time)}"
+        if time in self._titles:
+            return Plot(f"{title}: the picture “{self._titles[time]}” above.", "")
+        self._titles[time] = title
+        png = self._recording.png(time, compared_with)
+        return Plot(title, "data:image/png;base64," + base64.b64encode(png).decode())
 
 
 def write_report(run_directory: str | os.PathLike[str], recording: Recording | None = None) -> Path:
@@ -62,10 +87,15 @@ def write_report(run_directory: str | os.PathLike[str], recording: Recording | N
 
 def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, Any]:
     context = ReportContext.of(run)
-    draw_moment, another_best = (None, np.zeros(0)) if recording is None else (recording.png, recording.another_best)
+    another_best = np.zeros(0) if recording is None else recording.another_best
+    moments = MomentPlots(recording)  # in the order of the page: a picture stands where it is named first
     failure, judged = context.failure, verdict(run)
     mended = judged.mended
     moment = failure.stamp if failure and failure.bad else mended.stamp if mended else None
+    went_wrong = _picture_of_failure(context, moments)
+    mended_pictures = _mended_pictures(context, mended, moments)
+    loop = _largest_loop(context)
+    loop_pictures = _loop_pictures(context, loop, moments)
     return {
         "name": run.name,
         "path": shlex.quote(str(run.path.resolve())),  # a command that works wherever it is typed
@@ -82,7 +112,7 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "limits": (BAD_M, BAD_DEG),
         "failure_plot": failure_plot(context),
-        "mended_pictures": _mended_pictures(context, mended, draw_moment),
+        "mended_pictures": mended_pictures,
         "moment_plots": list(moment_plots(context, another_best, moment)),
         "start": context.start,
         "length": length,
@@ -95,8 +125,9 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "rpe": {_spaced(key): row for key, row in (run.metric("trajectory.rpe") or {}).items()},
         "relations": _relation_rows(run),
         "loops": _loop_rows(run, context.start),
-        "loop_pictures": _loop_pictures(context, draw_moment),
-        "failure_picture": _failure_picture(context, mended, draw_moment),
+        "loop_pictures": loop_pictures,
+        "loop_judged": _final_pass_of(context, loop),
+        "failure_picture": went_wrong or _picture_of_largest_error(context, mended, moments),
         "calibration": _calibration_plot(run),
         "provenance": {key: dict(flat(run.config.get(key, {}))) for key in ("versions", "machine", "inputs")},
         "settings": dict(flat(run.config.get("settings", {}))),
@@ -125,21 +156,9 @@ def _earlier_loss(context: ReportContext) -> float | None:
 
 def _drift_before(context: ReportContext) -> str:
     """How the map was bent before the moment of a failure; empty where it was not, or where that is unknown."""
-    steps, failure = context.run.steps, context.failure
-    if steps is None or failure is None or not failure.bad or "error_m" not in steps:
-        return ""
-    before = [
-        Spell(spell.start, min(spell.end or failure.stamp, failure.stamp))
-        for spell in spells(steps, "drifted")
-        if spell.start < failure.stamp
-    ]
-    if not before:
-        return ""
-    times = times_in_words(before, context.start)
-    return (
-        f"The map was bent before: the pose while driving had drifted {times}, by up to "
-        f"{length(drift_in(steps, before))}, so that a wall seen before and after may lie in it twice."
-    )
+    failure = context.failure
+    words = "" if failure is None else bent_before(context.run.steps, failure, context.start)
+    return words and f"The map was bent before: {words}, so that a wall seen before and after may lie in it twice."
 
 
 def _title(run: RunFiles) -> str:
@@ -177,17 +196,16 @@ def _loop_rows(run: RunFiles, start: float) -> list[dict[str, str]]:
     """The loops that the final pass found, in words, in the order of time."""
     rows = []
     for loop in sorted(run.metric("loops.list") or [], key=lambda loop: loop["stamp"]):
-        decision = "closed by the filter" if loop["closed_by_filter"] else "left open, closed now"
         rows.append(
             {
                 "time": at_time(loop["stamp"] - start),
                 "before": at_time(loop["seen_before_stamp"] - start),
                 "driven": length(loop["length_m"]),
                 "overlap": length(loop["overlap_m"]),
-                "gap": f"{length(loop['gap_m'])}, {loop['gap_deg']:.1f}°",
+                "gap": _gap(loop),
                 "match_error": _loop_error(loop, "match_error"),
                 "filter_error": _loop_error(loop, "filter_error"),
-                "decision": decision if loop["accepted"] else "rejected",
+                "decision": _decision(loop),
             }
         )
     return rows
@@ -199,63 +217,96 @@ def _loop_error(loop: dict[str, Any], key: str) -> str:
     return "" if metres is None else f"{length(metres)}, {loop[f'{key}_deg']:.1f}°"
 
 
-def _loop_pictures(context: ReportContext, draw_moment: DrawMoment | None) -> list[Plot]:
-    """The largest loop closure before it and after it; nothing where none was seen, or nothing can be drawn."""
+def _largest_loop(context: ReportContext) -> ClosingLoop | None:
+    """The largest loop that closed before the estimate was lost; None where none was seen."""
     steps = context.run.steps
-    if draw_moment is None or steps is None:
-        return []
+    if steps is None:
+        return None
     lost = spells(steps, "lost")
-    loop = largest_closing_loop(steps, lost[0].start if lost else np.inf)
-    if loop is None:
+    return largest_closing_loop(steps, lost[0].start if lost else np.inf)
+
+
+def _loop_pictures(context: ReportContext, loop: ClosingLoop | None, moments: MomentPlots) -> list[Plot]:
+    """The largest loop as it begins, and after it; nothing where none was seen, or nothing can be drawn."""
+    if not moments.possible or loop is None or context.run.steps is None:
         return []
-    settled = loop.stamp if lost or loop.least_spread is None else max(loop.least_spread[1], loop.stamp)
-    moments = {settled: "The largest loop, closed", loop.began: "The largest loop, as it begins to close"}
+    times = {loop.stamp: "The largest loop at its full length"}
+    if loop.least_spread is not None and loop.least_spread[1] > loop.stamp and not spells(context.run.steps, "lost"):
+        times = {loop.least_spread[1]: "The largest loop, when the spread of the particles is smallest"}
+    times[loop.began] = "The largest loop, as old walls come into view again"
     if loop.most_died is not None:
-        moments[loop.most_died] = "The largest loop, as particles die"
-    return [
-        _moment_picture(moments[stamp], up_to_a_tenth(stamp - context.start), draw_moment) for stamp in sorted(moments)
+        times[loop.most_died] = "The largest loop, as particles die"
+    return [moments.draw(times[stamp], up_to_a_tenth(stamp - context.start)) for stamp in sorted(times)]
+
+
+def _final_pass_of(context: ReportContext, loop: ClosingLoop | None) -> str:
+    """What the final pass says of the loops that it found at the time of the largest one, as a sentence; empty where it
+    found none then."""
+    if loop is None:
+        return ""
+    found = [row for row in context.run.metric("loops.list") or [] if loop.began <= row["stamp"] <= loop.end]
+    parts = [
+        f"at {at_time(row['stamp'] - context.start)} {_decision(row)} ({_gap(row)} apart)"
+        for row in sorted(found, key=lambda row: row["stamp"])
     ]
+    return f"What the final pass says of the loops at this time: {'; '.join(parts)}." if parts else ""
 
 
-def _failure_picture(context: ReportContext, mended: Mended | None, draw_moment: DrawMoment | None) -> Plot | None:
-    """The moment that shows a failure, or the pose while driving at its worst; None where nothing can be drawn, or
-    where that is among the pictures of what the final pass has mended."""
+def _decision(loop: dict[str, Any]) -> str:
+    """What became of a loop that the final pass found."""
+    if not loop["accepted"]:
+        return "rejected"
+    return "closed by the filter" if loop["closed_by_filter"] else "left open, closed now"
+
+
+def _gap(loop: dict[str, Any]) -> str:
+    """By how much the match of a loop and the filter's path differ."""
+    return f"{length(loop['gap_m'])}, {loop['gap_deg']:.1f}°"
+
+
+def _picture_of_failure(context: ReportContext, moments: MomentPlots) -> Plot | None:
+    """The moment that shows a failure; None where there is none, or nothing can be drawn."""
     run, failure = context.run, context.failure
-    if draw_moment is None or run.estimate is None:
+    if not moments.possible or run.estimate is None or failure is None or not failure.bad:
         return None
-    if failure is not None and failure.bad:
-        time = failure.time_to_watch(run.estimate.stamps)
-        return None if time is None else _moment_picture("The run where it went wrong", time, draw_moment)
-    if run.steps is None or "error_m" not in run.steps or mended is not None:
+    time = failure.time_to_watch(run.estimate.stamps)
+    return None if time is None else moments.draw("The run where it went wrong", time)
+
+
+def _picture_of_largest_error(context: ReportContext, mended: Mended | None, moments: MomentPlots) -> Plot | None:
+    """The pose while driving at its worst, of a run that did not go wrong; None where nothing can be drawn, or where
+    that is among the pictures of what the final pass has mended."""
+    steps, failure = context.run.steps, context.failure
+    bad = failure is not None and failure.bad
+    if not moments.possible or bad or mended is not None or steps is None or "error_m" not in steps:
         return None
-    errors = np.where(updates(run.steps), column(run.steps, "error_m"), np.nan)
+    errors = np.where(updates(steps), column(steps, "error_m"), np.nan)
     if not np.isfinite(errors).any():
         return None
-    worst = column(run.steps, "stamp")[np.nanargmax(errors)] - context.start
-    return _moment_picture("The largest error of the pose while driving", up_to_a_tenth(worst), draw_moment)
+    worst = column(steps, "stamp")[np.nanargmax(errors)] - context.start
+    return moments.draw("The largest error of the pose while driving", up_to_a_tenth(worst))
 
 
-def _mended_pictures(context: ReportContext, mended: Mended | None, draw_moment: DrawMoment | None) -> list[Plot]:
-    """The moment that the final pass has mended, the update before it where it came suddenly, and the largest error;
-    nothing where nothing was mended, or nothing can be drawn."""
+def _mended_pictures(context: ReportContext, mended: Mended | None, moments: MomentPlots) -> list[Plot]:
+    """The moment that the final pass has mended, the update before it on the same scale where it came suddenly, and the
+    largest error; nothing where nothing was mended, or nothing can be drawn."""
     steps = context.run.steps
-    if draw_moment is None or mended is None or steps is None:
+    if not moments.possible or mended is None or steps is None:
         return []
-    moments = {}
+    at, pictures = mended.time_to_watch, []
     stamps = column(steps, "stamp")[updates(steps)]
-    before = stamps[stamps < mended.stamp - 1e-6]
-    if len(before) and (mended.driving is None or mended.driving.stretches[0].sudden):
-        moments[up_to_a_tenth(before[-1] - context.start)] = "At the update before it went wrong"
-    moments[mended.time_to_watch] = f"Where it went wrong {mended.which}"
+    earlier = stamps[stamps < mended.stamp - 1e-6]
+    before = None
+    if len(earlier) and (mended.driving is None or mended.driving.stretches[0].sudden):
+        before = up_to_a_tenth(earlier[-1] - context.start)
+    if before is not None and before < at:
+        pictures.append(moments.draw("At the update before it went wrong", before, at))
+    pictures.append(moments.draw(f"Where it went wrong {mended.which}", at, before))
     if mended.driving is not None:
         worst = up_to_a_tenth(mended.driving.worst.worst - context.start)
-        moments.setdefault(worst, "The largest error of the pose while driving")
-    return [_moment_picture(name, time, draw_moment) for time, name in moments.items()]
-
-
-def _moment_picture(name: str, time: float, draw_moment: DrawMoment) -> Plot:
-    source = "data:image/png;base64," + base64.b64encode(draw_moment(time)).decode()
-    return Plot(f"{name}, {at_time(time)}", source)
+        if worst not in (before, at):
+            pictures.append(moments.draw("The largest error of the pose while driving", worst))
+    return pictures
 
 
 def _relation_rows(run: RunFiles) -> list[tuple[str, dict[str, Any]]]:

@@ -169,8 +169,9 @@ def _spread_plot(steps: Columns, start: float, cursor: float | None) -> Plot | N
     return Plot(
         "Spread of the particles",
         plots.over_time(_at_updates(steps, "stamp") - start, curves, "spread [cm]", marks=marks, cursor=cursor),
-        "Standard deviation of their positions. It grows while the robot sees new places, and falls when walls come "
-        "back into view and the particles whose maps do not fit them die.",
+        "Standard deviation of their positions, in which each particle counts by its weight. It grows while the robot "
+        "sees new places, and falls when walls come back into view: as the particles whose maps do not fit them lose "
+        "weight, not only when they die.",
     )
 
 

@@ -192,10 +192,10 @@ def _path_sentence(run: RunFiles) -> str:
     if error is None:
         return ""
     which = " after the final pass" if run.metric("refined") else ""
-    text = (
-        f"The trajectory error{which} is {length(error)} over {run.metric('trajectory.length_m'):.0f} m of path "
-        f"(root mean square, after alignment)"
-    )
+    metres = f"{run.metric('trajectory.length_m'):.0f} m of path"
+    text = f"The trajectory error{which} is {length(error)} over {metres} (root mean square, after alignment)"
+    if run.metrics.get("outcome") == "ok":  # whose first sentence has the figure
+        text = f"The trajectory error{which} is the root mean square over {metres}, after alignment"
     odometry = run.metric("trajectory.odometry.ate_rmse_m")
     return f"{text}; wheel odometry alone has {length(odometry)}." if odometry is not None else f"{text}."
 
@@ -274,12 +274,24 @@ def _loop(context: ReportContext) -> Loop:
         text += (
             f" The position error while driving, aligned at the first scan as in the plot below and in the recording, "
             f"was {length(error_before)} at the update before it and {length(error_after)} at "
-            f"{at_time(loop.stamp - start)}"
+            f"{at_time(loop.stamp - start)}{_jump_in(loop, start)}"
         )
-        text += ": little had to be corrected." if max(error_before, error_after) < SMALL_ERROR_M else "."
+        largest = max(*loop.errors, *(loop.jump_errors or ()))
+        text += ": little had to be corrected." if largest < SMALL_ERROR_M else "."
     if lost and first_loss - loop.stamp <= SOON_S:
         text += f" The estimate was lost {first_loss - loop.stamp:.1f} s later."
     return Loop(text, up_to_a_tenth(loop.to_watch - start))
+
+
+def _jump_in(loop: ClosingLoop, start: float) -> str:
+    """How the error changed as another particle became the best in a loop; empty where none did, or that is said."""
+    if loop.jump is None or loop.jump_errors is None or loop.jump_errors == loop.errors:
+        return ""
+    error_before, error_after = loop.jump_errors
+    return (
+        f", and went from {length(error_before)} to {length(error_after)} at {at_time(loop.jump[1] - start)}, as "
+        "another particle became the best"
+    )
 
 
 def _particles_in(loop: ClosingLoop, start: float) -> str:
@@ -292,7 +304,10 @@ def _particles_in(loop: ClosingLoop, start: float) -> str:
     text = f" {words[0].upper()}{words[1:]}"
     if loop.spread is not None and loop.least_spread is not None:
         least, stamp = loop.least_spread
-        text += f", and their spread went from {length(loop.spread)} to {length(least)} (at {at_time(stamp - start)})"
+        weighted = "spread" if loop.most_died is not None else "spread, in which each counts by its weight,"
+        text += (
+            f", and their {weighted} went from {length(loop.spread)} to {length(least)} (at {at_time(stamp - start)})"
+        )
     return f"{text}."
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import shutil
 import tempfile
 from importlib.metadata import version
@@ -17,7 +18,16 @@ from eval.wording import at_time, up_to_a_tenth
 from testbed.cli.shared.console import console, results
 from testbed.datasets import open_dataset
 from testbed.formats import open_log
-from testbed.views import Scene, events_of, moments_of, open_run, record_frames, record_side_by_side, recording_of
+from testbed.views import (
+    NoDisplayError,
+    Scene,
+    events_of,
+    moments_of,
+    open_run,
+    record_frames,
+    record_side_by_side,
+    recording_of,
+)
 
 TENTH = 0.1
 """Times are printed rounded up to a tenth [s]: one so little after the end is the end."""
@@ -80,7 +90,10 @@ def view(
             package, then = f"rerun-sdk=={version('rerun-sdk')}", _then_move(moment)
             console.print(f"{save}: with `pip install {package}`, `rerun {save}` opens it{then}", soft_wrap=True)
             return
-        viewer = open_run(shown, serve=serve, moment=moment)
+        try:
+            viewer = open_run(shown, serve=serve, moment=moment)
+        except NoDisplayError as error:
+            raise ValueError(f"{error}; {_without_display(paths, moment)}") from None
         if viewer.address is not None:
             console.print(f"view: {viewer.address}{_then_move(moment)}; served until Ctrl-C", soft_wrap=True)
         viewer.wait()
@@ -144,6 +157,15 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
 def _named(picture: Path, time: float) -> Path:
     """The name of one of several pictures: moment-129.2s.png."""
     return picture.with_name(f"{picture.stem}-{time:g}s{picture.suffix}")
+
+
+def _without_display(paths: list[Path], time: float | None) -> str:
+    """Commands that show the same without a display: as a web page; a single path also as a picture at a time [s]."""
+    shown, at = shlex.join(map(str, paths)), "" if time is None else f" --time {time:g}"
+    page = f"for a browser: testbed view {shown}{at} --serve"
+    if len(paths) > 1 or (paths[0] / "sweep.toml").is_file():
+        return page
+    return f"for a picture: testbed view {shown}{at} --save moment.png; {page}"
 
 
 def _then_move(time: float | None) -> str:

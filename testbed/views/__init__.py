@@ -2,6 +2,7 @@
 """Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
 
 from testbed.views.opening import (
+    NoDisplayError,
     OpenedRun,
     events_of,
     moments_for_report,
@@ -16,6 +17,7 @@ from testbed.views.view import FinalLoop, NullView, Proposal, Scene, Snapshot, V
 
 __all__ = [
     "FinalLoop",
+    "NoDisplayError",
     "NullView",
     "OpenedRun",
     "Proposal",

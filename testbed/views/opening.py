@@ -38,6 +38,10 @@ def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None 
     return RerunView(recording, scene, options or ViewOptions())
 
 
+class NoDisplayError(ValueError):
+    """There is nowhere to open a window."""
+
+
 @dataclass(frozen=True)
 class OpenedRun:
     """The viewer that shows a run."""
@@ -125,7 +129,8 @@ def open_run(run: Path, *more: Path, serve: bool = False, moment: float | None =
     the web page begins at the end
 
     Raises:
-        ValueError: there is no recording, or no display for a window.
+        ValueError: there is no recording.
+        NoDisplayError: there is no display for a window.
     """
     recordings = []
     for path in (run, *more):
@@ -139,9 +144,7 @@ def open_run(run: Path, *more: Path, serve: bool = False, moment: float | None =
         address = programs.web_address(port, web_port)
     else:
         if programs.display_missing():
-            raise ValueError(
-                "no display to open the viewer on; use --serve and a browser, or --save x.png for a picture of a moment"
-            )
+            raise NoDisplayError("no display to open the viewer on")
         port = programs.free_port()
         command = [*programs.window_command(port), *recordings]
         address = None

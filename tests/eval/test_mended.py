@@ -66,7 +66,7 @@ def test_the_report_draws_the_moment_and_the_update_before_it(tmp_path: Path) ->
         another_best = np.zeros(0)
         times: ClassVar[list[float]] = []
 
-        def png(self, time: float) -> bytes:
+        def png(self, time: float, compared_with: float | None = None) -> bytes:
             self.times.append(time)
             return b"picture"
 

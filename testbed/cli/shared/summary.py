@@ -20,6 +20,7 @@ from eval.filter.step_table import column
 from eval.first_failure import Failure
 from eval.loss_watch import spells
 from eval.mended import Mended, find_mended
+from eval.report.bent_map import behind_failure
 from eval.report.check_story import self_check_sentence
 from eval.wording import at_time, up_to_a_tenth
 from testbed.views import recording_of
@@ -67,6 +68,10 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         failure, stamps = found
         cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
         table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}{cause}")
+        assert run is not None  # that the failure was read from
+        behind = _behind_failure(failure, stamps, run)
+        if behind:
+            table.add_row("behind it", behind)
     if mended is not None:
         for words, text in _mended_rows(mended):
             table.add_row(words, text)
@@ -170,6 +175,12 @@ def _failure_of(metrics: Mapping[str, Any], run: Path | None) -> tuple[Failure, 
         return None
     failure, stamps = read_failure(finding).failure, read_tum(estimate).stamps
     return (failure, stamps) if failure.bad and len(stamps) else None
+
+
+def _behind_failure(failure: Failure, stamps: NDArray[np.float64], run: Path) -> str:
+    """Say what had gone wrong before a failure, from the files of its run; stamps (n,) of its scans [s]."""
+    odometry, truth = (read_tum(path) if path.is_file() else None for path in (run / "odometry.tum", run / "truth.tum"))
+    return behind_failure(failure, float(stamps[0]), read_steps(run / "steps.parquet"), odometry, truth)
 
 
 def _trajectory_errors(metrics: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

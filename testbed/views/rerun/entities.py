@@ -48,6 +48,8 @@ NOW = "/now"
 COMPARE = "/compare"
 """The map's frame once more, for the views that compare particles."""
 RANKS = ("best", "lightest", "most_different_a", "most_different_b")
+EQUAL_WEIGHT = ", as all"
+"""The end of the label of a particle that weighs the same as all others."""
 FINAL = "/final"
 """The map's frame once more, for the views of the final pass."""
 FINAL_STEPS = ("before", "after")

@@ -94,13 +94,17 @@ class MomentPictures:
         first scan, (n,); empty without truth."""
         return self._recorded.times(entities.ANOTHER_BEST)
 
-    def png(self, time: float) -> bytes:
-        """Draw the moment as a PNG; a time before the first scan or after the last one shows that scan."""
+    def png(self, time: float, compared_with: float | None = None) -> bytes:
+        """Draw the moment as a PNG; a time before the first scan or after the last one shows that scan.
+
+        compared_with: the time of another picture; the close views of both show the same places on one scale
+        """
         from matplotlib import rc_context
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         time = min(max(time, 0.0), self.end)
+        framed = [time] if compared_with is None else [time, min(max(compared_with, 0.0), self.end)]
         look: dict[Any, Any] = {
             "font.size": 9.0,
             "axes.titlesize": 10.0,
@@ -115,7 +119,7 @@ class MomentPictures:
             figure = Figure(figsize=(WIDTH, sum(heights) + MARGIN_HEIGHT), layout="constrained")
             parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
             figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
-            self._draw_maps(figure, parts[0], time)
+            self._draw_maps(figure, parts[0], time, framed)
             self._draw_curves(parts[-1], time)
             if others:
                 self._draw_others(parts[1], others)
@@ -131,13 +135,12 @@ class MomentPictures:
         first = first_comparison(self._recorded)
         return f"Maps of other particles: first compared at {first:.1f} s" if first is not None and first > time else ""
 
-    def _draw_maps(self, figure: Figure, part: SubFigure, time: float) -> None:
-        """Draw the map so far and the two close views into a part of the figure, and the legend below it all."""
+    def _draw_maps(self, figure: Figure, part: SubFigure, time: float, framed: Sequence[float]) -> None:
+        """Draw the map so far and the two close views into a part of the figure, and the legend below it all; framed:
+        the times for which the close views have room."""
         from matplotlib.legend_handler import HandlerTuple
 
-        scan = self._recorded.latest(entities.ESTIMATED_ROBOT, time)
-        assert scan is not None
-        robot = se2.compose(self._T_world_map, pose(scan))
+        robot = self._robot(time)
         shown = map_at(self._recorded, entities.MAP, time)
         halves: Any = part.subfigures(1, 2, width_ratios=[1.35, 1.0])
         left, right = halves
@@ -151,8 +154,8 @@ class MomentPictures:
             _title_left(axes)
             self._draw_map(axes, shown)
         self._draw_world(overview, time, robot)
-        self._draw_around(around, time, robot)
-        self._draw_proposal(close, time)
+        self._draw_around(around, time, *self._frame_around(framed))
+        self._draw_proposal(close, time, max(map(self._reach_of_proposal, framed)))
         self._show_all_of_the_map(overview, shown)
         handles: dict[str, Any] = {}
         for axes in (overview, around, close):
@@ -319,26 +322,59 @@ class MomentPictures:
                 lines = [se2.transform_points(at, line) for line in strips(shape["LineStrips3D:strips"])]
                 _lines(axes, lines, colour, 1.6)
 
-    def _draw_around(self, axes: Axes, time: float, robot: Pose) -> None:
-        """Draw the particles, their histories and the filter's ellipse, and all else, close up."""
-        T, places = self._T_world_map, [robot[:2]]
-        particles = self._recorded.latest(entities.PARTICLES, time)
+    def _robot(self, time: float) -> Pose:
+        """The estimated pose of the robot in the world's frame, (3,)."""
+        scan = self._recorded.latest(entities.ESTIMATED_ROBOT, time)
+        assert scan is not None
+        return se2.compose(self._T_world_map, pose(scan))
+
+    def _origins(self, particles: dict[str, Any] | None) -> NDArray[np.float64]:
+        """Positions of the particles of a row in the world's frame, (n, 2) [m]."""
         origins = np.zeros((0, 2)) if particles is None else points(particles["Arrows3D:origins"])
-        origins = se2.transform_points(T, origins)
-        places += list(origins)
-        true = self._recorded.latest(entities.TRUE_ROBOT, time)
-        if true is not None:
-            places.append(pose(true)[:2])
-        far = max(float(np.hypot(*(place - robot[:2]))) for place in places)
-        reach = float(np.clip(MARGIN * far, MIN_REACH, MAX_REACH))
-        for entity, colour, width, label in (
-            (entities.DEAD_BRANCHES, styles.DEAD, 3.0, "histories that ended at the last resampling"),
-            (entities.PARTICLE_PATHS, styles.FAN, 0.8, "histories of the particles"),
-        ):
-            row = self._recorded.latest(entity, time)
-            if row is not None and len(origins) > 1:
-                lines = [se2.transform_points(T, line) for line in strips(row["LineStrips3D:strips"]) if len(line)]
-                seen = any(_in_view(line, robot[:2], reach) for line in lines)
+        return se2.transform_points(self._T_world_map, origins)
+
+    def _frame_around(self, times: Sequence[float]) -> tuple[NDArray[np.float64], float]:
+        """Centre (2,) of a close view and how far it reaches [m], so that it shows at each of these times the robot,
+        the true one and the particles."""
+        robots = np.array([self._robot(time)[:2] for time in times])
+        centre, places = robots.mean(axis=0), [robots]
+        for time in times:
+            places.append(self._origins(self._recorded.latest(entities.PARTICLES, time)))
+            true = self._recorded.latest(entities.TRUE_ROBOT, time)
+            if true is not None:
+                places.append(pose(true)[None, :2])
+        far = float(np.hypot(*(np.concatenate(places) - centre).T).max())
+        return centre, float(np.clip(MARGIN * far, MIN_REACH, MAX_REACH))
+
+    def _histories(self, time: float) -> list[NDArray[np.float64]]:
+        """The tree of the particles' histories as lines (n, 2) in the world's frame: as it was last logged, and from
+        there through the particles of each update. Between two resamplings particle i stays particle i, and each
+        resampling logs the tree; in a known map, where that is not so, only the tree."""
+        tree = self._recorded.latest(entities.PARTICLE_PATHS, time)
+        lines = [] if tree is None else [line for line in strips(tree["LineStrips3D:strips"]) if len(line)]
+        lines = [se2.transform_points(self._T_world_map, line) for line in lines]
+        if len(self._recorded.times(entities.LOCALIZATION_STATE)):
+            return lines
+        since = self._recorded.between(entities.PARTICLES, 0.0 if tree is None else tree[TIME], time)
+        places = [self._origins(row) for row in since]
+        if len({len(part) for part in places}) != 1:
+            return lines
+        return lines + list(np.stack(places, axis=1))
+
+    def _draw_around(self, axes: Axes, time: float, centre: NDArray[np.float64], reach: float) -> None:
+        """Draw the particles, their histories and the filter's ellipse, and all else, close up around a place (2,)."""
+        T, robot = self._T_world_map, self._robot(time)
+        particles = self._recorded.latest(entities.PARTICLES, time)
+        origins = self._origins(particles)
+        ended = self._recorded.latest(entities.DEAD_BRANCHES, time)
+        dead = [] if ended is None else [line for line in strips(ended["LineStrips3D:strips"]) if len(line)]
+        dead = [se2.transform_points(T, line) for line in dead]
+        if len(origins) > 1:
+            for lines, colour, width, label in (
+                (dead, styles.DEAD, 3.0, "histories that ended at the last resampling"),
+                (self._histories(time), styles.FAN, 0.8, "histories of the particles"),
+            ):
+                seen = any(_in_view(line, centre, reach) for line in lines)
                 _lines(axes, lines, colour, width, label if seen else None)
         self._draw_world(axes, time, robot, reach)
         spread = self._recorded.latest(entities.COVARIANCE, time)
@@ -368,10 +404,27 @@ class MomentPictures:
                 label="particles: light blue to red, the heaviest",
             )
             axes.scatter(origins[:, 0], origins[:, 1], s=12, color=shades, zorder=7)
-        _frame(axes, robot[:2], reach)
+        _frame(axes, centre, reach)
 
-    def _draw_proposal(self, axes: Axes, time: float) -> None:
-        """Draw how the best particle's new pose was found."""
+    def _reach_of_proposal(self, time: float) -> float:
+        """How far the view of the proposal has to reach around the fitted Gaussian [m]: to all samples, and to the
+        prior unless that lies far away; the least where there is no proposal."""
+        names = (entities.PROPOSAL_PRIOR, entities.PROPOSAL_SAMPLES, entities.PROPOSAL_GAUSSIAN)
+        prior, samples, gaussian = (self._recorded.latest(name, time) for name in names)
+        found = np.zeros((0, 2)) if samples is None else points(samples["Points3D:positions"])
+        if gaussian is None or len(found) == 0:
+            return MIN_PROPOSAL_REACH
+        fitted = ellipse(gaussian)
+        far = float(np.hypot(*(found - fitted.centre).T).max())
+        reach = max(MARGIN * max(far, float(fitted.half.max())), MIN_PROPOSAL_REACH)
+        if prior is None:
+            return reach
+        around = ellipse(prior)
+        needed = MARGIN * (float(np.hypot(*(around.centre - fitted.centre))) + float(around.half.max()))
+        return min(max(reach, needed), MAX_PRIOR_REACH * reach)
+
+    def _draw_proposal(self, axes: Axes, time: float, reach: float) -> None:
+        """Draw how the best particle's new pose was found; reach: how far around it is shown [m]."""
         T = self._T_world_map
         names = (entities.PROPOSAL_PRIOR, entities.PROPOSAL_SAMPLES, entities.PROPOSAL_GAUSSIAN)
         prior, samples, gaussian = (self._recorded.latest(name, time) for name in names)
@@ -390,17 +443,13 @@ class MomentPictures:
         shades = colours(samples["Points3D:colors"])
         axes.scatter(found[:, 0], found[:, 1], s=26, color=shades, zorder=6, label="samples, by weight")
         _ellipse(axes, fitted, styles.PROPOSAL, "Gaussian fitted to the samples, 95 %")
-        far = float(np.hypot(*(found - fitted.centre).T).max())
-        reach = max(MARGIN * max(far, float(fitted.half.max())), MIN_PROPOSAL_REACH)
         if prior is not None:
             around = _moved(T, ellipse(prior))
             _ellipse(axes, around, styles.ODOMETRY, "prior: odometry's prediction, 95 %")
             off = float(np.hypot(*(around.centre - fitted.centre)))
-            needed = MARGIN * (off + float(around.half.max()))
-            if needed > MAX_PRIOR_REACH * reach:
+            if MARGIN * (off + float(around.half.max())) > reach + 1e-9:
                 words = f"the prior lies {length(off)} away"
                 axes.text(0.02, 0.96, words, va="top", transform=axes.transAxes, color=_rgb(styles.ODOMETRY))
-            reach = min(max(reach, needed), MAX_PRIOR_REACH * reach)
         _frame(axes, fitted.centre, reach)
 
     def _show_all_of_the_map(self, axes: Axes, shown: GridImage | None) -> None:

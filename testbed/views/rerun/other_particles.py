@@ -14,6 +14,8 @@ from testbed.views.rerun.recorded import TIME, GridImage, Recorded, grid_image, 
 
 NAMES = dict(zip(entities.RANKS[1:], ("lightest", "most different (1)", "most different (2)"), strict=True))
 """The particles of a comparison other than the best."""
+ANY_OF_EQUAL_WEIGHT = "one of equal weight"
+"""Stands for `lightest` where all particles weigh the same."""
 ELSEWHERE_M = 0.1
 """A wall lies elsewhere if the best particle's map has none within this distance [m]."""
 
@@ -48,7 +50,8 @@ def other_particles(recorded: Recorded, time: float) -> list[OtherParticle]:
             continue
         best, shown = map_at(recorded, entities.MAP, at), map_at(recorded, f"{entity}/map", at)
         if best is not None and shown is not None:
-            title = f"{name}: {particle}, {at:.1f} s"
+            equal = name == NAMES["lightest"] and particle.endswith(entities.EQUAL_WEIGHT)
+            title = f"{ANY_OF_EQUAL_WEIGHT if equal else name}: {particle}, {at:.1f} s"
             found[particle] = OtherParticle(title, shown, _elsewhere(shown, best))
     return list(found.values()) if len(found) > 1 else []
 

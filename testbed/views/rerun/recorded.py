@@ -73,6 +73,15 @@ class Recorded:
             return None
         return {name: rows.column(name)[at] for name in rows.schema.names if ":" in name} | {TIME: float(times[at])}
 
+    def between(self, entity: str, first: float, last: float) -> list[dict[str, Any]]:
+        """The rows of an entity from a time to another one, both included, as `latest` gives them."""
+        times, rows = self._of(entity)
+        names = [name for name in rows.schema.names if ":" in name]
+        return [
+            {name: rows.column(name)[at] for name in names} | {TIME: float(times[at])}
+            for at in np.flatnonzero((times >= first - 1e-6) & (times <= last + 1e-6)).tolist()
+        ]
+
     def times(self, entity: str) -> NDArray[np.float64]:
         """Times of the rows of an entity, (n,) [s]."""
         return self._of(entity)[0]

@@ -60,6 +60,8 @@ SEND_PERIOD = 20.0
 """… and this often into a file that nobody watches: calls cost more than rows …"""
 MAX_WAITING = 2048
 """… or when so many squares of maps wait, of 16 kB each."""
+MIN_WEIGHT_DIFFERENCE = 1e-9
+"""Weights that differ by less are equal, as they are right after a resampling."""
 FILE_PERIOD = 0.5
 """What was sent is written this often [s of wall time]: each time costs some 300 bytes per entity."""
 
@@ -469,12 +471,13 @@ class RerunView:
         self._log(entities.WEIGHTS, rr.BarChart(snapshot.weights))
         if snapshot.cells is None:
             return
+        equal = entities.EQUAL_WEIGHT if np.ptp(snapshot.weights) < MIN_WEIGHT_DIFFERENCE else ""
         for slot, particle in zip(self._slots, comparison.chosen(snapshot), strict=True):
             if slot is not self._slots[0]:  # the best particle's map and path are there
                 self._add_squares(f"{slot.entity}/map", slot.tiles, snapshot, particle, everything)
                 self._add_path(f"{slot.entity}/path", slot.path.changes(snapshot.path(particle)))
             self._columns.add(f"{slot.entity}/robot", snapshot.poses[particle], build=columns.poses)
-            label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}"
+            label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}{equal}"
             self._columns.add(f"{slot.entity}/robot/label", label, build=columns.labels)
 
     # --- layout

@@ -38,6 +38,15 @@ def test_a_loop_goes_from_its_first_scan_until_the_particles_have_settled() -> N
     assert loop.errors == (0.8, 0.1)
 
 
+def test_a_jump_after_the_last_scan_of_a_loop_has_its_own_errors() -> None:
+    table = steps({40: 30.0}, {})
+    moved, error = np.zeros(200), np.where(np.repeat(np.arange(100), 2) < 43, 0.26, 0.5)
+    moved[2 * 43] = 0.28
+    loop = largest_closing_loop(table | {"best_moved_m": moved, "error_m": error})
+    assert loop is not None
+    assert (loop.errors, loop.jump_errors) == ((0.26, 0.26), (0.26, 0.5))
+
+
 def test_scans_that_close_a_loop_much_later_are_another_one() -> None:
     loop = largest_closing_loop(steps({40: 60.0, 54: 30.0, 69: 30.0}, {68: 3, 70: 5}))
     assert loop is not None
@@ -60,6 +69,7 @@ def test_a_loop_that_decides_comes_before_a_longer_one() -> None:
     assert loop is not None
     assert (loop.metres, loop.died, loop.longer) == (30.0, 0, 60.0)
     assert loop.jump == (0.28, 1071.0)
+    assert loop.jump_errors == (0.1, 0.1)
     assert loop.to_watch == 1071.0
     assert deaths_in_words(loop, 1000.0) == (
         "no particle died, and another became the best at 71.0 s: the reported pose moved by 28\N{NO-BREAK SPACE}cm"

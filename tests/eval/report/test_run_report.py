@@ -195,7 +195,11 @@ class Recorded:
 
     another_best = np.array([20.0])
 
-    def png(self, time):
+    def __init__(self):
+        self.drawn = []
+
+    def png(self, time, compared_with=None):
+        self.drawn.append(time)
         return b"a picture"
 
 
@@ -207,6 +211,31 @@ def test_where_another_particle_became_the_best_is_marked(runs, texts, tmp_path)
     assert "jumps to its history" in marked
     assert "another best particle" not in drawn(texts["good"], "Position error")
     assert "jumps to its history" not in texts["good"]
+
+
+def test_a_moment_that_is_named_twice_is_drawn_once(runs, tmp_path):
+    """The largest error is where the largest loop has its full length; the final pass had found that loop left open."""
+    folder = tmp_path / "run"
+    shutil.copytree(runs["good"], folder)
+    steps = pq.read_table(folder / "steps.parquet").to_pydict()
+    stamps = np.array(steps["stamp"])
+    at = np.flatnonzero(np.array(steps["updated"], bool))[[30, 40]]
+    lengths = np.zeros(len(stamps))
+    lengths[at] = 20.0, 60.0
+    errors = np.where(stamps == stamps[at[1]], 0.9, 0.1)
+    pq.write_table(pa.table(steps | {"loop_length": lengths, "error_m": errors}), folder / "steps.parquet")
+    metrics = json.loads((folder / "metrics.json").read_text())
+    open_loop = loop(stamps[at[1]], 0.38) | {"closed_by_filter": False, "accepted": True}
+    loops = {"found": 1, "rejected": 0, "list": [open_loop]}
+    (folder / "metrics.json").write_text(json.dumps(metrics | {"loops": loops}))
+    recording = Recorded()
+    text = write_report(folder, recording).read_text()
+    assert len(recording.drawn) == len(set(recording.drawn)) >= 2
+    shown = f"{stamps[at[1]] - stamps[0]:.1f} s"
+    again = f"The largest error of the pose while driving, {shown}: the picture “The largest loop at its full length, "
+    assert f"{again}{shown}” above." in text
+    assert f"at {shown} left open, closed now (38\N{NO-BREAK SPACE}cm" in text.partition("<h2>The largest loop")[2]
+    assert "loop, closed" not in text
 
 
 def test_the_scan_is_drawn_from_both_poses(texts):

@@ -62,6 +62,18 @@ def test_the_largest_loop_closure_is_said_with_what_the_particles_did(tmp_path):
     assert loop.time == pytest.approx(32.0)
 
 
+def test_a_jump_to_another_particle_in_a_loop_is_said(tmp_path):
+    run = write_run(tmp_path / "run")
+    n = len(read_run(run).steps["scan"])
+    lengths, moved, error = np.zeros(n), np.zeros(n), np.full(n, 0.26)
+    lengths[300], moved[305], error[305:] = 40.0, 0.28, 0.5
+    columns = {"loop_length": lengths, "particles_died": np.zeros(n, np.int64), "spread_m": np.linspace(0.9, 0.1, n)}
+    said = verdict(with_steps(run, **columns, best_moved_m=moved, error_m=error)).loop.sentence
+    assert "26\u00a0cm at 30.0 s, and went from 26\u00a0cm to 50\u00a0cm at 30.5 s, as another particle" in said
+    assert "No particle died" in said
+    assert "their spread, in which each counts by its weight, went from" in said
+
+
 def test_a_run_without_a_loop_says_so(tmp_path):
     run = write_run(tmp_path / "run")
     metrics = json.loads((run / "metrics.json").read_text())

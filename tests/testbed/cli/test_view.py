@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+import shlex
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -104,6 +105,18 @@ def test_a_time_after_the_end_is_said(
     for time, said in (("100.1", False), ("500", True)):  # times are printed rounded up to a tenth
         command.view([run], time=time, save=tmp_path / f"{time}.png")
         assert ("the run ends at 100.0 s, before the time of" in capsys.readouterr().err) is said
+
+
+def test_without_a_display_the_ready_commands_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = write_run(tmp_path / "a run")
+    (run / "recording.rrd").touch()
+    monkeypatch.setattr("testbed.views.live.programs.display_missing", lambda: True)
+    with pytest.raises(ValueError, match="no display") as caught:
+        command.view([run], time="12.5")
+    picture, page = f"{caught.value}".split("; ")[1:]
+    words = ["testbed", "view", str(run), "--time", "12.5"]
+    assert shlex.split(picture.removeprefix("for a picture: ")) == [*words, "--save", "moment.png"]
+    assert shlex.split(page.removeprefix("for a browser: ")) == [*words, "--serve"]
 
 
 def test_the_event_log_is_printed(

@@ -66,7 +66,10 @@ def test_what_the_filter_did_is_there_scan_by_scan(recorded: Recorded) -> None:
     assert len(rows(recorded.path, entities.ESS_RESAMPLED, "Scalars:scalars")) == resamplings
     log = [text[0] for _, text in rows(recorded.path, entities.EVENTS, "TextLog:text")]
     assert sum(line.startswith("resampled") for line in log) == resamplings
-    for lane, state in ((entities.ESTIMATE_STATE, "follows the truth"), (entities.MATCHING_STATE, "scan fits the map")):
+    for lane, state in (
+        (entities.ESTIMATE_STATE, "close to the truth (limit 35 cm)"),
+        (entities.MATCHING_STATE, "scan fits the map"),
+    ):
         states = [value[0] for _, value in rows(recorded.path, lane, "StateChange:state")]
         assert states == [state]  # nothing changes in a good run
 

@@ -39,7 +39,7 @@ class StateChange(NamedTuple):
     """When it changed; None = now."""
 
 
-GOOD, DRIFTED, LOST = "follows the truth", "has drifted", "lost"
+GOOD, DRIFTED, LOST = "close to the truth (limit 35 cm)", "has drifted", "lost"
 MATCHED, POORLY_MATCHED, MATCH_FAILED = "scan fits the map", "scan fits poorly", "matching failed"
 DRIVING, COLLIDED = "driving", "collided"
 PLAUSIBLE, DOUBTFUL, CALLED_LOST = "plausible", "doubtful", "says lost"

@@ -91,6 +91,20 @@ def test_the_moment_and_the_cause_of_a_loss_are_named(tmp_path: Path) -> None:
     assert "went wrong" not in printed(metrics)
 
 
+def test_a_loss_is_said_with_the_bent_map_before_it(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "a run", broken=True)
+    metrics = json.loads((run / "metrics.json").read_text())
+    assert "the map was bent" not in printed(metrics, run)
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    stamps = np.array(table["stamp"])
+    bent = (stamps - stamps[0] > 20.0) & (stamps - stamps[0] < 40.0)
+    x = np.array(table["x"]) + 0.45 * bent
+    pq.write_table(pa.table(table | {"x": x, "error_m": np.where(bent, 0.45, 0.0)}), run / "steps.parquet")
+    row = next(line for line in printed(metrics, run).splitlines() if line.startswith("behind it"))
+    assert "the map was bent: the pose while driving had drifted from " in row
+    assert "by up to 45\N{NO-BREAK SPACE}cm" in row
+
+
 def test_a_loss_is_to_be_watched_where_it_was_recorded(tmp_path: Path) -> None:
     run = write_run(tmp_path / "a run", broken=True)
     metrics = json.loads((run / "metrics.json").read_text())

@@ -54,6 +54,31 @@ def test_picture_and_viewer_say_the_same_of_both_positions(recorded: Recorded) -
     assert said == {"inside", "outside", "is", "was"}
 
 
+def test_histories_reach_the_particles_at_every_time(recorded: Recorded) -> None:
+    """Also between the times at which the tree was logged: there they go on through the particles of each update."""
+    rows, pictures = Reader(recorded.path), MomentPictures(recorded.path)
+    logged, updates = rows.times(entities.PARTICLE_PATHS), rows.times(entities.PARTICLES)
+    between = updates[~np.isclose(updates[:, None], logged).any(axis=1)]
+    assert len(between) > 10
+    for time in [*between[::9].tolist(), between[-1]]:
+        ends = np.array([line[-1] for line in pictures._histories(time)])
+        origins = pictures._origins(rows.latest(entities.PARTICLES, time))
+        assert (ends[-len(origins) :] == origins).all()
+        longest = max(len(line) for line in pictures._histories(time)[-len(origins) :])
+        since = logged[logged < time].max(initial=0.0)
+        assert longest == np.count_nonzero((updates >= since - 1e-6) & (updates <= time + 1e-6))
+
+
+def test_two_pictures_to_compare_show_the_same_places(recorded: Recorded) -> None:
+    pictures = MomentPictures(recorded.path)
+    (centre, reach), (same_centre, same_reach) = pictures._frame_around([5.0, 6.0]), pictures._frame_around([6.0, 5.0])
+    assert (centre == same_centre).all()
+    assert reach == same_reach
+    for time in (5.0, 6.0):
+        assert np.hypot(*(pictures._robot(time)[:2] - centre)) < reach
+    assert reach > pictures._frame_around([5.0])[1]
+
+
 def test_a_time_beyond_the_run_shows_its_end(recorded: Recorded) -> None:
     end = recorded.snapshots[-1].stamp - recorded.snapshots[0].stamp
     assert (picture(recorded.path, np.inf) == picture(recorded.path, end)).all()

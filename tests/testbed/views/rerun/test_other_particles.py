@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from testbed.views.map_cells import UNKNOWN
-from testbed.views.rerun.other_particles import NAMES, _elsewhere, first_comparison, other_particles
+from testbed.views.rerun import entities
+from testbed.views.rerun.other_particles import (
+    ANY_OF_EQUAL_WEIGHT,
+    NAMES,
+    _elsewhere,
+    first_comparison,
+    other_particles,
+)
 from testbed.views.rerun.recorded import GridImage, Recorded
 from tests.testbed.views.conftest import Recorded as Run
 
@@ -37,9 +44,25 @@ def test_each_rank_but_the_best_is_drawn_each_particle_once(recorded: Run) -> No
     drawn = [other.title.partition(": ")[2] for other in found]
     names = ", ".join(other.title.partition(": ")[0] for other in found)
     assert len(set(drawn)) == len(drawn)  # no particle is drawn twice
-    assert names.split(", ") == list(NAMES.values())
+    assert names.replace(ANY_OF_EQUAL_WEIGHT, NAMES["lightest"]).split(", ") == list(NAMES.values())
     assert all("weight" in other.title and other.elsewhere.shape == other.map.image.shape for other in found)
     assert other_particles(read, -1.0) == []
+
+
+def test_none_is_called_the_lightest_where_all_weigh_the_same(recorded: Run) -> None:
+    read, start = Recorded(recorded.path), recorded.snapshots[0].stamp
+    seen = set()
+    for snapshot in recorded.snapshots[1:]:
+        time = snapshot.stamp - start
+        if time not in read.times(f"{entities.COMPARE}/lightest/robot/label"):
+            continue
+        equal = bool(np.ptp(snapshot.weights) < 1e-12)
+        titles = [other.title for other in other_particles(read, time)]
+        if titles:
+            seen.add(equal)
+            assert titles[0].startswith(ANY_OF_EQUAL_WEIGHT) is equal
+            assert titles[0].startswith("lightest") is not equal
+    assert seen == {True, False}
 
 
 def test_the_first_comparison_is_where_they_begin_to_be_shown(recorded: Run) -> None:

@@ -49,7 +49,11 @@ def test_a_loss_and_its_end_are_said_at_the_time_when_they_happened() -> None:
     ]
     assert "0.90 m and 0°" in lines[0].text
     lane = [(change.state, change.at) for change in states if change.lane == entities.ESTIMATE_STATE]
-    assert lane == [("follows the truth", None), ("lost", (10.0, 100)), ("follows the truth", (20.0, 200))]
+    assert lane == [
+        ("close to the truth (limit 35 cm)", None),
+        ("lost", (10.0, 100)),
+        ("close to the truth (limit 35 cm)", (20.0, 200)),
+    ]
 
 
 def test_an_estimate_that_drifts_is_a_state_and_no_line() -> None:

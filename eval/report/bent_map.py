@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: MIT
+"""What had gone wrong before the moment at which a run failed: a map that was bent, wheels that slipped."""
+
+from __future__ import annotations
+
+from eval.failure_cause import WINDOW_S, earlier_slips
+from eval.filter.step_table import Columns
+from eval.first_failure import Failure
+from eval.loss_watch import Spell, spells
+from eval.mended import drift_in
+from eval.report.check_story import times_in_words
+from eval.trajectory.trajectory import Trajectory
+from eval.wording import length
+
+
+def bent_before(steps: Columns | None, failure: Failure, start: float) -> str:
+    """Say when the pose while driving had drifted before a failure, since a start [s], and by how much; empty where it
+    had not, or where that is unknown. Where it had, its map was bent."""
+    if steps is None or not failure.bad or "error_m" not in steps:
+        return ""
+    before = [
+        Spell(spell.start, min(spell.end or failure.stamp, failure.stamp))
+        for spell in spells(steps, "drifted")
+        if spell.start < failure.stamp
+    ]
+    if not before:
+        return ""
+    times = times_in_words(before, start)
+    return f"the pose while driving had drifted {times}, by up to {length(drift_in(steps, before))}"
+
+
+def behind_failure(
+    failure: Failure, start: float, steps: Columns | None, odometry: Trajectory | None, truth: Trajectory | None
+) -> str:
+    """Say what had gone wrong before a failure, since a start [s]: in its map, and with the wheels; empty where nothing
+    had, or where that is unknown."""
+    bent = bent_before(steps, failure, start)
+    parts = [f"the map was bent: {bent}"] if bent else []
+    if odometry is not None and truth is not None:
+        slips, intervals, seconds = earlier_slips(odometry, truth, failure.stamp - WINDOW_S)  # as its cause says
+        if slips:
+            parts.append(f"the wheels had slipped in {slips} of the {intervals} intervals of {seconds:.0f} s before it")
+    return "; ".join(parts)
