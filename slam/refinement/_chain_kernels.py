@@ -54,6 +54,40 @@ def add_odometry_steps(prior, poses, motions, diagonal, coupling, gradient):
 
 
 @kernel
+def add_calibration(prior, poses, motions, basis, coupling, precision, gradient):
+    """Add to the equations what the odometry's systematic errors, scalars c with motion + basis c, have to do with it.
+
+    motions (n - 1, 3), as calibrated so far;  basis (n - 1, 3, k);  prior: as for `add_odometry_steps`
+    coupling (n, 3, k) between poses and c, precision (k, k) and gradient (k,) of c are added to
+    """
+    guess, e = np.empty(3), np.empty(3)
+    A, B, M = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    k = basis.shape[2]
+    J = np.empty((3, k))
+    M[2, 2] = -1.0
+    for t in range(motions.shape[0]):
+        linearise_step(poses[t], poses[t + 1], motions[t], guess, e, A, B)
+        good, failed, jumped = log_components(prior.precision[t], prior.log_scale[t], e[0], e[1], e[2])
+        cost = cost_of_components(good, failed, jumped)
+        first, second, third = np.exp(good + cost), np.exp(failed + cost), np.exp(jumped + cost)
+        cos, sin = np.cos(motions[t, 2]), np.sin(motions[t, 2])
+        M[0, 0], M[0, 1], M[0, 2] = -cos, -sin, e[1]
+        M[1, 0], M[1, 1], M[1, 2] = sin, -cos, -e[0]
+        for r in range(3):
+            for j in range(k):
+                J[r, j] = M[r, 0] * basis[t, 0, j] + M[r, 1] * basis[t, 1, j] + M[r, 2] * basis[t, 2, j]
+        for r in range(3):
+            p = first * prior.precision[t, 0, r] + second * prior.precision[t, 1, r] + third * prior.precision[t, 2, r]
+            for j in range(k):
+                gradient[j] += J[r, j] * p * e[r]
+                for i in range(3):
+                    coupling[t, i, j] += A[r, i] * p * J[r, j]
+                    coupling[t + 1, i, j] += B[r, i] * p * J[r, j]
+                for i in range(k):
+                    precision[i, j] += J[r, i] * p * J[r, j]
+
+
+@kernel
 def factor_chain(diagonal, coupling, factors, eliminated):
     """Factors of a block tridiagonal matrix, L D L^T by blocks, the pivots by Cholesky (Golub, Van Loan 2013, section
     4.5.1); returns whether it is positive definite.

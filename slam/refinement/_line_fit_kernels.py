@@ -2,7 +2,8 @@
 # mypy: ignore-errors
 """Compiled fits of lines to end points in windows of cells, and the choice of surfels among the lines.
 
-Moments are `w, wx, wy, wxx, wxy, wyy` of end points with weights w, in metres from the centre of their cell.
+Moments are `w, wx, wy, wxx, wxy, wyy, wv` of end points with weights w and variances v as they were estimated, in
+metres from the centre of their cell.
 """
 
 from __future__ import annotations
@@ -36,14 +37,15 @@ def place_cloud(start, stop, poses, cloud, placed):
 
 
 @kernel
-def add_moments(placed, ranges, noise, cells, cell_of, normals, moments, counts):
-    """Moments (cells, 2, 6) and counts (cells, 2) of the end points, by the side of `normals` (cells, 2) from which
-    they were seen; both are added to."""
+def add_moments(placed, ranges, noise, found, cells, cell_of, normals, moments, counts):
+    """Moments (cells, 2, 7) and counts (cells, 2) of the end points, by the side of `normals` (cells, 2) from which
+    they were seen; both are added to. noise: with which they count;  found: as it was estimated"""
     points, view_directions, coordinates = placed.points, placed.view_directions, cells.coordinates
     for i in range(points.shape[0]):
         cell = cell_of[i]
         side = 0 if normals[cell, 0] * view_directions[i, 0] + normals[cell, 1] * view_directions[i, 1] >= 0.0 else 1
-        w = 1.0 / (noise.floor + max(noise.along, noise.across) * ranges[i] * ranges[i])  # the wall has no normal yet
+        r2 = ranges[i] * ranges[i]
+        w = 1.0 / (noise.floor + max(noise.along, noise.across) * r2)  # the wall has no normal yet
         x = points[i, 0] - cells.corner[0] - (coordinates[cell, 0] + 0.5) * cells.side
         y = points[i, 1] - cells.corner[1] - (coordinates[cell, 1] + 0.5) * cells.side
         m = moments[cell, side]
@@ -53,12 +55,13 @@ def add_moments(placed, ranges, noise, cells, cell_of, normals, moments, counts)
         m[3] += w * x * x
         m[4] += w * x * y
         m[5] += w * y * y
+        m[6] += w * (found.floor + found.shared + max(found.along, found.across) * r2)
         counts[cell, side] += 1
 
 
 @inlined
 def add_shifted(total, m, dx, dy):
-    """Add the moments m (6,) of a cell whose centre lies at (dx, dy) [m] to total (6,)."""
+    """Add the moments m (7,) of a cell whose centre lies at (dx, dy) [m] to total (7,)."""
     w, x, y = m[0], m[1], m[2]
     total[0] += w
     total[1] += x + w * dx
@@ -66,11 +69,12 @@ def add_shifted(total, m, dx, dy):
     total[3] += m[3] + (2.0 * x + w * dx) * dx
     total[4] += m[4] + x * dy + y * dx + w * dx * dy
     total[5] += m[5] + (2.0 * y + w * dy) * dy
+    total[6] += m[6]
 
 
 @inlined
 def fit_line(m):
-    """Mean x, y, unit normal nx, ny, smaller and larger variance of moments m (6,)."""
+    """Mean x, y, unit normal nx, ny, smaller and larger variance of moments m (7,)."""
     mx, my = m[1] / m[0], m[2] / m[0]
     cxx, cxy, cyy = m[3] / m[0] - mx * mx, m[4] / m[0] - mx * my, m[5] / m[0] - my * my
     along, smaller, larger = principal_axes(cxx, cxy, cyy)
@@ -82,7 +86,7 @@ def fit_normals(start, stop, cells, moments, radius, normals):
     """Normals (cells, 2) of the lines through the end points within `radius` cells of each cell in [start, stop),
     whichever side they were seen from."""
     tiles, indices, coordinates = cells.tiles, cells.indices, cells.coordinates
-    total = np.empty(6)
+    total = np.empty(7)
     for cell in range(start, stop):
         total[:] = 0.0
         for dy in range(-radius, radius + 1):
@@ -99,11 +103,11 @@ def fit_lines(start, stop, cells, moments, counts, normals, radius, flatness, li
     """Lines through the end points within `radius` cells of each cell in [start, stop), by the side that they were
     seen from.
 
-    moments (cells, 2, 6), counts (cells, 2) and normals (cells, 2): as `add_moments` made them. End points form a line
+    moments (cells, 2, 7), counts (cells, 2) and normals (cells, 2): as `add_moments` made them. End points form a line
     where their variance across it, less what the noise makes, is at most `flatness` of that along it.
     """
     tiles, indices, coordinates = cells.tiles, cells.indices, cells.coordinates
-    total = np.empty(6)
+    total = np.empty(7)
     for cell in range(start, stop):
         x0 = cells.corner[0] + (coordinates[cell, 0] + 0.5) * cells.side
         y0 = cells.corner[1] + (coordinates[cell, 1] + 0.5) * cells.side
@@ -124,7 +128,7 @@ def fit_lines(start, stop, cells, moments, counts, normals, radius, flatness, li
             if count < MIN_POINTS:
                 continue
             mx, my, nx, ny, across, along = fit_line(total)
-            if across - count / total[0] > flatness * along:
+            if across - total[6] / total[0] > flatness * along:
                 continue
             towards = nx * normals[cell, 0] + ny * normals[cell, 1]
             if (towards < 0.0) != (side == 1):

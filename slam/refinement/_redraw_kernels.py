@@ -8,7 +8,7 @@ import numpy as np
 
 from slam._jit import kernel
 from slam.refinement._cell_index_kernels import cell_at
-from slam.refinement._normal_equations_kernels import MIN_COSINE
+from slam.refinement._surfel_match_kernels import MIN_COSINE
 
 SNAP_SIGMAS = 4.0
 """How many standard deviations of the noise an end point may lie from its wall: of many thousands some lie far off, and

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""One Gauss-Newton step for all poses of a recording at once: scans against surfels that follow, odometry between."""
+"""One Gauss-Newton step for all poses of a recording at once: scans against surfels that follow, odometry between,
+which is calibrated with them."""
 
 from __future__ import annotations
 
@@ -14,18 +15,11 @@ from slam._threads import Threads
 from slam.config import RefineConfig
 from slam.motion.odometry_model import motion_prior
 from slam.refinement._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
-from slam.refinement._normal_equations_kernels import (
-    GATE_SIGMAS,
-    Matches,
-    SurfelObservations,
-    collect,
-    dot,
-    match_points,
-    subtract_schur_complement,
-    weigh_points,
-)
+from slam.refinement._normal_equations_kernels import SurfelObservations, collect, dot, subtract_schur_complement
+from slam.refinement._surfel_match_kernels import GATE_SIGMAS, Matches, match_points, weigh_points
 from slam.refinement.covariance import Equations
 from slam.refinement.noise import INITIAL, Noise, estimate_noise, for_weights
+from slam.refinement.odometry_calibration import OdometryCalibration
 from slam.refinement.odometry_noise import variance_factors, with_variances
 from slam.refinement.surfels import (
     Cells,
@@ -48,7 +42,7 @@ MAX_ITERATIONS = 500
 
 
 class ScanEquations(NamedTuple):
-    """The scans' part of the equations of their poses, the surfels' offsets eliminated."""
+    """The scans' part of the equations of their poses, the surfels' offsets and slopes eliminated."""
 
     diagonal: NDArray[np.float64]
     """Diagonal blocks, (scans, 3, 3)."""
@@ -57,9 +51,9 @@ class ScanEquations(NamedTuple):
     observations: SurfelObservations
     """The blocks between scans and surfels."""
     normal: NDArray[np.float64]
-    """Normals of the surfels, (surfels, 2)."""
+    """Normals of the surfels, once for their offsets and once for their slopes, (2 surfels, 2)."""
     total: NDArray[np.float64]
-    """Sums of the weights of the surfels' end points [1/m^2], (surfels,)."""
+    """Precisions of offsets [1/m^2] and slopes [1/rad^2], the poses held, (2 surfels,)."""
     noise: Noise
     """Noise of the end points as they lie about these surfels."""
 
@@ -72,8 +66,9 @@ class Adjustment:
     ) -> None:
         """odometry (frames, 3): `T_odom_robot`;  with_scan (scans,): frames to which the cloud's scans belong."""
         self.cloud, self.with_scan, self.config, self.threads = cloud, with_scan, config, threads
-        self.motions = se2.between(odometry[:-1], odometry[1:])
-        self.prior = motion_prior(self.motions, config.motion)
+        motions = se2.between(odometry[:-1], odometry[1:])
+        self.calibration = OdometryCalibration(motions)
+        self.prior = motion_prior(motions, config.motion)
         self.found_noise = INITIAL  # as the last step saw it
         self.noise = INITIAL  # with which the next step weighs end points, see `for_weights`
         self.odometry_variance = np.ones(2)
@@ -83,7 +78,8 @@ class Adjustment:
         """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
         n, k = len(poses), self.with_scan
         diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
-        add_odometry_steps(self.prior, poses, self.motions, diagonal, coupling, gradient)
+        motions, calibration = self.calibration.motions(), self.calibration.equations(self.prior, poses)
+        add_odometry_steps(self.prior, poses, motions, diagonal, coupling, gradient)
         diagonal[0] += np.eye(3) * GAUGE
         scans = self.scan_equations(poses[k], gate)
         gradient[k] += scans.gradient
@@ -98,12 +94,21 @@ class Adjustment:
             out[k] += followed
             return out
 
-        self.solved = Equations(poses.copy(), k, diagonal, coupling, scans.observations, scans.normal, scans.total)
+        self.solved = Equations(
+            poses=poses.copy(),
+            with_scan=k,
+            diagonal=diagonal,
+            coupling=coupling,
+            calibration=calibration.taken_from_poses(),
+            observations=scans.observations,
+            normal=scans.normal,
+            total=scans.total,
+        )
         factors, eliminated = np.empty((n, 3, 3)), np.empty((n - 1, 3, 3))
         if not factor_chain(diagonal, coupling, factors, eliminated):
             raise FloatingPointError("the equations of the final pass are not positive definite")
 
-        factor = variance_factors(self.prior, poses, self.motions, factors, eliminated)
+        factor = variance_factors(self.prior, poses, motions, factors, eliminated)
         self.prior = with_variances(self.prior, *factor)  # this and the noise are for the next step
         self.found_noise, self.noise = scans.noise, for_weights(scans.noise)
         self.odometry_variance *= factor
@@ -113,7 +118,13 @@ class Adjustment:
             solve_chain(factors, eliminated, coupling, x, out)
             return out
 
-        return -conjugate_gradients(product, precondition, gradient)
+        columns = [np.ascontiguousarray(calibration.coupling[:, :, j]) for j in range(3)]
+        follows = np.stack([conjugate_gradients(product, precondition, column) for column in columns], axis=-1)
+        step = -conjugate_gradients(product, precondition, gradient)
+        change, sigma = calibration.solve(step, follows)
+        self.calibration.move(change, sigma)
+        moved: se2.Pose = step - np.einsum("nij,j->ni", follows, change)
+        return moved
 
     def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
         """Find the surfels at poses (scans, 3) and set up the scans' part of the equations."""
@@ -121,22 +132,24 @@ class Adjustment:
         n = len(cloud.ends)
         there = transform_cloud(cloud, poses, threads)
         reach = config.spacing + gate + GATE_SIGMAS * float(np.sqrt(noise.floor + noise.shared))
-        _, cell_of, surfels = self.walls(there, reach)
-        matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
-        match = there, cloud.ranges, cell_of, surfels, noise, config.spacing, gate, matches
-        threads.run(match_points, n, *match)
-        total = np.empty(len(surfels.point))
-        weigh_points(matches, cloud.first, cloud.each, gate, noise.shared, total)
-        observed = cloud.first, matches.surfel, matches.across, cloud.ranges, there.view_directions, surfels.normal
+        cells, cell_of, surfels = self.walls(there, reach)
+        matches = Matches(np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
+        settings = noise, self.found_noise, config.spacing, gate
+        threads.run(match_points, n, there, cloud.ranges, cells, cell_of, surfels, *settings, matches)
+        normal, total = surfels.normal.copy(), np.empty(2 * len(surfels.point))
+        surplus = noise.floor - self.found_noise.floor
+        weigh_points(matches, cloud.first, cloud.each, gate, noise.shared, surplus, normal, total)
+        observed = cloud.first, matches.surfel, matches.across, cloud.ranges, there.view_directions, normal
         seen = estimate_noise(*observed, before=noise)
-        return self._collect(poses, there.points, matches, surfels.normal, total, seen)
+        return self._collect(poses, there.points, matches, normal, total, seen)
 
     def walls(self, there: PlacedCloud, reach: float) -> tuple[Cells, NDArray[np.int32], Surfels]:
         """Cells of the cloud that lies `there`, the cell of each end point (n,), and the surfels, listed for the
         cells within `reach` [m]."""
         config = self.config
         cells, cell_of = make_cells(there.points, config.cell)
-        return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, self.noise, reach, self.threads)
+        noises = self.noise, self.found_noise
+        return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, noises, reach, self.threads)
 
     def _collect(
         self,
@@ -147,18 +160,20 @@ class Adjustment:
         total: NDArray[np.float64],
         noise: Noise,
     ) -> ScanEquations:
-        """The equations from points (n, 2) in the map's frame and their surfels; total (surfels,): sums of weights."""
+        """The equations from points (n, 2) in the map's frame and the lines of their surfels, normal (surfels, 2);
+        total (2 surfels,): see `weigh_points`."""
         first, scans, n = self.cloud.first, len(poses), len(points)
         diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-        rows = SurfelObservations(first, np.empty(n, np.int32), np.empty(n), np.empty(n), np.empty(n))
-        self.threads.run(collect, scans, poses, points, matches, normal, diagonal, gradient, rows, count)
-        hits = np.diff(first)
-        used = np.arange(n) - np.repeat(first[:-1], hits) < np.repeat(count, hits)
+        m = 2 * n  # an end point may be the only one of its scan on its surfel, which has an offset and a slope
+        rows = SurfelObservations(2 * first, np.empty(m, np.int32), np.empty(m), np.empty(m), np.empty(m))
+        self.threads.run(collect, scans, first, poses, points, matches, normal, diagonal, gradient, rows, count)
+        room = np.diff(rows.first)
+        used = np.arange(m) - np.repeat(rows.first[:-1], room) < np.repeat(count, room)
         begins = np.concatenate([[0], np.cumsum(count)])
         observations = SurfelObservations(
             begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used], rows.residual[used]
         )
-        return ScanEquations(diagonal, gradient, observations, normal, total, noise)
+        return ScanEquations(diagonal, gradient, observations, np.tile(normal, (2, 1)), total, noise)
 
 
 def conjugate_gradients(

@@ -44,12 +44,14 @@ class Equations(NamedTuple):
     """Diagonal blocks of odometry and scans, the surfels held, (frames, 3, 3)."""
     coupling: NDArray[np.float64]
     """Blocks of the odometry between neighbours, (frames - 1, 3, 3)."""
+    calibration: NDArray[np.float64]
+    """What the odometry's calibration takes from the equations, (frames, 3, 3); see `taken_from_poses`."""
     observations: SurfelObservations
     """The blocks between scans and surfels."""
     normal: NDArray[np.float64]
-    """Normals of the surfels, (surfels, 2)."""
+    """Normals of the surfels, once for their offsets and once for their slopes, (2 surfels, 2)."""
     total: NDArray[np.float64]
-    """Sums of the weights of the surfels' end points [1/m^2], (surfels,)."""
+    """Precisions of offsets [1/m^2] and slopes [1/rad^2], the poses held, (2 surfels,)."""
 
 
 def pose_covariances(equations: Equations) -> NDArray[np.float64]:
@@ -110,8 +112,8 @@ def _covariance_of_keys(equations: Equations, P: csr_matrix) -> NDArray[np.float
     """Covariance (3 keys, 3 keys) of the key poses, the first held; P (3 frames, 3 keys): how poses move with them."""
     size = P.shape[1]
     to_walls, gradients = _surfel_columns(equations)
-    seen = (P.T @ to_walls).tocsr()
-    H = (P.T @ _chain_matrix(equations) @ P - seen @ seen.T).toarray()[3:, 3:]
+    seen, calibrated = (P.T @ to_walls).tocsr(), P.T @ equations.calibration.reshape(-1, 3)
+    H = ((P.T @ _chain_matrix(equations) @ P - seen @ seen.T).toarray() - calibrated @ calibrated.T)[3:, 3:]
     summed = (P.T @ gradients).tocsr()[3:]
     lower = np.linalg.cholesky(H)
     whitened = solve_triangular(lower, summed.toarray(), lower=True)
@@ -135,8 +137,8 @@ def _chain_matrix(equations: Equations) -> csr_matrix:
 
 
 def _surfel_columns(equations: Equations) -> tuple[csr_matrix, csr_matrix]:
-    """Two matrices (3 frames, surfels): B W^-1/2, whose product with its transpose is what the surfels take from the
-    equations by following, and the gradients that the end points on each surfel make."""
+    """Two matrices (3 frames, 2 surfels): B W^-1/2, whose product with its transpose is what the surfels take from the
+    equations by following, and the gradients that the end points on each surfel make (none by its slope)."""
     seen = equations.observations
     frame = np.repeat(equations.with_scan, np.diff(seen.first))
     normal = equations.normal[seen.surfel]

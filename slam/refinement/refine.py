@@ -7,10 +7,11 @@ scans in view. Loops that it left open are closed first (`slam.loops`). Then two
 
     min_{x,o}  1/2 sum_i rho((n_e . p_i(x) - o_e)^2 / sigma_i^2)  -  sum_t log p(x_t+1 | x_t, u_t),
 
-end points p_i against the offsets o_e of their surfels, which follow, under a bounded loss rho, and odometry between
-neighbours. How much each end point and each step of the odometry counts is estimated from the recording
-(`slam.refinement.noise`, `odometry_noise`); the end points of a scan on a surfel share a part of their error. Holding
-the walls while the poses move, and the poses while the walls are drawn, would need many more rounds.
+end points p_i against the lines of their surfels, whose offsets o_e and slopes follow, under a bounded loss rho, and
+odometry between neighbours. How much each end point and each step of the odometry counts is estimated from the
+recording (`slam.refinement.noise`, `odometry_noise`), and the odometry is calibrated (`odometry_calibration`); the end
+points of a scan on a surfel share a part of their error. Holding the walls while the poses move, and the poses while
+the walls are drawn, would need many more rounds.
 Poses of frames without a scan take part through their odometry, so the result has a pose at every frame.
 """
 
@@ -55,6 +56,11 @@ class Refined:
     """How far end points err, as estimated from the recording."""
     odometry_variance: tuple[float, float]
     """Factors on the variances of position and heading in `RefineConfig.motion`, as estimated from the recording."""
+    odometry_correction: NDArray[np.float64]
+    """By how much distances and angles that the odometry counts are to be increased, as shares, and by how much its
+    heading per metre [rad/m], (3,); see `slam.refinement.odometry_calibration`."""
+    odometry_correction_sigma: NDArray[np.float64]
+    """Standard deviations of these, (3,)."""
 
 
 def refine(
@@ -116,6 +122,8 @@ def refine(
         closing=closing,
         noise=adjustment.found_noise,
         odometry_variance=(position, heading),
+        odometry_correction=adjustment.calibration.values,
+        odometry_correction_sigma=adjustment.calibration.sigma,
     )
 
 

@@ -128,20 +128,22 @@ def find_surfels(
     cells: Cells,
     cell_of: NDArray[np.int32],
     config: RefineConfig,
-    noise: Noise,
+    noises: tuple[Noise, Noise],
     reach: float,
     threads: Threads,
 ) -> Surfels:
-    """The surfels of a cloud, with a list for each cell of those within `reach` [m]."""
+    """The surfels of a cloud, with a list for each cell of those within `reach` [m].
+
+    noises: with which end points count in lines, and as it was estimated, which tells lines from what is not straight
+    """
     count = len(cells.coordinates)
     radius = round(config.window / cells.side)
-    normals, moments, counts = np.zeros((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2), np.int32)
-    add_moments(
-        placed, cloud.ranges, noise, cells, cell_of, normals, moments, counts
-    )  # without normals yet, all are on side 0
+    normals, moments, counts = np.zeros((count, 2)), np.zeros((count, 2, 7)), np.zeros((count, 2), np.int32)
+    seen = placed, cloud.ranges, *noises, cells, cell_of
+    add_moments(*seen, normals, moments, counts)  # without normals yet, all are on side 0
     threads.run(fit_normals, count, cells, moments, radius, normals)
     moments[:], counts[:] = 0.0, 0
-    add_moments(placed, cloud.ranges, noise, cells, cell_of, normals, moments, counts)
+    add_moments(*seen, normals, moments, counts)
     lines = Lines(np.empty((count, 2)), np.empty((count, 2, 2)), np.empty((count, 2, 2)))
     threads.run(fit_lines, count, cells, moments, counts, normals, radius, config.flatness, lines)
     weight = lines.weight.ravel()

@@ -190,6 +190,10 @@ def _seen_from(frame: Frame, odometry: Pose, scan: Scan) -> Scan:
     return replace(scan, mount=(x, y, theta), stamp=frame.stamp)
 
 
+CORRECTIONS = ("odometry_distance_correction", "odometry_rotation_correction", "odometry_drift_correction_rad_per_m")
+"""Names of `Refined.odometry_correction` in `metrics.json`."""
+
+
 def noise_metrics(result: Refined) -> dict[str, float]:
     """Standard deviations that the final pass found: the group `noise` of `metrics.json`, see docs/metrics.md."""
     floor, along, across, shared = np.sqrt(result.noise).tolist()
@@ -201,4 +205,6 @@ def noise_metrics(result: Refined) -> dict[str, float]:
         "shared_by_scan_m": shared,
         "odometry_position_factor": position,
         "odometry_heading_factor": heading,
+        **dict(zip(CORRECTIONS, result.odometry_correction.tolist(), strict=True)),
+        **{f"{name}_sigma": s for name, s in zip(CORRECTIONS, result.odometry_correction_sigma.tolist(), strict=True)},
     }

@@ -24,7 +24,8 @@ def walls_of(parts, poses, config, noise):
     cloud = make_cloud(parts, config.max_points)
     there = transform_cloud(cloud, np.asarray(poses, dtype=np.float64), THREADS)
     cells, cell_of = make_cells(there.points, config.cell)
-    return cells, find_surfels(there, cloud, cells, cell_of, config, noise, max_snap_distance(config, noise), THREADS)
+    reach = max_snap_distance(config, noise)
+    return cells, find_surfels(there, cloud, cells, cell_of, config, (noise, noise), reach, THREADS)
 
 
 def one_wall(point, normal, points):

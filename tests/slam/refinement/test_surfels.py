@@ -22,7 +22,7 @@ def surfels_of(parts, poses, noise=INITIAL, threads=1):
     cloud = make_cloud(parts, CONFIG.max_points)
     there = transform_cloud(cloud, np.asarray(poses, dtype=np.float64), workers)
     cells, cell_of = make_cells(there.points, CONFIG.cell)
-    return find_surfels(there, cloud, cells, cell_of, CONFIG, noise, 0.5, workers)
+    return find_surfels(there, cloud, cells, cell_of, CONFIG, (noise, noise), 0.5, workers)
 
 
 def in_the_room(threads=1):
