@@ -216,6 +216,25 @@ def test_the_side_of_a_box_before_a_wall_belongs_to_no_wall():
     assert faces_the_robot.all()
 
 
+def test_end_points_go_to_the_nearest_centre_not_to_the_nearest_line():
+    """Every second surfel was turned by 8 degrees: the lines of the others are nearest to all end points."""
+    y = np.linspace(-2.0, 2.0, 161)
+    wall = np.stack([np.full(161, 2.0), y], axis=-1)
+    config, cloud = RefineConfig(), make_cloud([rays(wall)] * 2, 10**6)
+    there = transform_cloud(cloud, np.zeros((2, 3)), Threads(1))
+    cells, cell_of = make_cells(there.points, config.cell)
+    surfels = find_surfels(there, cloud, cells, cell_of, config, (INITIAL, EXACT), 0.6, Threads(1))
+    turn = np.pi + np.deg2rad(8.0) * (np.argsort(np.argsort(surfels.point[:, 1])) % 2)
+    aslant = surfels._replace(normal=np.stack([np.cos(turn), np.sin(turn)], axis=-1))
+    matches = Matches(np.empty(322, np.int32), *np.empty((4, 322)))
+    match_points(0, 322, there, cloud.ranges, cells, cell_of, aslant, INITIAL, EXACT, config.spacing, 0.1, matches)
+    own = matches.surfel[:161] >= 0
+    assert own.mean() > 0.9
+    apart = np.abs(y[:, None] - surfels.point[:, 1])
+    taken = apart[np.arange(161), matches.surfel[:161]]
+    assert np.all((taken <= apart.min(axis=1) + 0.01)[own])
+
+
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.1])
 def test_near_a_corner_end_points_belong_to_no_wall(sigma):
     """Within two standard deviations of the noise, rounded to cells of 5 cm, and where windows of 15 cm see both."""
