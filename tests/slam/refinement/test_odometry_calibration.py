@@ -105,7 +105,8 @@ def test_the_length_of_a_blind_corridor_is_that_of_calibrated_odometry():
     assert 1e-4 < sigma < 0.004
     length = np.hypot(*(result.poses[-1] - result.poses[0])[:2])
     assert length == pytest.approx(np.hypot(*(truth[-1] - truth[0])[:2]), abs=0.06)
-    assert 0.4 * 14.0 * sigma < np.sqrt(result.covariances[-1, 0, 0]) < 0.06  # 14 m are blind
+    error = np.sqrt(result.covariances[-1, 0, 0])
+    assert 20.0 * sigma < error < 30.0 * sigma  # of 28 m the scans see the ends: it is mostly the calibration's
 
 
 def test_corrections_are_within_what_they_are_said_to_err_by():
