@@ -219,7 +219,7 @@ def _map_sentence(run: RunFiles) -> str:
         return ""
     text = (
         f"The mean distance between mapped and true walls is {length(distance)}; "
-        f"{share(coverage)} of what could be seen is mapped"
+        f"{share(coverage)} of the area that could be seen is mapped"
     )
     double = run.metric("map.double_wall_rate")
     return f"{text}; {share(double)} of the walls are double." if double is not None else f"{text}."
