@@ -144,7 +144,7 @@ def judge_while_driving(outcome: str, drive: Drive) -> WhileDriving | None:
         part = float(weights[within].sum()) / total if total > 0.0 else 0.0
         parts.append(_stretch(together, part, lost, drive))
     parts.sort(key=lambda stretch: (stretch.share, stretch.metres), reverse=True)
-    return WhileDriving(tuple(parts), evidence, part_of, rule, _behind(parts[0], drive))
+    return WhileDriving(tuple(parts), evidence, part_of, rule, _behind(parts, drive))
 
 
 def _evidence(outcome: str, matched: Association) -> tuple[NDArray[np.float64], str, str, str]:
@@ -208,9 +208,13 @@ def _joined(found: list[Spell], matched: Association) -> list[list[Spell]]:
     return joined
 
 
-def _behind(stretch: Stretch, drive: Drive) -> str:
-    """Say how often the wheels had slipped before a time, and how often the particles covered the truth in it."""
-    parts = []
+def _behind(stretches: list[Stretch], drive: Drive) -> str:
+    """Say of the first time by how far the pose, and with it the map, had been off before, how often the wheels had
+    slipped before it, and how often the particles covered the truth in it."""
+    stretch, parts = stretches[0], []
+    if earlier := [other for other in stretches if other.start < stretch.start]:
+        off = length(max(other.metres for other in earlier))
+        parts.append(f"the map was bent before, drawn while the pose was up to {off} off")
     if drive.odometry is not None:
         slips, intervals, seconds = earlier_slips(drive.odometry, drive.truth, stretch.start)
         if slips:

@@ -125,6 +125,14 @@ def test_what_was_behind_it_is_counted() -> None:
     assert found.behind == ""
 
 
+def test_a_map_that_was_bent_before_is_behind_it() -> None:
+    """Most of the bad pairs come from the second time; the pose was 40 cm off already in the first."""
+    found = judged(off_by({(100, 130): (0.4, 0.4), (300, 600): (0.6, 0.6)}))
+    assert found is not None
+    assert found.stretches[0].start > found.stretches[1].start
+    assert found.behind.startswith("the map was bent before, drawn while the pose was up to 40\N{NO-BREAK SPACE}cm off")
+
+
 def test_a_loss_is_the_moment_of_its_time() -> None:
     """A drift from 10 s on, in which the estimate is thrown away at 20 s, until both end at 30 s."""
     offsets = off_by({(100, 200): (0.45, 0.45), (200, 300): (1.6, 1.6)})
