@@ -286,7 +286,7 @@ def _reversal(case: _Case) -> str:
 
 def _final_pass(summary: SweepSummary, places: Sequence[str], line: str) -> str:
     """`after the final pass, which testbed run makes by default: 0.30 cm with 1, 0.26 cm with 30 (8 runs each; paired
-    difference +0.03 cm [-0.02, +0.10])`; empty without one."""
+    difference to 30: +0.03 cm [-0.02, +0.10])`; empty without one."""
     table = summary.table
     counts, refined = table.counts, _of_places(table.refined, table, places, line)[:, [0, -1]]
     refined = np.where(np.isfinite(refined).all(axis=1, keepdims=True), refined, np.nan)  # the same drives
@@ -299,7 +299,7 @@ def _final_pass(summary: SweepSummary, places: Sequence[str], line: str) -> str:
     runs = _count(difference.count, "run" if len(places) == 1 else "world") + " each" * (len(places) == 1)
     return (
         f"after the final pass, which testbed run makes by default: {shown[0]} with {counts[0]}, {shown[1]} with "
-        f"{counts[-1]} ({runs}; paired difference {difference_words(difference, unit)})"
+        f"{counts[-1]} ({runs}; paired difference to {counts[-1]}: {difference_words(difference, unit)})"
     )
 
 
@@ -431,6 +431,7 @@ def difference_words(difference: Interval, unit: Unit) -> str:
         return ""
     value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
     digits = _decimals(value, low, high)
+    value, low, high = (round(v, digits) + 0.0 for v in (value, low, high))  # no -0.00
     name = f" {unit.name}" if unit.name else ""
     if difference.count == 1:
         return f"{value:+.{digits}f}{name} in one run"

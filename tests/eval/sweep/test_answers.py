@@ -277,12 +277,14 @@ def test_the_answer_after_the_final_pass_stands_on_the_card(tmp_path, monkeypatc
     hall, cave = answers(summarise(read_sweep(tmp_path / "many")), "improved")
     words = "after the final pass, which testbed run makes by default: "
     assert cave.final_pass == (
-        f"{words}1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference +0.60 cm [+0.60, +0.60])"
+        f"{words}1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference to 20: +0.60 cm [+0.60, +0.60])"
     )
     assert hall.final_pass.startswith(f"{words}1.06 cm with 1, 0.46 cm with 20 (7 runs each; ")
     assert f"A{cave.final_pass[1:]}" in write_sweep_report(tmp_path / "many").read_text()
     online = write_sweep(tmp_path / "online", measure="trajectory_online.ate_rmse_m")
     assert answers(summarise(read_sweep(online)), "improved")[0].final_pass == ""
+    equal = write_sweep(tmp_path / "equal", lambda p, k, c, s: 0.02 - 1e-5 * (c == 0))
+    assert "to 20: +0.00 cm [+0.00, +0.00]" in answers(summarise(read_sweep(equal)), "improved")[0].final_pass
     monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", ("rooms-0", "rooms-1"))
     (rooms,) = answers(summarise(read_sweep(write_sweep(tmp_path / "f", error, families=("rooms",) * 2))), "improved")
-    assert "(2 worlds; paired difference +0.60 to +0.60 cm in 2 runs)" in rooms.final_pass
+    assert "(2 worlds; paired difference to 20: +0.60 to +0.60 cm in 2 runs)" in rooms.final_pass
