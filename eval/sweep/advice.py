@@ -90,13 +90,16 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
 
 
 def _go_on_with_some(table: SweepTable, going_on: dict[str, Decision], words: list[str], workers: int) -> list[Advice]:
-    """Leave the worlds that will probably stay open, if others will probably not."""
+    """Leave the worlds that will probably stay open; where all will, that ends the sweep."""
     bound = len(table.seeds)
     poor = [p for p, d in going_on.items() if _is_known(table, d) and _chance(d, bound) < PROBABLE]
     good = [place for place in going_on if place not in poor]
-    if not (table.is_sequential and poor and good):
+    if not (table.is_sequential and poor):
         return []
-    command = shlex.join([*words, "--give-up", ",".join(poor)])
+    command = shlex.join([*words, "--give-up", ",".join([*table.left, *poor])])
+    if not good:
+        text = f"The chance is low. This leaves {' and '.join(poor)} open, as the cards have it, and computes no more."
+        return [Advice("Stop here", command, text)]
     text = f"{_cost_of_looks(table, good, bound, workers)} What is computed of {' and '.join(poor)} stays as it is."
     return [Advice(f"Go on with {' and '.join(good)} only", command, text)]
 

@@ -6,14 +6,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
-from eval.sweep.decision import Decision, Kind, State
+import numpy as np
+from numpy.typing import NDArray
+
+from eval.sweep.decision import Decision, Kind, State, median_over_last
 from eval.sweep.look_schedule import fewest_seeds_to_go_on, looks_for
 from eval.sweep.margin import share_words
 from eval.sweep.measure import Unit
 from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import Interval, min_values, wilson_interval
+from eval.sweep.statistics import Interval, min_values, paired_difference, wilson_interval
 from eval.sweep.summary import SweepSummary
 
 MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
@@ -50,6 +54,10 @@ class Answer:
     """The medians so far, where the answer is open."""
     caution: str = ""
     """Whether these drives ask little of the number of particles."""
+    reversal: str = ""
+    """Which smaller count looks better than a larger one by noise."""
+    final_pass: str = ""
+    """What the smallest and the largest count give after the final pass, which `testbed run` makes by default."""
 
     @property
     def mark(self) -> str:
@@ -97,6 +105,8 @@ class _Case:
     """Median error of a count."""
     failed_of: Callable[[int], tuple[int, int]]
     """Failed runs, and runs, of a count."""
+    pair: Callable[[int, int], Interval]
+    """Median paired difference of a count to another one, with the interval at the level that decides."""
     unit: str
     """seed or world."""
     given_up: bool
@@ -105,6 +115,8 @@ class _Case:
     """Whether these drives ask little of the number of particles, as `Answer` has it."""
     left_by_user: bool = False
     """Whether the user gave the world up, so that no more seeds are added."""
+    final_pass: str = ""
+    """What is left after the final pass, as `Answer` has it."""
 
     @property
     def largest(self) -> int:
@@ -141,10 +153,12 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
         summary.decision(place, line),
         lambda count: summary.group(place, line, count).median.value,
         failed_of,
+        _pair(summary, [place], line),
         "seed",
         summary.table.given_up([place], line),
         _caution(summary, [place], line),
-        place in summary.table.left,
+        left_by_user=place in summary.table.left,
+        final_pass=_final_pass(summary, [place], line),
     )
     return _answer(case, place, line, _scope(summary.table, [place], line))
 
@@ -163,9 +177,11 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
         summary.decision_of_family(family, line),
         lambda count: summary.median_of_family(family, line, count),
         failed_of,
+        _pair(summary, worlds, line),
         "world",
         table.given_up(worlds, line),
         _caution(summary, worlds, line),
+        final_pass=_final_pass(summary, worlds, line),
     )
     return _answer(case, f"{family}, {len(worlds)} worlds", line, _scope(table, worlds, line))
 
@@ -212,6 +228,78 @@ def _answer(case: _Case, place: str, line: str, scope: str) -> Answer:
         today=today,
         medians=medians,
         caution=case.caution,
+        reversal=_reversal(case),
+        final_pass=case.final_pass,
+    )
+
+
+def _pair(summary: SweepSummary, places: Sequence[str], line: str) -> Callable[[int, int], Interval]:
+    """The paired differences between counts, with one value per seed, or per world where there are several."""
+    table = summary.table
+    error = _of_places(table.error, table, places, line)
+
+    def pair(count: int, other: int) -> Interval:
+        c, of = table.counts.index(count), table.counts.index(other)
+        return _interval(_units(error[:, c] - error[:, of]), table)
+
+    return pair
+
+
+def _of_places(cube: NDArray[np.float64], table: SweepTable, places: Sequence[str], line: str) -> NDArray[np.float64]:
+    """A cube of one line in some places, (places, counts, seeds)."""
+    return cube[[table.places.index(place) for place in places], table.lines.index(line)]
+
+
+def _units(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (places, seeds) as (units,): the seeds of one place, or the median of each of several."""
+    return values[0] if len(values) == 1 else median_over_last(values)
+
+
+def _interval(differences: NDArray[np.float64], table: SweepTable) -> Interval:
+    """The median of differences (units,) with its interval at the level that decides."""
+    return paired_difference(differences, np.zeros_like(differences), level=table.level)
+
+
+def _reversal(case: _Case) -> str:
+    """`that 5 looks better than 15 (2.0 against 2.2 cm) is within the noise of 8 seeds`; empty where none does.
+
+    Only the pair of counts whose medians differ most is named.
+    """
+    unit = case.shown_in
+    medians = {count: case.median(count) for count in case.table.counts}
+    pairs = [
+        (medians[more] - medians[few], few, more)
+        for few, more in combinations(case.table.counts, 2)
+        if medians[few] < medians[more] and unit.text(medians[few]) != unit.text(medians[more])
+    ]
+    if not pairs:
+        return ""
+    _, few, more = max(pairs)
+    difference = case.pair(few, more)
+    against = f"{unit.text(medians[few])} against {unit.text(medians[more])} {unit.name}".rstrip()
+    looks = f"that {few} {'looks' if few == 1 else 'look'} better than {more} ({against})"
+    units = _count(difference.count, case.unit)
+    if difference.count < min_values(case.table.level):
+        return f"{looks} may be noise: {units} cannot tell"
+    return f"{looks} is within the noise of {units}" if difference.contains(0.0) else ""
+
+
+def _final_pass(summary: SweepSummary, places: Sequence[str], line: str) -> str:
+    """`after the final pass, which testbed run makes by default: 0.30 cm with 1, 0.26 cm with 30 (8 runs each; paired
+    difference to 30: +0.03 cm [-0.02, +0.10])`; empty without one."""
+    table = summary.table
+    counts, refined = table.counts, _of_places(table.refined, table, places, line)[:, [0, -1]]
+    refined = np.where(np.isfinite(refined).all(axis=1, keepdims=True), refined, np.nan)  # the same drives
+    difference = _interval(_units(refined[:, 0] - refined[:, 1]), table)
+    if len(counts) < 2 or not difference.count:
+        return ""
+    medians = [float(np.nanmedian(_units(refined[:, c]))) for c in range(2)]
+    unit = table.measure.unit(max(medians))
+    shown = [f"{unit.factor * value:.2f} {unit.name}".rstrip() for value in medians]
+    runs = _count(difference.count, "run" if len(places) == 1 else "world") + " each" * (len(places) == 1)
+    return (
+        f"after the final pass, which testbed run makes by default: {shown[0]} with {counts[0]}, {shown[1]} with "
+        f"{counts[-1]} ({runs}; paired difference to {counts[-1]}: {difference_words(difference, unit)})"
     )
 
 
@@ -343,6 +431,7 @@ def difference_words(difference: Interval, unit: Unit) -> str:
         return ""
     value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
     digits = _decimals(value, low, high)
+    value, low, high = (round(v, digits) + 0.0 for v in (value, low, high))  # no -0.00
     name = f" {unit.name}" if unit.name else ""
     if difference.count == 1:
         return f"{value:+.{digits}f}{name} in one run"

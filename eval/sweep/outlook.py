@@ -35,6 +35,11 @@ TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
 RULE = "by a rule of thumb (noise as in the reference worlds apartment, office and loop)"
 """On what a chance rests before anything is computed."""
+CONDITION = (
+    "where a smaller count is as good as the largest; where the difference lies near the margin, any number may leave "
+    "it open"
+)
+"""What the rule of thumb assumes, and what else may be found; it stands wherever a chance by that rule stands."""
 _MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard error of a median of normal values, as a multiple of that of their mean."""
 _QUANTILES = (np.arange(64) + 0.5) / 64
@@ -147,7 +152,7 @@ def rule_of_thumb(level: float, margin: Margin) -> str:
     outlook = typical_outlook(level=max(level, ADDING_LEVEL), margin=margin)
     fewest, most = min_values(outlook.level), MAX_SEEDS_UNTIL_DECIDED
     first, last = (chance_words(outlook.chance(number)) for number in (fewest, most))
-    return f"{RULE} {fewest} seeds decide a world with a chance {_of(first)}, {most} with one {_of(last)}"
+    return f"{RULE} {fewest} seeds decide a world with a chance {_of(first)}, {most} with one {_of(last)}, {CONDITION}"
 
 
 def _of(chance: str) -> str:

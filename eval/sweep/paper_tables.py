@@ -15,6 +15,7 @@ from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
 from eval.sweep.remarks import after_final_pass, described, look_rule, margin_choice, margin_words, never_resampled
+from eval.sweep.results import SweepTable
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
 
@@ -37,8 +38,9 @@ def latex_table(summary: SweepSummary) -> str:
     """
     parts = "\n  \\par\\medskip\n".join(map(_latex_tabular, _parts(summary)))
     return (
-        "% needs \\usepackage{booktabs}\n\\begin{table}\n  \\centering\\footnotesize\n"
-        f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n  \\label{{tab:particles}}\n\\end{{table}}\n"
+        "% needs \\usepackage{booktabs}; table* spans both columns of a two-column paper\n"
+        "\\begin{table*}\n  \\centering\\footnotesize\n"
+        f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n  \\label{{tab:particles}}\n\\end{{table*}}\n"
         f"\\paragraph{{Method.}} {_escaped(_method(summary))}\n"
     )
 
@@ -166,12 +168,25 @@ def _method(summary: SweepSummary) -> str:
     sentences.append(f"After the final pass, which is no part of the filter, {final_pass}" if final_pass else "")
     few = never_resampled(summary)
     sentences += [f"{few[0].upper()}{few[1:]}" if few else "", "" if table.failed.any() else "No run failed."]
-    return " ".join(filter(None, [*sentences, described(table)]))
+    return " ".join(filter(None, [*sentences, described(table), _version(table)]))
+
+
+def _version(table: SweepTable) -> str:
+    """Which software computed the runs; the commit is unknown in tables of versions up to 0.1."""
+    commit = table.commit if not table.commit or table.commit.startswith("slam-testbed ") else f"commit {table.commit}"
+    known = ", ".join(filter(None, (commit.removeprefix("slam-testbed "), f"code version {table.code}")))
+    return f"Computed with slam-testbed ({known})."
 
 
 def _has_marks(summary: SweepSummary) -> bool:
     """Whether some numbers of runs are marked, since others suffice for an interval."""
-    return summary.has_intervals and 0 < _fewest_units(summary) < min_values()
+    counts = range(len(summary.table.counts))
+    return any(_is_marked(summary, panel, c) for panel in panels(summary) for c in counts)
+
+
+def _is_marked(summary: SweepSummary, panel: Panel, c: int) -> bool:
+    """Whether the runs with a count are too few for an interval, and others are not; no runs need no mark."""
+    return summary.has_intervals and 0 < int(panel.units[:, c].min()) < min_values()
 
 
 def _fewest_units(summary: SweepSummary) -> int:
@@ -181,8 +196,7 @@ def _fewest_units(summary: SweepSummary) -> int:
 
 def _marked_runs(summary: SweepSummary, panel: Panel, c: int) -> str:
     """Number of runs with a count, marked where they are too few for an interval and others are not."""
-    is_few = summary.has_intervals and int(panel.units[:, c].min()) < min_values()
-    return runs_text(panel.runs[:, c]) + (f" {MARK}" if is_few else "")
+    return runs_text(panel.runs[:, c]) + (f" {MARK}" if _is_marked(summary, panel, c) else "")
 
 
 def runs_text(runs: NDArray[np.int64]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, fewest_seeds_to_go_on
 from eval.sweep.margin import MARGIN, Margin
-from eval.sweep.outlook import RULE, TYPICAL_ERROR, chance_words, rule_of_thumb, typical_outlook
+from eval.sweep.outlook import CONDITION, RULE, TYPICAL_ERROR, chance_words, rule_of_thumb, typical_outlook
 from eval.sweep.statistics import LEVEL, min_values
 
 
@@ -28,8 +28,7 @@ def foresight(
     chance = chance_words(outlook.chance(units, level=level))
     return (
         f"{RULE[0].upper()}{RULE[1:]} {units} {unit}s show differences from about {share:.0f} % of the error "
-        f"on{looks}. The chance of an answer for each world is {chance} where a smaller count is as good as the "
-        "largest; where the difference lies near the margin, any number may leave it open."
+        f"on{looks}. The chance of an answer for each world is {chance} {CONDITION}."
     )
 
 

@@ -27,7 +27,6 @@ from eval.report.comparison_plots import COLOURS
 from eval.report.plots import BAD, GOOD, QUIET, STYLE
 from eval.sweep.answers import Answer
 from eval.sweep.decision import State, median_over_last
-from eval.sweep.margin import Margin
 from eval.sweep.panels import Panel, panels
 from eval.sweep.results import CURVE_GRID, SweepTable
 from eval.sweep.statistics import Interval, bootstrap_interval, min_values, wilson_interval
@@ -45,7 +44,7 @@ FAIR = "#b35c00"
 MARK_COLOURS = {"good": GOOD, "fair": FAIR, "bad": BAD}
 """Colours of answers."""
 ZONE = "#d3f0d9"
-"""Colour of the zone in which differences do not matter."""
+"""Colour of the zone in which a count is as good as the largest one."""
 MAX_MARGINS = 8.0
 """The axis of differences spans at most so many margins to each side."""
 LEGEND_ROW = 0.17
@@ -56,7 +55,7 @@ Draw = Callable[[Axes, Panel], None]
 
 
 def accuracy(summary: SweepSummary) -> Figure:
-    """Error against particle count: medians, intervals as bands, the zone in which differences do not matter."""
+    """Error against particle count: medians, intervals as bands, the zone that is as good as the largest count."""
     table, unit = summary.table, summary.unit
     shown = panels(summary)
     states = _states_of(shown)
@@ -67,7 +66,7 @@ def accuracy(summary: SweepSummary) -> Figure:
 
     def draw(ax: Axes, panel: Panel) -> None:
         _write_answer(ax, panel.answer)
-        _draw_zone(ax, panel.error[base, -1], unit.factor, table.margin)
+        _draw_zone(ax, panel.error[base, -1], unit.factor, table, limits[0])
         for k in range(len(table.lines)):
             x = _shifted(table, k)
             _draw_medians(ax, x, unit.factor * panel.error[k], k, table)
@@ -108,8 +107,7 @@ def differences(summary: SweepSummary) -> Figure:
         ax.axhline(0.0, color=QUIET, lw=0.8, zorder=1)
         margin = unit.factor * panel.decisions[table.lines.index(table.baseline)].limit
         if math.isfinite(margin):
-            ax.axhspan(limits[0], margin, color=ZONE, lw=0, zorder=0)
-            ax.fill_between([], [], color=ZONE, lw=0, label="no difference that matters")
+            _shade(ax, limits[0], margin, table)
             ax.axhline(margin, color=GOOD, lw=1.4, ls=(0, (4, 2)), zorder=2, label="margin")
         for (k, decision), c in product(enumerate(panel.decisions), range(len(table.counts) - 1)):
             pairs = unit.factor * (panel.error[k, c] - panel.error[k, -1])
@@ -380,15 +378,19 @@ def _draw_legend(figure: Figure, axes: Any, lines: int, per_row: int) -> None:
     )
 
 
-def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float, margin: Margin) -> None:
-    """Shade the errors that differ from the largest count's by less than the margin."""
+def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float, table: SweepTable, bottom: float) -> None:
+    """Shade the errors that are at most the margin above that of the largest count, down to the end of the axis."""
     known = errors[np.isfinite(errors)]
     if not len(known):
         return
     median = float(np.median(known))
-    limit = margin.of(median)
-    ax.axhspan(factor * (median - limit), factor * (median + limit), color=ZONE, lw=0, zorder=0)
-    ax.fill_between([], [], color=ZONE, lw=0, label="no difference that matters")
+    _shade(ax, bottom, factor * (median + table.margin.of(median)), table)
+
+
+def _shade(ax: Axes, bottom: float, top: float, table: SweepTable) -> None:
+    """Shade the zone in which a count is as good as the largest one."""
+    ax.axhspan(bottom, top, color=ZONE, lw=0, zorder=0)
+    ax.fill_between([], [], color=ZONE, lw=0, label=f"as good as {table.counts[-1]}")
 
 
 def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int, table: SweepTable) -> None:

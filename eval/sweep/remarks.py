@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eval.sweep.answers import particles
 from eval.sweep.margin import Margin, parse_margin, share_words
-from eval.sweep.needed_count import PREDICTORS, NeededCount, Predictor, of_ten, predictors_of, shipped_model
+from eval.sweep.needed_count import MAX_RATIO, PREDICTORS, NeededCount, Predictor, of_ten, predictors_of, shipped_model
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL
 from eval.sweep.summary import SweepSummary
@@ -249,17 +249,58 @@ def suggested_counts(table: SweepTable) -> str:
     columns = [table.columns.get(f"features.{predictor.name}") for predictor in PREDICTORS]
     if table.baseline != "default" or table.measure.estimate != "filter" or any(c is None for c in columns):
         return ""
-    model, base = shipped_model(), table.lines.index(table.baseline)
+    model = shipped_model()
     found = []
-    for p, place in enumerate(table.places):
-        drives = np.stack([table.cube(f"features.{predictor.name}")[p, base, 0] for predictor in PREDICTORS], axis=-1)
-        drives = drives[np.isfinite(drives).all(axis=-1)]
+    for place in table.places:
+        drives = _drives(table, place)
         if len(drives):
             names = [predictor.name for predictor in PREDICTORS]
-            features = dict(zip(names, np.median(drives, axis=0).tolist(), strict=True))
             unlike = [model.outside(predictors_of(dict(zip(names, drive, strict=True)))) for drive in drives]
-            found.append(f"{place}: {_suggested(model, predictors_of(features), unlike)}")
+            found.append(f"{place}: {_suggested(model, _usual_predictors(drives), unlike)}")
     return "; ".join(found) if 0 < len(found) <= MAX_NAMED else ""
+
+
+def forecast_against_runs(table: SweepTable) -> str:
+    """Where the runs so far contradict the forecast of `suggested_counts`, and which of the two to follow.
+
+    The smallest tested count that is at least the forecast's should have a median error at most `MAX_RATIO` times that
+    of the largest count, which is what the forecast means by enough. Empty where that holds, or was not tested.
+    """
+    if not suggested_counts(table):
+        return ""
+    model, found, k = shipped_model(), [], table.lines.index(table.baseline)
+    for p, place in enumerate(table.places):
+        drives = _drives(table, place)
+        start = model.start(_usual_predictors(drives)) if len(drives) else table.counts[-1]
+        c = next((c for c, count in enumerate(table.counts) if count >= start), len(table.counts) - 1)
+        pairs = table.error[p, k][[c, -1]]
+        pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
+        if c == len(table.counts) - 1 or not pairs.size:
+            continue
+        error, of_largest = np.median(pairs, axis=1).tolist()
+        if error > MAX_RATIO * of_largest:
+            more = 100.0 * (error / of_largest - 1.0)
+            found.append(f"{place} the median error with {table.counts[c]} is {more:.0f} % above that")
+    if not found:
+        return ""
+    return (
+        f"The runs so far say otherwise: in {' and in '.join(found)} with {table.counts[-1]}. Follow the runs, that is "
+        "the cards: the forecast knows other worlds only."
+    )
+
+
+def _drives(table: SweepTable, place: str) -> NDArray[np.float64]:
+    """The known features of the drives of the baseline in one place, (drives, predictors)."""
+    p, base = table.places.index(place), table.lines.index(table.baseline)
+    drives = np.stack([table.cube(f"features.{predictor.name}")[p, base, 0] for predictor in PREDICTORS], axis=-1)
+    known: NDArray[np.float64] = drives[np.isfinite(drives).all(axis=-1)]
+    return known
+
+
+def _usual_predictors(drives: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The predictors of the median drive."""
+    names = [predictor.name for predictor in PREDICTORS]
+    return predictors_of(dict(zip(names, np.median(drives, axis=0).tolist(), strict=True)))
 
 
 def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: Sequence[Sequence[Predictor]]) -> str:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import base64
 import os
 import shlex
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -30,6 +29,7 @@ from eval.sweep.remarks import (
     MAX_NAMED,
     after_final_pass,
     described,
+    forecast_against_runs,
     look_rule,
     margin_choice,
     margin_words,
@@ -64,7 +64,7 @@ class Drawing:
 
 
 _ZONE_AND_PASS = (
-    "Green zone: the margin around the largest count, within which more particles do not matter. "
+    "Green zone, as in the next figure: errors at most the margin above that of the largest count, which are as good. "
     "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter."
 )
 DRAWINGS = (
@@ -82,12 +82,14 @@ DRAWINGS = (
         "What decides: paired differences to the largest count",
         sweep_plots.differences,
         "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
-        "interval that decides. A count passes its own test (filled) where the whole interval lies below the dashed "
-        "margin, and is shown to be worse (cross) where it lies above; otherwise it is open (hollow). With "
-        "few runs, as 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the margin.",
+        "interval that decides. A count passes its own test (filled) where the whole interval lies in the green zone, "
+        "below the dashed margin, and is shown to be worse (cross) where it lies above; otherwise it is open (hollow). "
+        "With few runs, as 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the "
+        "margin.",
         "How much worse each count is than the largest one on the same data: dots for the runs, a circle for their "
-        f"median. These runs are too few for the interval that decides: with {fewest_seeds_to_go_on(LEVEL)} seeds it "
-        "is drawn, and where it lies below the dashed margin the count is as good as the largest.",
+        "median. Green zone: at most the margin worse. These runs are too few for the interval that decides: with "
+        f"{fewest_seeds_to_go_on(LEVEL)} seeds it is drawn, and where it lies below the dashed margin the count is as "
+        "good as the largest.",
         is_first=True,
     ),
     Drawing(
@@ -207,6 +209,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "repeat": _repeat_command(table, folder),
         "final_pass": after_final_pass(summary),
         "suggested": suggested_counts(table),
+        "contradicted": forecast_against_runs(table),
         "largest_predicted": shipped_model().max_count,
         "look_rule": look_rule(table),
         "margin_choice": margin_choice(table),
@@ -215,7 +218,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "margins": margin_words(summary),
         "goes_on": bool(np.isin(status, ("missing", "later")).any()),
         "left_out": int((status == LEFT_OUT).sum()),
-        "commit": _commit(folder),
+        "commit": table.commit,
         "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
         "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
         "level": LEVEL,
@@ -258,14 +261,6 @@ def _repeat_command(table: SweepTable, folder: Path) -> str:
         return ""
     command, mark, comment = table.command.partition("  # ")
     return f"{command} --out {shlex.quote(f'{folder.resolve().name}-again')}{mark}{comment}"
-
-
-def _commit(folder: Path) -> str:
-    """The commit of the code that computed the runs, from sweep.toml; empty if it is unknown."""
-    try:
-        return str(tomllib.loads((folder / "sweep.toml").read_text(encoding="utf-8")).get("commit", ""))
-    except (OSError, ValueError):
-        return ""
 
 
 def _other_lines(summary: SweepSummary) -> list[tuple[str, list[str]]]:

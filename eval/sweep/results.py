@@ -65,6 +65,9 @@ class SweepTable:
     baseline: str
     """Name of the line with which the others are compared."""
     code: str
+    """Code version: a hash of the source files."""
+    commit: str
+    """Commit of the code, or name and version of the package; empty in tables of versions up to 0.1."""
     places: tuple[str, ...]
     lines: tuple[str, ...]
     counts: tuple[int, ...]
@@ -268,6 +271,7 @@ def _sweep_table(of_runs: _Content, of_curves: _Content, of_timings: _Content) -
         measure=Measure(about["measure"]),
         baseline=about["baseline"],
         code=about["code"],
+        commit=str(about.get("commit", "")),
         places=tuple(axes[0]),
         lines=tuple(axes[1]),
         counts=tuple(axes[2]),

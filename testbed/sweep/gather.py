@@ -135,6 +135,7 @@ def _about(directory: SweepDirectory) -> dict[str, Any]:
         "measure": spec.key_measure,
         "baseline": spec.baseline or spec.lines()[0].name,
         "code": manifest.code,
+        "commit": manifest.commit,
         "command": command_of(spec),
         "level": spec.level,
         "margin": spec.margin,

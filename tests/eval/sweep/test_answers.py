@@ -249,3 +249,42 @@ def test_what_enough_promises_stands_with_it(tmp_path):
     assert answer.difference.startswith("1 particle is ")
     undecided = summarise(read_sweep(write_sweep(tmp_path / "few", seeds=3)))
     assert answers(undecided, undecided.table.baseline)[0].risk == ""
+
+
+def test_a_smaller_count_that_looks_better_by_noise_gets_a_word(tmp_path):
+    def error(p, k, c, s):
+        """5 is better than 20 in the median of cave by noise, and in hall_a always."""
+        return 0.03 + (0.0, (-0.002, -0.002 + 0.003 * ((5 * s) % 8 - 3.5))[p], 0.0)[c]
+
+    hall, cave = answers(summarise(read_sweep(write_sweep(tmp_path / "many", error, seeds=8))), "improved")
+    assert hall.reversal == ""
+    assert cave.reversal == "that 5 look better than 20 (2.8 against 3.0 cm) is within the noise of 8 seeds"
+    hall, _ = answers(summarise(read_sweep(write_sweep(tmp_path / "few", error, seeds=3))), "improved")
+    assert hall.reversal == "that 5 look better than 20 (2.8 against 3.0 cm) may be noise: 3 seeds cannot tell"
+    page = write_sweep_report(tmp_path / "many").read_text()
+    assert "That 5 look better than 20 (2.8 against 3.0 cm) is within the noise of 8 seeds" in page
+    same, _ = answers(summarise(read_sweep(write_sweep(tmp_path / "same", level(0.05, 0.03, 0.02)))), "improved")
+    assert same.reversal == ""
+
+
+def test_the_answer_after_the_final_pass_stands_on_the_card(tmp_path, monkeypatch):
+    """In the tables it divides every error by five; the seeds differ from count to count by nothing."""
+
+    def error(p, k, c, s):
+        return (0.05, 0.03, 0.02)[c] + 0.001 * s
+
+    write_sweep(tmp_path / "many", error, seeds=8, missing=frozenset({(0, 0, 2, 7)}))
+    hall, cave = answers(summarise(read_sweep(tmp_path / "many")), "improved")
+    words = "after the final pass, which testbed run makes by default: "
+    assert cave.final_pass == (
+        f"{words}1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference to 20: +0.60 cm [+0.60, +0.60])"
+    )
+    assert hall.final_pass.startswith(f"{words}1.06 cm with 1, 0.46 cm with 20 (7 runs each; ")
+    assert f"A{cave.final_pass[1:]}" in write_sweep_report(tmp_path / "many").read_text()
+    online = write_sweep(tmp_path / "online", measure="trajectory_online.ate_rmse_m")
+    assert answers(summarise(read_sweep(online)), "improved")[0].final_pass == ""
+    equal = write_sweep(tmp_path / "equal", lambda p, k, c, s: 0.02 - 1e-5 * (c == 0))
+    assert "to 20: +0.00 cm [+0.00, +0.00]" in answers(summarise(read_sweep(equal)), "improved")[0].final_pass
+    monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", ("rooms-0", "rooms-1"))
+    (rooms,) = answers(summarise(read_sweep(write_sweep(tmp_path / "f", error, families=("rooms",) * 2))), "improved")
+    assert "(2 worlds; paired difference to 20: +0.60 to +0.60 cm in 2 runs)" in rooms.final_pass

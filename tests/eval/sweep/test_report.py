@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
 
 from eval.sweep.advice import advice
 from eval.sweep.job_times import REPORT_SECONDS, duration_words, seconds_for_seeds
@@ -19,7 +20,7 @@ from eval.sweep.margin import MARGIN
 from eval.sweep.measure import Measure
 from eval.sweep.outlook import bound_for, rule_of_thumb
 from eval.sweep.paper_tables import latex_table, markdown_table
-from eval.sweep.plots import accuracy, differences, pareto_front, style
+from eval.sweep.plots import ZONE, accuracy, differences, pareto_front, style
 from eval.sweep.report import DRAWINGS, write_sweep_report
 from eval.sweep.results import SweepTableError, read_sweep
 from eval.sweep.statistics import paired_difference
@@ -187,6 +188,22 @@ def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path)
     assert "After the final pass, which is no part of the filter, the count " in table
     assert "Each seed drives another route through the whole world. Robot create3, lidar lds01." in table
     assert "Too few" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
+    none = missing | {(1, k, 1, s) for k in range(2) for s in range(10)}
+    table = markdown_table(summarise(read_sweep(write_sweep(tmp_path / "none", missing=none))))
+    assert "| cave | 5 | 0 |" in table  # no mark: there is nothing to explain
+    assert "* Too few runs for an interval" in table
+
+
+def test_the_method_names_the_software_that_computed_the_runs(tmp_path):
+    for commit, words in (
+        ("v0.1-5-gabc", "(commit v0.1-5-gabc, code version 0123456789abcdef)"),
+        ("slam-testbed 0.2", "(0.2, code version 0123456789abcdef)"),
+        ("", "(code version 0123456789abcdef)"),
+    ):
+        table = latex_table(summarise(read_sweep(write_sweep(tmp_path, about={"commit": commit}))))
+        assert table.endswith(f"Computed with slam-testbed {words}.\n")
+    assert "\\begin{table*}" in table
+    assert "\\end{table*}" in table
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex (Debian: texlive-latex-recommended)")
@@ -375,12 +392,27 @@ def test_every_mark_of_the_first_figures_is_in_their_legends(tmp_path):
 
     summary = summarise(read_sweep(write_sweep(tmp_path, error=error)))
     (legend,) = accuracy(summary).legends
-    shared = {"no difference that matters", "one run", "above the axis", "open", "shown to be worse", *LINES}
+    shared = {f"as good as {COUNTS[-1]}", "one run", "above the axis", "open", "shown to be worse", *LINES}
     own = {"95 % interval of the median", "after the final pass", f"{COUNTS[-1]} particles"}
     assert {text.get_text() for text in legend.get_texts()} == shared | own
     (legend,) = differences(summary).legends
     own = {"margin", "95 % interval, which decides"}
     assert {text.get_text() for text in legend.get_texts()} == shared | own
+
+
+def test_the_green_zone_ends_at_the_margin_in_both_figures(tmp_path):
+    """It begins at the lower end of the axis: a count that is better than the largest is as good as it, too."""
+    summary = summarise(read_sweep(write_sweep(tmp_path)))
+    limit = 100.0 * summary.decision("hall_a", "improved").limit
+    tops = {}
+    for draw in (accuracy, differences):
+        ax = draw(summary).axes[0]
+        (zone,) = [patch for patch in ax.patches if to_hex(patch.get_facecolor()) == ZONE]
+        assert zone.get_y() == ax.get_ylim()[0]
+        tops[draw] = zone.get_y() + zone.get_height()
+    median = 100.0 * summary.group("hall_a", "improved", COUNTS[-1]).median.value
+    assert tops[differences] == pytest.approx(limit)
+    assert tops[accuracy] == pytest.approx(median + limit)
 
 
 @pytest.mark.parametrize("lines", [LINES[:1], LINES])
@@ -458,6 +490,21 @@ def test_a_world_that_will_stay_open_may_be_left(tmp_path):
     found = advice(summarise(read_sweep(tmp_path).judged()), "OUT", 2)
     assert [item.command for item in found[:2]] == ["testbed sweep --out OUT", "testbed sweep --out OUT --give-up cave"]
     assert found[1].title == "Go on with hall_a only"
+
+
+def test_a_sweep_that_will_stay_open_may_be_stopped(tmp_path):
+    """Where all open answers are improbable; a world that was left before stays left."""
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40))
+    write_sweep(tmp_path, error=noise(0.008, gain=0.0051), seeds=40, missing=missing, about={"level": 0.99})
+    summary = summarise(read_sweep(tmp_path).judged())
+    go_on, stop, *_ = advice(summary, "OUT", 2)
+    assert "Chance of an answer with 40 seeds: hall_a about " in go_on.text
+    assert (stop.title, stop.command) == ("Stop here", "testbed sweep --out OUT --give-up hall_a,cave")
+    table = summary.table
+    status = table.columns["status"].copy()
+    status[0][status[0] == "missing"] = "given up"
+    left = replace(table, left=("hall_a",), columns=table.columns | {"status": status})
+    assert advice(summarise(left), "OUT", 2)[1].command == "testbed sweep --out OUT --give-up hall_a,cave"
 
 
 def test_drawn_worlds_with_a_seed_each_have_the_interval_that_decides(tmp_path, monkeypatch):

@@ -146,6 +146,10 @@ def test_a_world_that_is_left_gets_no_more_seeds_and_keeps_its_own(tmp_path):
     states = statuses(directory)
     assert {states[cell.key] for cell in directory.manifest.cells() if cell.place == "loop"} == {"given up"}
     assert read_sweep(directory.path).judged().ran[0].sum() == 2 * 8
+    both = parse_spec(document | {"give_up": ["loop", "office"]}, "x.toml", Path())
+    directory = SweepDirectory.prepare(directory.path, Manifest(both, code_version(), {}))
+    assert needed_cells(directory) == []  # that ends the sweep, with the runs that there are
+    assert read_sweep(directory.path).judged().ran.sum(axis=(1, 2, 3)).tolist() == [16, 16]
     for wrong in ({"give_up": ["cave"]}, {"give_up": ["loop"], "until": ""}):
         with pytest.raises(SweepError, match="give_up"):
             parse_spec(document | wrong, "x.toml", Path())
