@@ -83,8 +83,9 @@ def counts_of(maps, particle=0):
     """Hits, visits and wall flags of one particle's cells, (rows, columns) each."""
     table = maps.grids.table[particle]
     words = dense(table, maps.grids.counts)
-    walls = np.unpackbits(maps.grids.walls.view(np.uint8), axis=1, bitorder="little")
-    return hits_of(words), words & VISITS, dense(table, walls) == 1
+    used, place = np.unique(table, return_inverse=True)  # of the whole pool, which is large
+    walls = np.unpackbits(maps.grids.walls[used].view(np.uint8), axis=1, bitorder="little")
+    return hits_of(words), words & VISITS, dense(place.reshape(table.shape), walls) == 1
 
 
 def word_at(maps, name, point, particle=0):
