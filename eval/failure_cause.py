@@ -118,17 +118,14 @@ def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajecto
         return None
     moved, reported = between(true[0], true[-1]), between(wheels[0], wheels[-1])
     start = odometry.stamps[0]
-    slips, intervals, seconds = earlier_slips(odometry, reference, stamps[0])
+    slips, known = earlier_slips(odometry, reference, stamps[0])
     earlier = "; they had not slipped before"
     if slips:
-        earlier = (
-            f"; they slipped in {slips} of the {intervals} intervals of {seconds:.0f} s before this one too, "
-            "and the estimate recovered each time"
-        )
+        earlier = f"; they slipped in {slips} before this one too, and the estimate recovered each time"
     return (
         f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s, over {length(_path(true))} "
         f"of path, they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
-        f"{earlier if intervals else ''}"
+        f"{earlier if known else ''}"
     )
 
 
@@ -140,19 +137,19 @@ def _slipped(true: Pose, wheels: Pose) -> bool:
     return far or abs(float(np.degrees(miss[2]))) > max(MIN_SLIP_DEG, MIN_SLIP_SHARE * turned)
 
 
-def earlier_slips(odometry: Trajectory, reference: Trajectory, until: float) -> tuple[int, int, float]:
-    """Count the intervals before a time [s] in which the wheels slipped, and all of them; the third value is their
-    length [s], that of the window about a moment."""
+def earlier_slips(odometry: Trajectory, reference: Trajectory, until: float) -> tuple[str, bool]:
+    """In how many intervals before a time [s] the wheels slipped: `14 of the 74 intervals of 3 s`, each as long as the
+    window about a moment; empty where in none. The second value is whether there is any interval."""
     _, rows, true_rows = np.intersect1d(odometry.stamps, reference.stamps, return_indices=True)
     before = odometry.stamps[rows] < until
     stamps = odometry.stamps[rows[before]]
     if len(stamps) == 0:
-        return 0, 0, 2.0 * WINDOW_S
+        return "", False
     wheels, true = odometry.poses[rows[before]], reference.poses[true_rows[before]]
     numbers = ((stamps[-1] - stamps) // (2.0 * WINDOW_S)).astype(np.intp)
     pieces = [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
     slipped = sum(len(piece) > 1 and _slipped(true[piece], wheels[piece]) for piece in pieces)
-    return slipped, len(pieces), 2.0 * WINDOW_S
+    return f"{slipped} of the {len(pieces)} intervals of {2.0 * WINDOW_S:.0f} s" if slipped else "", True
 
 
 def _path(poses: Pose) -> float:
@@ -222,8 +219,8 @@ def _wrong_place(
         return None
     moved, reported = between(true[0], true[-1]), between(estimated[0], estimated[-1])
     start = odometry.stamps[0]
-    slips, intervals, seconds = earlier_slips(odometry, reference, stamps[0])
-    earlier = f"; in {slips} of the {intervals} intervals of {seconds:.0f} s before this one they had slipped"
+    slips, _ = earlier_slips(odometry, reference, stamps[0])
+    earlier = f"; in {slips} before this one they had slipped"
     return (
         f"the scans were matched to a wrong place of the map: from {stamps[0] - start:.1f} to "
         f"{stamps[-1] - start:.1f} s the estimate moved by {_in_words(reported)}, the robot by {_in_words(moved)}, as "

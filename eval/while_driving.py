@@ -216,9 +216,9 @@ def _behind(stretches: list[Stretch], drive: Drive) -> str:
         off = length(max(other.metres for other in earlier))
         parts.append(f"the map was bent before, drawn while the pose was up to {off} off")
     if drive.odometry is not None:
-        slips, intervals, seconds = earlier_slips(drive.odometry, drive.truth, stretch.start)
+        slips, _ = earlier_slips(drive.odometry, drive.truth, stretch.start)
         if slips:
-            parts.append(f"the wheels slipped in {slips} of the {intervals} intervals of {seconds:.0f} s before it")
+            parts.append(f"the wheels slipped in {slips} before it")
     rows, values, _ = nees(drive.steps)
     inside = _within(column(drive.steps, "stamp")[rows], Spell(stretch.start, stretch.end))
     particles = int(drive.at_updates("particles").max())

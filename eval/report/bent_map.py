@@ -37,7 +37,7 @@ def behind_failure(
     bent = bent_before(steps, failure, start)
     parts = [f"the map was bent: {bent}"] if bent else []
     if odometry is not None and truth is not None:
-        slips, intervals, seconds = earlier_slips(odometry, truth, failure.stamp - WINDOW_S)  # as its cause says
+        slips, _ = earlier_slips(odometry, truth, failure.stamp - WINDOW_S)  # as its cause says
         if slips:
-            parts.append(f"the wheels had slipped in {slips} of the {intervals} intervals of {seconds:.0f} s before it")
+            parts.append(f"the wheels had slipped in {slips} before it")
     return "; ".join(parts)

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eval.sweep.answers import answers, likely_answer
+from eval.sweep.answer_words import likely_answer
+from eval.sweep.answers import answers
 from eval.sweep.decision import Decision
 from eval.sweep.job_times import duration_words, seconds_for_seeds
 from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, level_of, looks_for

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.sweep.answers import difference_words
+from eval.sweep.answer_words import difference_words
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels

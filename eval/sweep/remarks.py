@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.sweep.answers import particles
+from eval.sweep.answer_words import particles
 from eval.sweep.margin import Margin, parse_margin, share_words
 from eval.sweep.needed_count import MAX_RATIO, PREDICTORS, NeededCount, Predictor, of_ten, predictors_of, shipped_model
 from eval.sweep.results import SweepTable

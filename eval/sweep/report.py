@@ -20,7 +20,8 @@ from eval.files.atomic_write import atomic_write
 from eval.report.page import render
 from eval.sweep import plots as sweep_plots
 from eval.sweep.advice import advice
-from eval.sweep.answers import Answer, answer_of_place, answers, difference_words
+from eval.sweep.answer_words import difference_words
+from eval.sweep.answers import Answer, answer_of_place, answers
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.needed_count import shipped_model

@@ -19,8 +19,8 @@ MIN_PARALLEL_COSINE = 0.9
 least this: what stands before a wall or around a corner does not."""
 CORNER_SIGMAS = 2.0
 """No end point within this many standard deviations of its noise from a corner belongs to a surfel. There the noise
-puts end points of one wall into the plane of the other, and from one side only: jambs of doors, seen from afar, made
-maps of corridors 0.1 to 0.2 % too short."""
+puts end points of one wall into the plane of the other, and from one side only: jambs of doors, seen from afar, seem
+farther than they are."""
 GATE_SIGMAS = 3.0
 """End points belong to a surfel up to the gate plus this many standard deviations of the noise: 99.7 % of them."""
 SLOPE_PRECISION = 0.1**-2

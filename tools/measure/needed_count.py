@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from eval.files.atomic_write import atomic_write
 from eval.report.comparison_plots import COLOURS
 from eval.sweep import needed_count
-from eval.sweep.answers import particles
+from eval.sweep.answer_words import particles
 from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, predicted, runs_of
 from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
 from eval.sweep.plots import WIDTHS, style

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from eval.sweep.answers import particles
+from eval.sweep.answer_words import particles
 from eval.sweep.needed_count import of_ten, shipped_model
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.sweep.errors import SweepError

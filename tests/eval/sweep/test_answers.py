@@ -6,7 +6,8 @@ import re
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from eval.sweep.answers import answers, likely_answer
+from eval.sweep.answer_words import likely_answer
+from eval.sweep.answers import answers
 from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.report import write_sweep_report
 from eval.sweep.results import read_sweep
