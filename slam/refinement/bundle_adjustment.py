@@ -4,7 +4,6 @@ which is calibrated with them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +13,10 @@ from slam import se2
 from slam._threads import Threads
 from slam.config import RefineConfig
 from slam.motion.odometry_model import motion_prior
-from slam.refinement._chain_kernels import add_odometry_steps, factor_chain, multiply_chain, solve_chain
-from slam.refinement._normal_equations_kernels import SurfelObservations, collect, dot, subtract_schur_complement
+from slam.refinement._chain_kernels import add_odometry_steps
+from slam.refinement._normal_equations_kernels import SurfelObservations, collect
 from slam.refinement._surfel_match_kernels import GATE_SIGMAS, Matches, match_points, weigh_points
-from slam.refinement.covariance import Equations
+from slam.refinement.joint_equations import Equations, JointEquations
 from slam.refinement.noise import INITIAL, Noise, estimate_noise, for_weights
 from slam.refinement.odometry_calibration import OdometryCalibration
 from slam.refinement.odometry_noise import variance_factors, with_variances
@@ -34,11 +33,6 @@ from slam.refinement.surfels import (
 GAUGE = 1e-2
 """Precision of the first pose [1/m^2, 1/rad^2], which alone ties the trajectory to the frame. It is weak, so that it
 costs no iterations; callers that need the first pose unchanged transform the result afterwards."""
-TOLERANCE = 1e-8
-"""The equations count as solved where the residual, in the norm of the preconditioner, has fallen by this factor;
-that norm hardly notices bends of the whole, so it has to be small."""
-MAX_ITERATIONS = 500
-"""Largest number of iterations of conjugate gradients in one step; the next step continues from there."""
 
 
 class ScanEquations(NamedTuple):
@@ -72,7 +66,7 @@ class Adjustment:
         self.found_noise = INITIAL  # as the last step saw it
         self.noise = INITIAL  # with which the next step weighs end points, see `for_weights`
         self.odometry_variance = np.ones(2)
-        self.solved: Equations  # of the last step
+        self.solved: JointEquations  # of the last step
 
     def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
         """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
@@ -85,46 +79,26 @@ class Adjustment:
         gradient[k] += scans.gradient
         diagonal[k] += scans.diagonal
 
-        def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
-            out, followed = np.empty_like(x), np.zeros((len(k), 3))
-            multiply_chain(diagonal, coupling, x, out)
-            subtract_schur_complement(
-                scans.observations, scans.normal, scans.total, np.ascontiguousarray(x[k]), followed
+        system = JointEquations(
+            Equations(
+                poses=poses.copy(),
+                with_scan=k,
+                diagonal=diagonal,
+                coupling=coupling,
+                calibration=calibration,
+                observations=scans.observations,
+                normal=scans.normal,
+                total=scans.total,
             )
-            out[k] += followed
-            return out
-
-        self.solved = Equations(
-            poses=poses.copy(),
-            with_scan=k,
-            diagonal=diagonal,
-            coupling=coupling,
-            calibration=calibration.taken_from_poses(),
-            observations=scans.observations,
-            normal=scans.normal,
-            total=scans.total,
         )
-        factors, eliminated = np.empty((n, 3, 3)), np.empty((n - 1, 3, 3))
-        if not factor_chain(diagonal, coupling, factors, eliminated):
-            raise FloatingPointError("the equations of the final pass are not positive definite")
-
-        factor = variance_factors(self.prior, poses, motions, factors, eliminated)
+        factor = variance_factors(self.prior, poses, motions, system.factors, system.eliminated)
         self.prior = with_variances(self.prior, *factor)  # this and the noise are for the next step
         self.found_noise, self.noise = scans.noise, for_weights(scans.noise)
         self.odometry_variance *= factor
-
-        def precondition(x: NDArray[np.float64]) -> NDArray[np.float64]:
-            out = np.empty_like(x)
-            solve_chain(factors, eliminated, coupling, x, out)
-            return out
-
-        columns = [np.ascontiguousarray(calibration.coupling[:, :, j]) for j in range(3)]
-        follows = np.stack([conjugate_gradients(product, precondition, column) for column in columns], axis=-1)
-        step = -conjugate_gradients(product, precondition, gradient)
-        change, sigma = calibration.solve(step, follows)
-        self.calibration.move(change, sigma)
-        moved: se2.Pose = step - np.einsum("nij,j->ni", follows, change)
-        return moved
+        moved = system.solve(np.vstack([gradient, calibration.gradient]))
+        self.calibration.move(moved[-1])
+        self.solved = system
+        return moved[:-1]
 
     def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
         """Find the surfels at poses (scans, 3) and set up the scans' part of the equations."""
@@ -174,33 +148,3 @@ class Adjustment:
             begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used], rows.residual[used]
         )
         return ScanEquations(diagonal, gradient, observations, np.tile(normal, (2, 1)), total, noise)
-
-
-def conjugate_gradients(
-    product: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    precondition: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    right: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Solve H x = right for a symmetric positive semidefinite H; right and x (n, 3).
-
-    Preconditioned conjugate gradients (Golub, Van Loan 2013, algorithm 11.5.1): with the walls held the equations are a
-    chain, which is solved at once; the remaining iterations let walls and poses move together.
-    """
-    x, residual = np.zeros_like(right), right.copy()
-    z = precondition(residual)
-    direction = z.copy()
-    rz = start = dot(residual, z)
-    for _ in range(MAX_ITERATIONS):
-        if rz <= TOLERANCE**2 * start:
-            break
-        image = product(direction)
-        curvature = dot(direction, image)
-        if not curvature > 0.0:  # a direction that nothing holds but round-off
-            break
-        alpha = rz / curvature
-        x += alpha * direction
-        residual -= alpha * image
-        z = precondition(residual)
-        before, rz = rz, dot(residual, z)
-        direction = z + rz / before * direction
-    return x

@@ -13,8 +13,6 @@ linear models", Biometrika 1986; White 1980). No direction is taken to be surer 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, solve_triangular
@@ -23,7 +21,7 @@ from scipy.sparse import csr_matrix
 from slam import se2
 from slam.motion.interpolation import way_along
 from slam.refinement._chain_kernels import chain_covariances, factor_chain
-from slam.refinement._normal_equations_kernels import SurfelObservations
+from slam.refinement.joint_equations import Equations
 
 KEY_DISTANCE = 0.5
 """Way between key poses [m] where their number allows it, by `way_along`."""
@@ -31,27 +29,6 @@ MAX_KEYS = 200
 """Largest number of key poses: the dense equations have three unknowns for each."""
 HELD = 1e12
 """Precision with which key poses are held while the poses between them are looked at [1/m^2, 1/rad^2]."""
-
-
-class Equations(NamedTuple):
-    """The equations of all poses, as a round of the adjustment solved them."""
-
-    poses: se2.Pose
-    """Poses at which they were set up, (frames, 3)."""
-    with_scan: NDArray[np.int64]
-    """Frames to which the scans belong, (scans,)."""
-    diagonal: NDArray[np.float64]
-    """Diagonal blocks of odometry and scans, the surfels held, (frames, 3, 3)."""
-    coupling: NDArray[np.float64]
-    """Blocks of the odometry between neighbours, (frames - 1, 3, 3)."""
-    calibration: NDArray[np.float64]
-    """What the odometry's calibration takes from the equations, (frames, 3, 3); see `taken_from_poses`."""
-    observations: SurfelObservations
-    """The blocks between scans and surfels."""
-    normal: NDArray[np.float64]
-    """Normals of the surfels, once for their offsets and once for their slopes, (2 surfels, 2)."""
-    total: NDArray[np.float64]
-    """Precisions of offsets [1/m^2] and slopes [1/rad^2], the poses held, (2 surfels,)."""
 
 
 def pose_covariances(equations: Equations) -> NDArray[np.float64]:
@@ -112,7 +89,7 @@ def _covariance_of_keys(equations: Equations, P: csr_matrix) -> NDArray[np.float
     """Covariance (3 keys, 3 keys) of the key poses, the first held; P (3 frames, 3 keys): how poses move with them."""
     size = P.shape[1]
     to_walls, gradients = _surfel_columns(equations)
-    seen, calibrated = (P.T @ to_walls).tocsr(), P.T @ equations.calibration.reshape(-1, 3)
+    seen, calibrated = (P.T @ to_walls).tocsr(), P.T @ equations.calibration.taken_from_poses().reshape(-1, 3)
     H = ((P.T @ _chain_matrix(equations) @ P - seen @ seen.T).toarray() - calibrated @ calibrated.T)[3:, 3:]
     summed = (P.T @ gradients).tocsr()[3:]
     lower = np.linalg.cholesky(H)

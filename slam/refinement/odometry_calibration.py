@@ -33,19 +33,6 @@ class CalibrationEquations(NamedTuple):
     gradient: NDArray[np.float64]
     """(3,)."""
 
-    def solve(
-        self, step: NDArray[np.float64], follows: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Change of the numbers (3,) and their standard deviations (3,).
-
-        step (frames, 3): that of the poses, the numbers held;  follows (frames, 3, 3): H^-1 times the coupling
-        """
-        system = self.precision - np.einsum("nij,nik->jk", self.coupling, follows)
-        change: NDArray[np.float64] = np.linalg.solve(
-            system, -self.gradient - np.einsum("nij,ni->j", self.coupling, step)
-        )
-        return change, np.sqrt(np.diag(np.linalg.inv(system)))
-
     def taken_from_poses(self) -> NDArray[np.float64]:
         """C K^-1/2 (frames, 3, 3), whose product with its transpose is what the numbers take from the equations of the
         poses."""
@@ -61,7 +48,6 @@ class OdometryCalibration:
         """motions (frames - 1, 3): displacements as measured."""
         self.measured = motions
         self.values = np.zeros(3)
-        self.sigma = SIGMA.copy()
         self.basis = np.zeros((*motions.shape, 3))
         self.basis[:, :2, 0] = motions[:, :2]
         self.basis[:, 2, 1] = motions[:, 2]
@@ -79,6 +65,6 @@ class OdometryCalibration:
         add_calibration(prior, poses, self.motions(), self.basis, coupling, precision, gradient)
         return CalibrationEquations(coupling, precision, gradient)
 
-    def move(self, change: NDArray[np.float64], sigma: NDArray[np.float64]) -> None:
-        """Change the numbers by (3,); sigma (3,): their standard deviations."""
-        self.values, self.sigma = self.values + change, sigma
+    def move(self, change: NDArray[np.float64]) -> None:
+        """Change the numbers by (3,)."""
+        self.values = self.values + change

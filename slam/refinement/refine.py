@@ -115,15 +115,16 @@ def refine(
     )
     drawn = redraw_map(poses, rays, (cells, surfels), adjustment.noise, config, workers)
     position, heading = adjustment.odometry_variance.tolist()
+    solved = adjustment.solved.equations
     return Refined(
         poses=poses,
-        covariances=_turned(pose_covariances(adjustment.solved), poses[0, 2] - adjustment.solved.poses[0, 2]),
+        covariances=_turned(pose_covariances(solved), poses[0, 2] - solved.poses[0, 2]),
         map=drawn,
         closing=closing,
         noise=adjustment.found_noise,
         odometry_variance=(position, heading),
         odometry_correction=adjustment.calibration.values,
-        odometry_correction_sigma=adjustment.calibration.sigma,
+        odometry_correction_sigma=np.sqrt(np.diag(adjustment.solved.calibration_covariance())),
     )
 
 

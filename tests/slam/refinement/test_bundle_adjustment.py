@@ -13,7 +13,8 @@ from slam.config import RefineConfig
 from slam.refinement._chain_kernels import add_odometry_steps
 from slam.refinement._normal_equations_kernels import SurfelObservations, collect, subtract_schur_complement
 from slam.refinement._surfel_match_kernels import SLOPE_PRECISION, Matches, match_points, weigh_points
-from slam.refinement.bundle_adjustment import GAUGE, Adjustment, conjugate_gradients
+from slam.refinement.bundle_adjustment import GAUGE, Adjustment
+from slam.refinement.joint_equations import conjugate_gradients
 from slam.refinement.noise import INITIAL, Noise
 from slam.refinement.surfels import find_surfels, make_cells, make_cloud, transform_cloud
 from tests.slam.refinement.test_chain import dense_matrix
