@@ -159,7 +159,7 @@ def _evidence(outcome: str, matched: Association) -> tuple[NDArray[np.float64], 
             f"on {weights.sum():.1f} m of the path the motion over the next metre is wrong by more than "
             f"{LOCAL_M} m or {LOCAL_DEG:.0f} degrees (limit {evidence.local_limit} m)"
         )
-        return weights, words, "of these metres", ""
+        return weights, words, "of the metres that are wrong", ""
     metres, degrees = _errors_from_start(matched)
     if outcome == "broken loop":
         return _bad_visits(matched, evidence, np.maximum(metres / LOOP_M, degrees / LOOP_DEG))
@@ -184,7 +184,7 @@ def _bad_visits(
         f"not meet where the motion between them is wrong by more than {length(LOOP_M)} or {LOOP_DEG:.0f}°, and count "
         "for the time of the visit at which the pose was further off."
     )
-    return weights, words, "of these pairs", rule
+    return weights, words, "of the pairs that do not meet", rule
 
 
 def _errors_from_start(matched: Association) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -226,9 +226,11 @@ def _behind(stretches: list[Stretch], drive: Drive) -> str:
         outside = float(np.mean(values[inside] > chi_square(LEVEL, 3)))
         if outside > 0.5:
             at = "all updates" if outside == 1.0 else f"{share(outside)} of the updates"
+            first = float(drive.online.stamps[0])
+            end = "to the end" if stretch.end is None else f"to {at_time(stretch.end - first)}"
             parts.append(
                 f"the {particles} particles did not cover the truth: it lay outside their {share(LEVEL)} ellipse at "
-                f"{at} of this time"
+                f"{at} from {at_time(stretch.start - first)} {end}"
             )
     return ", and ".join(parts)
 

@@ -25,9 +25,9 @@ class FilterHealth:
     """Mean share of the beams that met a wall, 0 to 1, from the second update on; None where there is none."""
     loop_closures: int
     largest_loop_m: float | None
-    """Length of the longest loop that was closed: driven since its walls were last seen [m]; None where none was."""
+    """Length of the longest loop, closed or left open: driven since its walls were last seen [m]; None = none."""
     largest_loop_stamp: float | None
-    """Stamp of the scan that began to close it [s]."""
+    """Stamp of the scan at which it had its full length [s]."""
     mean_ess: float
     """Effective sample size before resampling, 1 to N (Kong, Liu, Wong, JASA 89, 1994)."""
     min_ess: float
@@ -68,7 +68,8 @@ def filter_health(steps: Columns) -> FilterHealth | None:
 
 
 def _largest_loop(steps: Columns) -> tuple[float, float] | tuple[None, None]:
-    """Length [m] and stamp [s] of the longest loop closure; None where no loop was closed, or lengths are unknown."""
+    """Length [m] and stamp [s] of the longest loop; None where no old walls came into view again, or lengths are
+    unknown."""
     if "loop_length" not in steps:  # tables of older releases
         return None, None
     lengths = np.nan_to_num(column(steps, "loop_length"))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +26,20 @@ MAX_SPELLS = 6
 def self_check_sentence(check: Mapping[str, Any], run: Path | None = None) -> str:
     """Say what a run's own check found, from the group `self_check` of its metrics.
 
-    run: the directory of the run, for its places to be those of report and pictures; else they are the map's
+    run: its directory, for places to be those of report and pictures (else they are the map's), and for what the check
+    said while driving
     """
+    context = None if run is None else ReportContext.of(read_run(run))
     where = ""
     if check.get("place") is not None:
         where = f"{_place(check['place'])} of the map's frame"
-        if run is not None:
-            where = _place(_shown_place(ReportContext.of(read_run(run)), check))
-    return f"{check['verdict']}{_first_sign(check, where)}: {check['reason']}"
+        if context is not None:
+            where = _place(_shown_place(context, check))
+    found = f"{check['verdict']}{_first_sign(check, where)}"
+    if context is None:
+        return f"{found}: {check['reason']}"
+    said = _said_while_driving(context, check)
+    return f"{found}{said.sure}: {check['reason']}" + (f". {said.before}" if said.before else "")
 
 
 def self_check_story(context: ReportContext) -> str:
@@ -52,23 +59,39 @@ def self_check_story(context: ReportContext) -> str:
     if check.get("time_s") is not None and (moments := _moments(context)):
         moment = min(moments, key=lambda time: abs(time - check["time_s"]))
         story += f", {_lead(moment - check['time_s'], moment)}"
-    found = [] if run.steps is None else called_lost(run.steps)
+    said = _said_while_driving(context, check)
+    story += f"{said.sure}{': ' if check.get('time_s') is None else '. It saw this: '}{check['reason']}."
+    return f"{story} {said.before}." if said.before else story
+
+
+@dataclass(frozen=True)
+class _WhileDriving:
+    """What the check said while driving, in words; each is empty where there is nothing to say."""
+
+    sure: str
+    """When it was certain of a loss that stayed, to be added to the verdict."""
+    before: str
+    """What it had said before its first sign, or in all of a run without one: a sentence without its full stop."""
+
+
+def _said_while_driving(context: ReportContext, check: Mapping[str, Any]) -> _WhileDriving:
+    """What a run's own check said while driving, by the table of steps."""
+    steps, sure_from = context.run.steps, ""
+    found = [] if steps is None else called_lost(steps)
     first = None if check.get("time_s") is None else context.start + check["time_s"]
     sure = [spell for spell in found if first is not None and spell.start >= first - 1e-6]
     if sure and check["verdict"] == "lost":
-        story += f"; while driving the check was certain from {at_time(sure[0].start - context.start)} on"
+        sure_from = f"; while driving the check was certain from {at_time(sure[0].start - context.start)} on"
         found = [spell for spell in found if spell.start < sure[0].start]
-    story += f"{': ' if first is None else '. It saw this: '}{check['reason']}."
     before = [(found[0].start, f"said lost {times_in_words(found, context.start)}")] if found else []
-    doubtful = None if run.steps is None else _first_doubt(run.steps)
+    doubtful = None if steps is None else _first_doubt(steps)
     if doubtful is not None and (first is None or doubtful < first):
         before.append(
             (doubtful, f"was doubtful from {at_time(doubtful - context.start)} on{_since(context, doubtful)}")
         )
-    if before:
-        when = "While driving" if first is None else "Before that, while driving,"
-        story += f" {when} it {' and '.join(words for _, words in sorted(before))}."
-    return story
+    when = "While driving" if first is None else "Before that, while driving,"
+    words = " and ".join(words for _, words in sorted(before))
+    return _WhileDriving(sure_from, f"{when} it {words}" if words else "")
 
 
 def called_lost(steps: Columns) -> list[Spell]:
@@ -110,8 +133,10 @@ def times_in_words(found: Sequence[Spell], start: float) -> str:
         f"from {at_time(spell.start - start)} " + ("on" if spell.end is None else f"to {at_time(spell.end - start)}")
         for spell in found[:MAX_SPELLS]
     ]
-    more = f", and {len(found) - MAX_SPELLS} times more" if len(found) > MAX_SPELLS else ""
-    return ", ".join(times) + more
+    if len(found) > MAX_SPELLS:
+        times.append(f"{len(found) - MAX_SPELLS} times more")
+    *others, last = times
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def _first_sign(check: Mapping[str, Any], where: str) -> str:

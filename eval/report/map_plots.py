@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.consistency import LEVEL, chi_square
+from eval.filter.step_table import pose_columns
 from eval.first_failure import Failure
 from eval.report import plots
 from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext, positions_in
 from eval.wording import at_time
+from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, compose, inverse, rotation
 
 TRUTH = plots.GOOD
@@ -133,8 +135,8 @@ def loop_plots(context: ReportContext) -> Iterator[Plot]:
         return
     path, stamps = positions_in(context.T_frame_start, run.estimate), run.estimate.stamps
     times: dict[tuple[str, str], list[tuple[float, float]]] = {
-        ("closed by the filter", plots.GOOD): [],
-        ("left open by the filter", plots.ESTIMATE): [],
+        ("closed by the filter", plots.LOOP_CLOSED): [],
+        ("left open by the filter", plots.LOOP_LEFT_OPEN): [],
         ("rejected", plots.BAD): [],
     }
     kinds = list(times)
@@ -163,39 +165,87 @@ def _background(context: ReportContext, T: Pose) -> Picture | None:
     return draw_map(run.grid, frame_around(run.grid, T, list(positions), 0.5), T)
 
 
-def failure_plot(context: ReportContext) -> Plot | None:
-    """The scan where it went wrong over a map, drawn from the estimated pose and from the true one."""
+def failure_plots(context: ReportContext) -> Iterator[Plot]:
+    """The scan where it went wrong, drawn from the estimated pose and from the true one over the true map, without
+    truth over the estimated one; nothing where there is none."""
+    run, failure = context.run, _shown_failure(context)
+    if run.estimate is None or failure is None:
+        return
+    caption = "Drawn over the estimated map."
+    if run.truth is not None and run.truth_grid is not None:
+        caption = (
+            "Green rings: the scan drawn from the true pose. Pink dots: the same scan drawn from the estimated pose. "
+            f"The gap is the error. Drawn over the true map; both paths are aligned at scan {failure.since}"
+            f"{_why_there(failure)}."
+        )
+    time = run.estimate.stamps[failure.shown_scan] - context.start
+    source = _scan_over_map(context, failure, _map_of_failure(context, failure))
+    yield Plot(f"Around scan {failure.shown_scan}, {at_time(time)}", source, caption)
+
+
+def failure_over_map(context: ReportContext, grid: OccupancyGrid, time: float) -> Plot | None:
+    """The same over the map while driving at a time since the start [s]; None where the pose in it is unknown."""
+    failure = _shown_failure(context)
+    background = None if failure is None else _laid_under_estimate(context, failure, grid)
+    if failure is None or background is None:
+        return None
+    return Plot(
+        f"The same over the estimate's map of {at_time(time)}",
+        _scan_over_map(context, failure, background),
+        "The map at the update before, laid under the estimated pose. Where rings and dots both lie on walls, it holds "
+        "two copies of them.",
+    )
+
+
+def _laid_under_estimate(context: ReportContext, failure: Failure, grid: OccupancyGrid) -> Picture | None:
+    """A map while driving in the frame of a failure, laid so that the pose while driving is the estimated one there."""
+    steps = context.run.steps
+    in_map = np.zeros((0, 3)) if steps is None else pose_columns(steps)
+    if failure.shown_scan >= len(in_map):
+        return None
+    return _laid(grid, compose(failure.estimated, inverse(in_map[failure.shown_scan])))
+
+
+def _shown_failure(context: ReportContext) -> Failure | None:
+    """The failure, or the worst metre, of which a scan can be shown; None where there is none."""
     run, shown = context.run, context.run.failure
     if shown is None or run.estimate is None or shown.failure.shown_scan >= len(run.estimate):
         return None
-    failure, points = shown.failure, shown.points
+    return shown.failure
+
+
+def _scan_over_map(context: ReportContext, failure: Failure, background: Picture | None) -> str:
+    """Draw the scan of a failure from both poses, and the paths, over a map."""
+    run, shown = context.run, context.run.failure
+    assert run.estimate is not None
+    assert shown is not None
     T_frame_map = compose(failure.estimated, inverse(run.estimate.poses[failure.shown_scan]))
     curves: list[plots.Series] = []
     if run.truth is not None:
         curves.append(("true path", run.truth.poses[:, :2], TRUTH))
-    begin, end = sorted(
-        (failure.since, failure.shown_scan)
-    )  # a single wrong pose may come before what it is aligned at
+    begin, end = sorted((failure.since, failure.shown_scan))  # a single wrong pose may come before `since`
     around = run.estimate[max(begin - 50, 0) : end + 50]
     curves.append(("estimated path", positions_in(T_frame_map, around), plots.ESTIMATE))
-    seen = [plots.SeenScan("scan from the estimated pose", failure.estimated, points, plots.BAD)]
+    points = shown.points
+    seen = [plots.SeenScan("scan from the estimated pose", failure.estimated, points, plots.ESTIMATE, plots.SCAN)]
     if failure.true_pose is not None:
-        seen.insert(0, plots.SeenScan("scan from the true pose", failure.true_pose, points, TRUTH))
-    grid, T, caption = run.grid, T_frame_map, "Drawn over the estimated map."
+        seen.insert(0, plots.SeenScan("scan from the true pose", failure.true_pose, points, TRUTH, TRUTH))
+    window = _window(failure, points, _map_of_failure(context, failure))  # the same over any map
+    return plots.scan_over_map(seen, curves, background=background, window=window)
+
+
+def _map_of_failure(context: ReportContext, failure: Failure) -> Picture | None:
+    """The true map where it is known, else the estimated one, in the frame of a failure; None where there is none."""
+    run = context.run
+    assert run.estimate is not None
     if run.truth is not None and run.truth_grid is not None:
-        grid, T = run.truth_grid, np.zeros(3)
-        caption = (
-            "Green rings: the scan drawn from the true pose. Red dots: the same scan drawn from the estimated pose. "
-            "The gap is the error. Drawn over the true map; both paths are aligned at "
-            f"scan {failure.since}{_why_there(failure)}."
-        )
-    background = None
-    if grid is not None and grid.known.any():
-        background = draw_map(grid, frame_around(grid, T, [], 0.5), T)
-    window = _window(failure, points, background)
-    source = plots.scan_over_map(seen, curves, background=background, window=window)
-    time = run.estimate.stamps[failure.shown_scan] - context.start
-    return Plot(f"Around scan {failure.shown_scan}, {at_time(time)}", source, caption)
+        return _laid(run.truth_grid, np.zeros(3))
+    return _laid(run.grid, compose(failure.estimated, inverse(run.estimate.poses[failure.shown_scan])))
+
+
+def _laid(grid: OccupancyGrid | None, T: Pose) -> Picture | None:
+    """A map seen from the report's frame by the alignment T (3,); None where nothing of it is known."""
+    return None if grid is None or not grid.known.any() else draw_map(grid, frame_around(grid, T, [], 0.5), T)
 
 
 def _why_there(failure: Failure) -> str:

@@ -23,6 +23,10 @@ from slam.se2 import Pose, transform_points
 ESTIMATE, TRUTH, ODOMETRY, BAD, QUIET = "#1864ab", "#1b1f24", "#e67700", "#c92a2a", "#868e96"
 """Colour-blind readers can distinguish blue, black and orange, also in grey print."""
 GOOD = "#2b8a3e"
+SCAN = "#dc288c"
+"""Of a scan from the estimated pose, as in the recording and in pictures of moments."""
+LOOP_CLOSED, LOOP_LEFT_OPEN = "#0096a0", "#7828c8"
+"""Of loops that the final pass found, as in the recording."""
 STAGES = {"match": "#1864ab", "sample": "#63a4d8", "map": "#e8a33d", "resample": "#868e96"}
 ERROR_COLOURS = LinearSegmentedColormap.from_list("error", ["#2b8a3e", "#f2b705", "#c92a2a"])
 WIDE = (5.6, 2.5)
@@ -198,6 +202,8 @@ class SeenScan:
     points: NDArray[np.float64]
     """End points of the beams in the robot's frame [m], (k, 2)."""
     colour: str
+    """Of the robot."""
+    scan_colour: str
 
 
 def scan_over_map(
@@ -217,7 +223,7 @@ def scan_over_map(
             ring = number < len(scans) - 1
             look = {"ms": 6.0, "mew": 0.9, "mfc": "none"} if ring else {"ms": 2.2, "mew": 0.0}
             ends = transform_points(scan.pose, scan.points)
-            ax.plot(ends[:, 0], ends[:, 1], "o", **look, color=scan.colour, label=scan.label, zorder=6)
+            ax.plot(ends[:, 0], ends[:, 1], "o", **look, color=scan.scan_colour, label=scan.label, zorder=6)
             nose = transform_points(scan.pose, [[0.07 * (window[1] - window[0]), 0.0]])[0]
             ax.annotate(
                 "",

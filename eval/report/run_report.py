@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import os
 import shlex
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -22,12 +23,13 @@ from eval.mended import Mended
 from eval.report import plots
 from eval.report.bent_map import bent_before
 from eval.report.check_story import times_in_words
-from eval.report.map_plots import failure_plot, loop_plots, map_plots, path_plots
+from eval.report.map_plots import failure_over_map, failure_plots, loop_plots, map_plots, path_plots
 from eval.report.page import Plot, flat, render
 from eval.report.report_context import ReportContext
 from eval.report.time_plots import error_plots, filter_plots, moment_plots
 from eval.report.verdict import verdict
 from eval.wording import at_time, length, share, up_to_a_tenth
+from slam.occupancy import OccupancyGrid
 
 
 class Recording(Protocol):
@@ -38,8 +40,14 @@ class Recording(Protocol):
         """Times at which the pose while driving moved because another particle became the best, in seconds since the
         first scan, (n,)."""
 
-    def png(self, time: float, compared_with: float | None = None) -> bytes:
-        """Draw a moment, in seconds since the first scan; its close views on one scale with those of another one."""
+    def png(self, time: float, compared_with: Sequence[float] = ()) -> bytes:
+        """Draw a moment, in seconds since the first scan; its close views on one scale with those of others."""
+
+    def side_by_side(self, before: float, at: float) -> bytes:
+        """Draw map and scan at two moments, in seconds since the first scan, around the same place on one scale."""
+
+    def map_at(self, time: float) -> OccupancyGrid | None:
+        """Return the map while driving at a moment, in seconds since the first scan; None where there was none."""
 
 
 class MomentPlots:
@@ -66,8 +74,19 @@ class MomentPlots:
         if time in self._titles:
             return Plot(f"{title}: the picture “{self._titles[time]}” above.", "")
         self._titles[time] = title
-        png = self._recording.png(time, compared_with)
-        return Plot(title, "data:image/png;base64," + base64.b64encode(png).decode())
+        png = self._recording.png(time, () if compared_with is None else (compared_with,))
+        return Plot(title, _png_uri(png))
+
+    def draw_pair(self, before: float, at: float) -> Plot:
+        """Return the picture of map and scan at two times since the first scan [s]."""
+        assert self._recording is not None
+        title = f"Map and scan at the update before, {at_time(before)}, and where it went wrong, {at_time(at)}"
+        return Plot(title, _png_uri(self._recording.side_by_side(before, at)))
+
+
+def _png_uri(png: bytes) -> str:
+    """A PNG as a `data:` address for HTML."""
+    return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 def write_report(run_directory: str | os.PathLike[str], recording: Recording | None = None) -> Path:
@@ -92,7 +111,7 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
     failure, judged = context.failure, verdict(run)
     mended = judged.mended
     moment = failure.stamp if failure and failure.bad else mended.stamp if mended else None
-    went_wrong = _picture_of_failure(context, moments)
+    failure_pictures = _failure_pictures(context, moments)
     mended_pictures = _mended_pictures(context, mended, moments)
     loop = _largest_loop(context)
     loop_pictures = _loop_pictures(context, loop, moments)
@@ -111,7 +130,8 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "earlier_loss_time": _earlier_loss(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
         "limits": (BAD_M, BAD_DEG),
-        "failure_plot": failure_plot(context),
+        "failure_plots": list(_failure_plots(context, recording)),
+        "failure_pictures": failure_pictures,
         "mended_pictures": mended_pictures,
         "moment_plots": list(moment_plots(context, another_best, moment)),
         "start": context.start,
@@ -127,7 +147,7 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "loops": _loop_rows(run, context.start),
         "loop_pictures": loop_pictures,
         "loop_judged": _final_pass_of(context, loop),
-        "failure_picture": went_wrong or _picture_of_largest_error(context, mended, moments),
+        "largest_error_picture": _picture_of_largest_error(context, mended, moments),
         "calibration": _calibration_plot(run),
         "provenance": {key: dict(flat(run.config.get(key, {}))) for key in ("versions", "machine", "inputs")},
         "settings": dict(flat(run.config.get("settings", {}))),
@@ -264,13 +284,52 @@ def _gap(loop: dict[str, Any]) -> str:
     return f"{length(loop['gap_m'])}, {loop['gap_deg']:.1f}°"
 
 
-def _picture_of_failure(context: ReportContext, moments: MomentPlots) -> Plot | None:
-    """The moment that shows a failure; None where there is none, or nothing can be drawn."""
+def _failure_plots(context: ReportContext, recording: Recording | None) -> Iterator[Plot]:
+    """The scan where it went wrong; of a run that does not come back also over the map that it had just before, in
+    which a wall may lie twice."""
+    yield from failure_plots(context)
+    failure = context.failure
+    if recording is None or failure is None or not failure.bad:
+        return
+    before = _update_before(context, failure.stamp)
+    grid = None if before is None else recording.map_at(before)
+    plot = None if before is None or grid is None else failure_over_map(context, grid, before)
+    if plot is not None:
+        yield plot
+
+
+def _failure_pictures(context: ReportContext, moments: MomentPlots) -> list[Plot]:
+    """The moment that shows a failure, and the update before it; nothing where there is none, or nothing can be
+    drawn."""
     run, failure = context.run, context.failure
     if not moments.possible or run.estimate is None or failure is None or not failure.bad:
+        return []
+    at = failure.time_to_watch(run.estimate.stamps)
+    if at is None:
+        return []
+    return _pictures_of_moment(moments, "Where it went wrong", _update_before(context, failure.stamp), at)
+
+
+def _update_before(context: ReportContext, stamp: float) -> float | None:
+    """The last update before a stamp [s], since the start [s]; None where none is known."""
+    steps = context.run.steps
+    if steps is None:
         return None
-    time = failure.time_to_watch(run.estimate.stamps)
-    return None if time is None else moments.draw("The run where it went wrong", time)
+    stamps = column(steps, "stamp")[updates(steps)]
+    earlier = stamps[stamps < stamp - 1e-6]
+    return up_to_a_tenth(float(earlier[-1]) - context.start) if len(earlier) else None
+
+
+def _pictures_of_moment(moments: MomentPlots, name: str, before: float | None, at: float) -> list[Plot]:
+    """A moment, and where the update before it is known, both side by side, and that update on the same scale; times
+    since the start [s]."""
+    if before is None or before >= at:
+        return [moments.draw(name, at)]
+    return [
+        moments.draw_pair(before, at),
+        moments.draw("At the update before it went wrong", before, at),
+        moments.draw(name, at, before),
+    ]
 
 
 def _picture_of_largest_error(context: ReportContext, mended: Mended | None, moments: MomentPlots) -> Plot | None:
@@ -288,20 +347,13 @@ def _picture_of_largest_error(context: ReportContext, mended: Mended | None, mom
 
 
 def _mended_pictures(context: ReportContext, mended: Mended | None, moments: MomentPlots) -> list[Plot]:
-    """The moment that the final pass has mended, the update before it on the same scale where it came suddenly, and the
-    largest error; nothing where nothing was mended, or nothing can be drawn."""
-    steps = context.run.steps
-    if not moments.possible or mended is None or steps is None:
+    """The moment that the final pass has mended, the update before it where it came suddenly, and the largest error;
+    nothing where nothing was mended, or nothing can be drawn."""
+    if not moments.possible or mended is None or context.run.steps is None:
         return []
-    at, pictures = mended.time_to_watch, []
-    stamps = column(steps, "stamp")[updates(steps)]
-    earlier = stamps[stamps < mended.stamp - 1e-6]
-    before = None
-    if len(earlier) and (mended.driving is None or mended.driving.stretches[0].sudden):
-        before = up_to_a_tenth(earlier[-1] - context.start)
-    if before is not None and before < at:
-        pictures.append(moments.draw("At the update before it went wrong", before, at))
-    pictures.append(moments.draw(f"Where it went wrong {mended.which}", at, before))
+    at, sudden = mended.time_to_watch, mended.driving is None or mended.driving.stretches[0].sudden
+    before = _update_before(context, mended.stamp) if sudden else None
+    pictures = _pictures_of_moment(moments, f"Where it went wrong {mended.which}", before, at)
     if mended.driving is not None:
         worst = up_to_a_tenth(mended.driving.worst.worst - context.start)
         if worst not in (before, at):

@@ -14,7 +14,7 @@ from eval.filter.step_table import Columns, column, updates
 from eval.report import plots
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext
-from eval.wording import length, share
+from eval.wording import at_time, length, share
 
 ONLINE = "#a5b8cf"
 """Colour of the errors while driving."""
@@ -27,6 +27,8 @@ MAX_CM = 1.0
 """Larger errors are drawn in metres [m]."""
 AROUND_S = 15.0
 """Errors around the moment of a failure are drawn from this long before it to this long after it [s]."""
+PEAK_S, PEAK_SHARE = 0.5, 0.5
+"""A peak is named that is above this share of its height for less than so long [s]."""
 MIN_NEES = 1e-3
 """Smaller values are drawn here: the axis is logarithmic."""
 
@@ -92,7 +94,24 @@ def moment_plots(context: ReportContext, another_best: NDArray[np.float64], stam
         marks = _event_marks(around, context.start)
         marks |= _jump_marks(jumped, time, column(around, key))
         source = plots.over_time(time, curve, f"error [{unit}]", marks=marks, cursor=cursor)
-        yield Plot(f"{name} error around the moment", source, caption)
+        yield Plot(f"{name} error around the moment", source, f"{caption}{_peak_in_words(around, key, context.start)}")
+
+
+def _peak_in_words(steps: Columns, key: str, start: float) -> str:
+    """Name the largest of the errors in a column where it is soon over, and the odometry's jump that made it, since a
+    start [s]; empty where it lasts."""
+    stamps, errors = column(steps, "stamp"), np.nan_to_num(column(steps, key))
+    peak = int(np.argmax(errors))
+    low = errors < PEAK_SHARE * errors[peak]
+    before, after = stamps[low & (stamps < stamps[peak])], stamps[low & (stamps > stamps[peak])]
+    if len(before) == 0 or len(after) == 0 or after[0] - before[-1] >= PEAK_S:
+        return ""
+    size = length(errors[peak]) if key == "error_m" else f"{errors[peak]:.0f}°"
+    words = f" The peak of {size} at {at_time(stamps[peak] - start)} is over after {after[0] - before[-1]:.1f} s"
+    jumped = np.nan_to_num(column(steps, "odometry_jumped")) == 1.0 if "odometry_jumped" in steps else low & ~low
+    if (jumped & (stamps > before[-1]) & (stamps <= after[0])).any():
+        words += ": the odometry moved further between two scans than a robot drives, and the next scans put it right"
+    return f"{words}."
 
 
 def _jump_marks(
@@ -104,7 +123,7 @@ def _jump_marks(
 
 
 def _event_marks(steps: Columns, start: float) -> dict[str, plots.Marks]:
-    """Times [s] of resamplings and loop closures, with their colours."""
+    """Times [s] of resamplings and of returns to old walls, with their colours."""
     stamps = column(steps, "stamp") - start
     return {
         "resampled": plots.Marks(stamps[column(steps, "resampled") == 1.0], plots.ODOMETRY),

@@ -39,7 +39,7 @@ UNJUDGED_LEADS: dict[str, tuple[str, Severity]] = {
 SMALL_ERROR_M = 0.05
 """An error below the side of a cell of the map is not seen in it [m]."""
 SOON_S = 20.0
-"""A loss within this time after a loop closure is said with it [s]."""
+"""A loss within this time after a return to old walls is said with it [s]."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Headline:
 
 @dataclass(frozen=True)
 class Loop:
-    """What is said of the largest loop closure."""
+    """What is said of the largest loop."""
 
     sentence: str
     """Empty where nothing is known of loops."""
@@ -249,10 +249,10 @@ def _closed_loops_sentence(run: RunFiles) -> str:
 
 
 def _loop(context: ReportContext) -> Loop:
-    """Describe the largest loop closure and what the particles did in it, or say that none was seen."""
+    """Describe the largest loop and what the particles did in it, or say that none was seen."""
     run = context.run
     if run.metric("filter.loop_closures") == 0:
-        return Loop("No loop closure was seen while driving: no scan met enough walls that had long been out of sight.")
+        return Loop("No loop was seen while driving: no scan met enough walls that had long been out of sight.")
     lost = [] if run.steps is None else spells(run.steps, "lost")
     first_loss = lost[0].start if lost else math.inf  # a loop that closes while lost closes nothing
     loop = None if run.steps is None else largest_closing_loop(run.steps, first_loss)
@@ -264,17 +264,13 @@ def _loop(context: ReportContext) -> Loop:
         times = f"old walls in view again from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
     before = " before the estimate was lost" if lost else ""
     which = " that decided between the particles" if loop.longer is not None else ""
-    text = (
-        f"The largest loop closure{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
-    )
+    text = f"The largest loop{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
     if loop.longer is not None:
         text += f" A longer one, of {loop.longer:.0f} m, decided nothing: the spread fell by less than 1 cm."
     if loop.errors is not None:
-        error_before, error_after = loop.errors
         text += (
-            f" The position error while driving, aligned at the first scan as in the plot below and in the recording, "
-            f"was {length(error_before)} at the update before it and {length(error_after)} at "
-            f"{at_time(loop.stamp - start)}{_jump_in(loop, start)}"
+            " The position error while driving, aligned at the first scan as in the plot below and in the recording, "
+            f"{_errors_in(loop, start)}"
         )
         largest = max(*loop.errors, *(loop.jump_errors or ()))
         text += ": little had to be corrected." if largest < SMALL_ERROR_M else "."
@@ -283,15 +279,22 @@ def _loop(context: ReportContext) -> Loop:
     return Loop(text, up_to_a_tenth(loop.to_watch - start))
 
 
-def _jump_in(loop: ClosingLoop, start: float) -> str:
-    """How the error changed as another particle became the best in a loop; empty where none did, or that is said."""
-    if loop.jump is None or loop.jump_errors is None or loop.jump_errors == loop.errors:
-        return ""
-    error_before, error_after = loop.jump_errors
-    return (
-        f", and went from {length(error_before)} to {length(error_after)} at {at_time(loop.jump[1] - start)}, as "
-        "another particle became the best"
-    )
+def _errors_in(loop: ClosingLoop, start: float) -> str:
+    """How the error changed in a loop, in the order of time: before it, as another particle became the best unless none
+    did, and when it had its full length."""
+    assert loop.errors is not None
+    first, last = loop.errors
+    words = [(loop.began, f"was {length(first)} before old walls came into view")]
+    full = (loop.stamp, f"was {length(last)} at {at_time(loop.stamp - start)}")
+    if loop.jump is None or loop.jump_errors is None:
+        return " and ".join(text for _, text in [*words, full])
+    before, after = loop.jump_errors
+    jump = f"went from {length(before)} to {length(after)} at {at_time(loop.jump[1] - start)}, as another particle "
+    words.append((loop.jump[1], f"{jump}became the best"))
+    if loop.jump[1] != loop.stamp:  # else that is said
+        words.append(full)
+    *others, newest = (text for _, text in sorted(words, key=lambda part: part[0]))
+    return f"{', '.join(others)}, and {newest}"
 
 
 def _particles_in(loop: ClosingLoop, start: float) -> str:

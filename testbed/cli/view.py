@@ -148,7 +148,7 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
                     soft_wrap=True,
                 )
             with atomic_write(file) as temporary:
-                temporary.write_bytes(moments.png(math.inf if time is None else time))
+                temporary.write_bytes(moments.png(math.inf if time is None else time, times))
         else:
             draw_drive(drive, file, _title_of_drive(paths[0]), time)
     console.print(f"{', '.join(f'{file}' for file in pictures)}: written", soft_wrap=True)

@@ -83,3 +83,13 @@ def grey_levels(probability: ArrayLike) -> NDArray[np.uint8]:
     occupied = OCCUPIED_TO * (1.0 - log_odds / highest)
     grey[known] = np.rint(np.where(log_odds < 0.0, free, occupied))
     return grey
+
+
+def probability_of_greys(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """P(occupied) of grey levels, of any shape, but for their rounding; NaN = never observed."""
+    level = grey.astype(np.float64)
+    lowest, highest = LOG_ODDS_LIMITS
+    free = lowest * (level - FREE_FROM) / (255 - FREE_FROM)
+    occupied = highest * (1.0 - level / OCCUPIED_TO)
+    p = 1.0 / (1.0 + np.exp(-np.where(level >= FREE_FROM, free, occupied)))
+    return np.where(grey == UNKNOWN, np.nan, p).astype(np.float32)

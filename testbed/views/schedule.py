@@ -58,8 +58,8 @@ class Schedule:
         self._map, self._map_at = stamp, travelled
 
     def comparison_due(self, stamp: float, at_once: bool, jumped: bool = False) -> bool:
-        """Whether particles are to be compared, at an update: at resamplings and loop closures (`at_once`), and now
-        and then; where the estimate has jumped to another best particle, unless scans are sparse."""
+        """Whether particles are to be compared, at an update: at resamplings and returns to old walls (`at_once`), and
+        now and then; where the estimate has jumped to another best particle, unless scans are sparse."""
         self._updates += 1
         elapsed = abs(stamp - self._comparison)
         sparse = not math.isinf(elapsed) and elapsed > self._updates

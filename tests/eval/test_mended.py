@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -66,11 +69,18 @@ def test_the_report_draws_the_moment_and_the_update_before_it(tmp_path: Path) ->
         another_best = np.zeros(0)
         times: ClassVar[list[float]] = []
 
-        def png(self, time: float, compared_with: float | None = None) -> bytes:
+        def png(self, time: float, compared_with: Sequence[float] = ()) -> bytes:
             self.times.append(time)
             return b"picture"
 
+        def side_by_side(self, before: float, at: float) -> bytes:
+            return b"pair"
+
+        def map_at(self, time: float) -> None:
+            return None
+
     page = write_report(run, Drawn()).read_text()
+    assert page.count(base64.b64encode(b"pair").decode()) == 1
     before = max(updates[updates < found.stamp - 1000.0 - 1e-6])
     assert found.driving is not None
     worst = found.driving.worst.worst - 1000.0
@@ -92,6 +102,25 @@ def test_the_terminal_ranks_the_times_by_what_they_did(tmp_path: Path) -> None:
     assert rows["while driving"] == f"broken loop, mended by the final pass: {found.driving.evidence}"
     assert rows["went wrong while driving"].startswith(f"at {found.time_to_watch:.1f} s: ")
     assert "outcome while driving" not in rows
+
+
+def test_the_terminal_says_the_order_of_several_other_times(tmp_path: Path) -> None:
+    """The pose is off from 10 s to 12 s, from 20 s to 23 s, and after the break; only the last tears the map."""
+    run = mended_run(tmp_path, "broken loop")
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    seconds = np.array(table["stamp"]) - 1000.0
+    off = 0.5 * ((seconds > 10.0) & (seconds < 12.0)) + 0.7 * ((seconds > 20.0) & (seconds < 23.0))
+    moved = {"x": np.array(table["x"]) + off, "error_m": np.where(off > 0.0, off, table["error_m"])}
+    pq.write_table(pa.table(table | moved), run / "steps.parquet")
+    printed = headline_table(json.loads((run / "metrics.json").read_text()), run)
+    rows = list(zip(*(list(column.cells) for column in printed.columns), strict=True))
+    at = next(number for number, row in enumerate(rows) if row[0].startswith("also off the truth"))
+    assert rows[at][0] == "also off the truth, most harm first"
+    assert rows[at][1].startswith("from 20.")
+    assert rows[at][1].endswith("; none of the pairs that do not meet")
+    assert rows[at + 1][0] == ""
+    assert rows[at + 1][1].startswith("from 10.")
+    assert not any("this time" in row[1] or "these pairs" in row[1] for row in rows)
 
 
 def test_without_the_steps_it_is_the_failure_of_the_path(tmp_path: Path) -> None:

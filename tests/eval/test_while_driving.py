@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from eval.trajectory.trajectory import Trajectory
 from eval.while_driving import Drive, WhileDriving, judge_while_driving
+from eval.wording import at_time
 from slam.se2 import between, compose
 from tests.eval.synthetic_run import drive, steps_of
 
@@ -56,6 +57,7 @@ def test_the_time_from_which_most_bad_pairs_come_is_first() -> None:
     assert found.back_in_words(late, 1000.0).startswith("back for good at 90.")
     assert found.back_in_words(early, 1000.0).startswith("back at 15.")
     assert "do not meet (limit 5" in found.evidence
+    assert found.part_in_words(late).endswith(" of the pairs that do not meet")
 
 
 def test_a_bad_pair_counts_for_the_visit_that_is_off() -> None:
@@ -118,7 +120,9 @@ def test_what_was_behind_it_is_counted() -> None:
     assert found.behind.startswith(
         "the wheels slipped in 1 of the 4 intervals of 3 s before it, and the 30 particles did"
     )
-    assert "at all updates of this time" in found.behind
+    end = found.stretches[0].end
+    assert end is not None
+    assert f"at all updates from 10.0 s to {at_time(end - 1000.0)}" in found.behind
     wide = {name: np.full(len(TRUE), 1.0) for name in ("cov_xx", "cov_yy", "cov_tt")}
     found = judged(off_by({(100, 300): (0.5, 0.5)}), **wide)
     assert found is not None

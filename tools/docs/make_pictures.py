@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def draw_office(viewer: HeadlessViewer, run: Path) -> None:
-    """Run the office into a directory, and draw it as a picture, as an animation, and its largest loop closure."""
+    """Run the office into a directory, and draw it as a picture, as an animation, and its largest loop."""
     testbed("run office", run)
     moment, moments = verdict(read_run(run)).loop.time, moments_of(run)
     if moment is None or moments is None:

@@ -79,7 +79,7 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         table.add_row("outcome while driving", f"{_value(metrics, 'outcome_online')}")
     loop = _largest_loop(run)
     if loop is not None:
-        table.add_row("largest loop closure", _loop_in_words(*loop))
+        table.add_row("largest loop", _loop_in_words(*loop))
     if _value(metrics, "self_check.verdict") is not None:
         # its time is that of what the filter saw itself, not the moment of the loss
         table.add_row("self-check, without truth", self_check_sentence(metrics["self_check"], run))
@@ -94,7 +94,7 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
 
 def watch_command(metrics: Mapping[str, Any], run: Path) -> str | None:
     """Name the moment of a run that is most worth watching, with the command that shows it: where it went wrong, also
-    where the final pass has mended that, else its largest loop closure; None where it has neither, or no recording.
+    where the final pass has mended that, else its largest loop; None where it has neither, or no recording.
 
     Raises ValueError for damaged files in its directory.
     """
@@ -108,7 +108,7 @@ def watch_command(metrics: Mapping[str, Any], run: Path) -> str | None:
         what, time = f"where it went wrong {mended.which}", mended.time_to_watch
     elif loop is not None:
         when = "" if loop[0].most_died is None else ", as particles die"
-        what, time = f"the largest loop closure{when}", up_to_a_tenth(loop[0].to_watch - loop[1])
+        what, time = f"the largest loop{when}", up_to_a_tenth(loop[0].to_watch - loop[1])
     return None if time is None else f"watch {what}: testbed view {shlex.quote(str(run))} --time {time:.1f}"
 
 
@@ -129,12 +129,12 @@ def _mended_rows(mended: Mended) -> Iterator[tuple[str, str]]:
     )
     if driving.behind:
         yield "behind it", driving.behind
-    for stretch in others[:MAX_STRETCHES]:
-        cause = stretch.cause.split(":", maxsplit=1)[0]
+    order = ", most harm first" if len(others) > 1 else ""
+    for number, stretch in enumerate(others[:MAX_STRETCHES]):  # causes are left to the report
         yield (
-            "also off the truth",
-            f"from {driving.times_in_words(stretch, start)}, "
-            f"{driving.largest_in_words(stretch, start)}: {cause}; {driving.part_in_words(stretch)}",
+            f"also off the truth{order}" if number == 0 else "",
+            f"from {driving.times_in_words(stretch, start)}, {driving.largest_in_words(stretch, start)}; "
+            f"{driving.part_in_words(stretch)}",
         )
     if len(others) > MAX_STRETCHES:
         yield "", f"and {len(others) - MAX_STRETCHES} more times, see the report"

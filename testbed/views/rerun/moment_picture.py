@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from eval.wording import length
 from slam import se2
+from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
-from testbed.views.map_cells import OCCUPIED_TO
+from testbed.views.map_cells import OCCUPIED_TO, probability_of_greys
 from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.drawing import ELLIPSE_SIGMAS
 from testbed.views.rerun.now import MIN_DEVIATION, in_words
@@ -46,14 +47,26 @@ if TYPE_CHECKING:
 
 WIDTH, DOTS_PER_INCH = 13.0, 100
 """Width [inch] and resolution."""
+DOT = 2.6
+"""Size of an end point of a scan [pt]."""
 MAPS_HEIGHT, OTHERS_HEIGHT, CURVES_HEIGHT = 6.2, 3.4, 1.5
 """Heights of the map with the close views, of the maps of other particles, and of the curves [inch]."""
 WORDS_HEIGHT = 0.35
 """Height of a line that stands for the maps of other particles before their first comparison [inch]."""
+PAIR_HEIGHT = 5.6
+"""Height of two moments side by side [inch]."""
+WIDE, PAIR_WIDE = 1.6, 1.3
+"""Width of the close views, and of each of two moments side by side, as part of their height."""
 MARGIN_HEIGHT = 1.3
 """Height of headline and legend [inch]."""
 MIN_REACH, MAX_REACH = 0.3, 4.0
 """The close view shows at least and at most so much around the robot [m]: its particles, and the true robot."""
+MAX_TOGETHER = 3.0
+"""Views that are compared show the same place where that is up to so many times what the widest of them needs."""
+MIN_SCAN_REACH, MAX_SCAN_REACH = 1.5, 6.0
+"""The view of two moments reaches at least so far [m], and has room for the end points within so far of the robot …"""
+SCAN_SHARE = 0.95
+"""… but for the outermost in each direction."""
 MIN_PROPOSAL_REACH = 0.02
 """So does the view of the proposal, at least."""
 MAX_PRIOR_REACH = 8.0
@@ -68,6 +81,13 @@ BEST = "best particle: largest weight of its whole history"
 TRUTH_THEN = "truth at the update of the particles"
 RECENT_EVENT_S = 20.0
 """The last event is printed for this long [s]."""
+LOOK: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+"""Settings for `rc_context`."""
 UNSEEN = tuple(part / 255.0 for part in styles.UNSEEN)
 
 
@@ -94,24 +114,18 @@ class MomentPictures:
         first scan, (n,); empty without truth."""
         return self._recorded.times(entities.ANOTHER_BEST)
 
-    def png(self, time: float, compared_with: float | None = None) -> bytes:
+    def png(self, time: float, compared_with: Sequence[float] = ()) -> bytes:
         """Draw the moment as a PNG; a time before the first scan or after the last one shows that scan.
 
-        compared_with: the time of another picture; the close views of both show the same places on one scale
+        compared_with: the times of other pictures; the close views of all are on one scale, and show the same place
+        where the robot has hardly moved between
         """
         from matplotlib import rc_context
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        time = min(max(time, 0.0), self.end)
-        framed = [time] if compared_with is None else [time, min(max(compared_with, 0.0), self.end)]
-        look: dict[Any, Any] = {
-            "font.size": 9.0,
-            "axes.titlesize": 10.0,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-        }
-        with rc_context(look):
+        time = self._within(time)
+        framed = [time, *map(self._within, compared_with)]
+        with rc_context(LOOK):
             others = other_particles(self._recorded, time)
             words = "" if others else self._before_comparison(time)
             others_height = OTHERS_HEIGHT if others else WORDS_HEIGHT
@@ -125,9 +139,52 @@ class MomentPictures:
                 self._draw_others(parts[1], others)
             elif words:
                 parts[1].suptitle(words, x=0.01, ha="left", fontsize=10.0, color="grey")
-            out = io.BytesIO()
-            FigureCanvasAgg(figure).print_figure(out, dpi=DOTS_PER_INCH, format="png")
-        return _with_palette(out.getvalue())
+            return _png(figure)
+
+    def side_by_side(self, before: float, at: float) -> bytes:
+        """Draw two moments as one PNG: map, paths, robots and scan, around the same place on one scale, wide enough for
+        the walls that the scan meets."""
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+
+        times = [self._within(time) for time in (before, at)]
+        centre, reach = self._frame_of_scans(times)
+        with rc_context(LOOK):
+            figure = Figure(figsize=(WIDTH, PAIR_HEIGHT), layout="constrained")
+            axes_of: Any = figure.subplots(1, 2)
+            for axes, time in zip(axes_of, times, strict=True):
+                error = self._recorded.latest(entities.POSITION_ERROR, time)
+                off = "" if error is None else f": the estimate is {length(error['Scalars:scalars'].as_py()[0])} off"
+                axes.set(title=f"{time:.1f} s{off}", aspect="equal", facecolor=UNSEEN)
+                _title_left(axes)
+                self._draw_map(axes, map_at(self._recorded, entities.MAP, time))
+                self._draw_world(axes, time, self._robot(time), PAIR_WIDE * reach, odometry=False, dot=2.0 * DOT)
+                _frame(axes, centre, reach, PAIR_WIDE)
+            handles, labels = axes_of[0].get_legend_handles_labels()
+            named = dict(zip(labels, handles, strict=True))
+            figure.legend(
+                named.values(),
+                named.keys(),
+                loc="outside lower left",
+                ncols=4,
+                frameon=False,
+                fontsize=8.5,
+                markerscale=2,
+            )
+            return _png(figure)
+
+    def map_at(self, time: float) -> OccupancyGrid | None:
+        """The best particle's map at a time, in the map's frame; None before the first one."""
+        shown = map_at(self._recorded, entities.MAP, self._within(time))
+        if shown is None:
+            return None
+        x, y, theta = shown.pose.tolist()
+        grid = probability_of_greys(shown.image[::-1])
+        return OccupancyGrid(probability=grid, resolution=shown.cell, origin=(x, y, theta))
+
+    def _within(self, time: float) -> float:
+        """A time within the run [s]."""
+        return min(max(time, 0.0), self.end)
 
     def _before_comparison(self, time: float) -> str:
         """Words that stand where the maps of other particles will; empty from their first comparison on, and where the
@@ -154,7 +211,7 @@ class MomentPictures:
             _title_left(axes)
             self._draw_map(axes, shown)
         self._draw_world(overview, time, robot)
-        self._draw_around(around, time, *self._frame_around(framed))
+        self._draw_around(around, time, *self._frame_around(time, framed))
         self._draw_proposal(close, time, max(map(self._reach_of_proposal, framed)))
         self._show_all_of_the_map(overview, shown)
         handles: dict[str, Any] = {}
@@ -227,11 +284,12 @@ class MomentPictures:
             (entities.POSITION_ERROR, "position error", 100.0, " cm"),
             (entities.HEADING_ERROR, "heading error", 1.0, "°"),
             (entities.SPREAD, "spread of the particles", 1.0, " cm"),
-            (entities.ESS_VALUE, "effective sample size", 1.0, ""),
         ):
             row = self._recorded.latest(entity, time)
             if row is not None:
                 found.append(f"{words} {scale * row['Scalars:scalars'].as_py()[0]:.1f}{unit}")
+        if size := self._sample_size(time):
+            found.append(size)
         for lane, words in ((entities.ESTIMATE_STATE, "estimate:"), (entities.SELF_CHECK_STATE, "self-check:")):
             row = self._recorded.latest(lane, time)
             if row is not None:
@@ -242,6 +300,18 @@ class MomentPictures:
             last = max(past, key=_weight)
             lines.append(textwrap.shorten(f"last event, {last.time:.1f} s: {last.text}", 150, placeholder=" …"))
         return "\n".join(lines)
+
+    def _sample_size(self, time: float) -> str:
+        """The effective sample size at the last update, in words; empty where it is unknown. It is measured before a
+        resampling: the particles that are drawn are those after it, and weigh the same."""
+        row, particles = (self._recorded.latest(name, time) for name in (entities.ESS_VALUE, entities.PARTICLES))
+        if row is None:
+            return ""
+        words = f"effective sample size {row['Scalars:scalars'].as_py()[0]:.1f}"
+        resampled = self._recorded.latest(entities.ESS_RESAMPLED, time)
+        if resampled is None or particles is None or resampled[TIME] != row[TIME]:
+            return words
+        return f"{words} before resampling, {len(self._origins(particles))} after"
 
     def _places(self, time: float) -> str:
         """Where the robot is by the estimate and by the truth, and whether the filter's ellipse held the truth when it
@@ -291,13 +361,18 @@ class MomentPictures:
         if walls:
             _lines(axes, strips(walls["LineStrips3D:strips"]), styles.TRUTH, 0.6)
 
-    def _draw_world(self, axes: Axes, time: float, robot: Pose, reach: float = math.inf) -> None:
-        """Draw paths, robots and scan in the world's frame; reach: how far around the robot is shown [m]."""
+    def _draw_world(
+        self, axes: Axes, time: float, robot: Pose, reach: float = math.inf, *, odometry: bool = True, dot: float = DOT
+    ) -> None:
+        """Draw paths, robots and scan in the world's frame; reach: how far around the robot is shown [m]; odometry:
+        whether to draw its path; dot: size of an end point [pt]."""
         for entity, T, width, label in (
             (entities.TRUE_PATH, np.zeros(3), 3.6, "truth: path, robot, thin walls"),
             (entities.ODOMETRY_PATH, self._T_world_odom, 1.2, "odometry alone"),
             (entities.PATH, self._T_world_map, 1.6, "estimate: path, robot"),
         ):
+            if entity == entities.ODOMETRY_PATH and not odometry:
+                continue
             pieces = [name for name in self._recorded.names(entity) if self._recorded.latest(name, time) is not None]
             for name in pieces:
                 row = self._recorded.latest(name, time)
@@ -312,7 +387,7 @@ class MomentPictures:
         if scan is not None:
             ends = se2.transform_points(robot, points(scan["Points3D:positions"]))
             near = np.hypot(*(ends - robot[:2]).T) <= 2.0 * reach
-            _dots(axes, ends[near], styles.SCAN, "scan, from the estimated pose")
+            _dots(axes, ends[near], styles.SCAN, "scan, from the estimated pose", dot)
 
     def _draw_robot(self, axes: Axes, entity: str, at: Pose, colour: tuple[int, int, int]) -> None:
         """Draw the footprint of a robot at a pose (3,)."""
@@ -333,9 +408,34 @@ class MomentPictures:
         origins = np.zeros((0, 2)) if particles is None else points(particles["Arrows3D:origins"])
         return se2.transform_points(self._T_world_map, origins)
 
-    def _frame_around(self, times: Sequence[float]) -> tuple[NDArray[np.float64], float]:
-        """Centre (2,) of a close view and how far it reaches [m], so that it shows at each of these times the robot,
-        the true one and the particles."""
+    def _frame_around(self, time: float, framed: Sequence[float]) -> tuple[NDArray[np.float64], float]:
+        """Centre (2,) of the close view at a time and how far it reaches [m]: the same for all the times `framed` where
+        one view has room for all of them, else around the robot, as far as any of them needs."""
+        centre, reach = self._frame_of(framed)
+        needed = max(self._frame_of([other])[1] for other in framed)
+        if reach > MAX_TOGETHER * needed:
+            centre, reach = self._frame_of([time])[0], needed
+        return centre, min(reach, MAX_REACH)
+
+    def _frame_of_scans(self, times: Sequence[float]) -> tuple[NDArray[np.float64], float]:
+        """Centre (2,) of a view and how far up and down it reaches [m], so that it shows at each of these times the
+        robot and most of what its scan sees near it."""
+        robots = [self._robot(time) for time in times]
+        shown = [np.array([robot[:2] for robot in robots])]
+        for time, robot in zip(times, robots, strict=True):
+            scan = self._recorded.latest(entities.SCAN, time)
+            ends = np.zeros((0, 2)) if scan is None else se2.transform_points(robot, points(scan["Points3D:positions"]))
+            near = ends[np.hypot(*(ends - robot[:2]).T) <= MAX_SCAN_REACH]
+            if len(near):
+                shown.append(np.quantile(near, [1.0 - SCAN_SHARE, SCAN_SHARE], axis=0))
+        corners = np.concatenate(shown)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        half = MARGIN * 0.5 * (high - low)
+        return 0.5 * (low + high), max(float(half[0]) / PAIR_WIDE, float(half[1]), MIN_SCAN_REACH)
+
+    def _frame_of(self, times: Sequence[float]) -> tuple[NDArray[np.float64], float]:
+        """Centre (2,) of a close view and how far it has to reach [m], so that it shows at each of these times the
+        robot, the true one and the particles."""
         robots = np.array([self._robot(time)[:2] for time in times])
         centre, places = robots.mean(axis=0), [robots]
         for time in times:
@@ -344,7 +444,7 @@ class MomentPictures:
             if true is not None:
                 places.append(pose(true)[None, :2])
         far = float(np.hypot(*(np.concatenate(places) - centre).T).max())
-        return centre, float(np.clip(MARGIN * far, MIN_REACH, MAX_REACH))
+        return centre, max(MARGIN * far, MIN_REACH)
 
     def _histories(self, time: float) -> list[NDArray[np.float64]]:
         """The tree of the particles' histories as lines (n, 2) in the world's frame: as it was last logged, and from
@@ -476,6 +576,15 @@ class MomentPictures:
         axes.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
 
 
+def _png(figure: Figure) -> bytes:
+    """A figure as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    out = io.BytesIO()
+    FigureCanvasAgg(figure).print_figure(out, dpi=DOTS_PER_INCH, format="png")
+    return _with_palette(out.getvalue())
+
+
 def _with_palette(png: bytes) -> bytes:
     """The same picture in a third of the bytes."""
     from PIL import Image
@@ -520,8 +629,10 @@ def _lines(
     axes.plot(x, y, color=_rgb(colour), lw=width, label=label, solid_capstyle="round")
 
 
-def _dots(axes: Axes, places: NDArray[np.float64], colour: tuple[int, int, int], label: str | None = None) -> None:
-    axes.plot(*places.T, ".", ms=2.6, color=_rgb(colour), label=label, zorder=5)
+def _dots(
+    axes: Axes, places: NDArray[np.float64], colour: tuple[int, int, int], label: str | None = None, size: float = DOT
+) -> None:
+    axes.plot(*places.T, ".", ms=size, color=_rgb(colour), label=label, zorder=5)
 
 
 def _ellipse(axes: Axes, shape: Ellipse, colour: tuple[int, int, int], label: str) -> None:
@@ -535,17 +646,18 @@ def _in_view(line: NDArray[np.float64], centre: NDArray[np.float64], reach: floa
     """Whether a line (n, 2) passes through what `_frame` shows."""
     steps = [a + (b - a) * np.linspace(0.0, 1.0, 9)[:, None] for a, b in itertools.pairwise(line)]
     off = np.abs(np.concatenate([line, *steps]) - centre)
-    return bool(((off[:, 0] < 1.6 * reach) & (off[:, 1] < reach)).any())
+    return bool(((off[:, 0] < WIDE * reach) & (off[:, 1] < reach)).any())
 
 
-def _frame(axes: Axes, centre: NDArray[np.float64], reach: float) -> None:
-    """Show so much around a place [m], with a scale in the corner instead of coordinates."""
+def _frame(axes: Axes, centre: NDArray[np.float64], reach: float, wide: float = WIDE) -> None:
+    """Show so much above and below a place [m], and `wide` times as much beside it, with a scale in the corner instead
+    of coordinates."""
     axes.spines[:].set_visible(True)
     x, y = centre.tolist()
-    axes.set(xlim=(x - 1.6 * reach, x + 1.6 * reach), ylim=(y - reach, y + reach), xticks=[], yticks=[])
+    axes.set(xlim=(x - wide * reach, x + wide * reach), ylim=(y - reach, y + reach), xticks=[], yticks=[])
     scale = 10.0 ** math.floor(math.log10(reach))
     scale *= 5.0 if reach / scale >= 5.0 else 2.0 if reach / scale >= 2.0 else 1.0
-    left, low = x - 1.5 * reach, y - 0.9 * reach
+    left, low = x - (wide - 0.1) * reach, y - 0.9 * reach
     axes.plot([left, left + scale], [low, low], color="black", lw=2.5, zorder=9, solid_capstyle="butt")
     name = f"{scale:g} m" if scale >= 1.0 else f"{100.0 * scale:g} cm"
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}

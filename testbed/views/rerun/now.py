@@ -35,7 +35,7 @@ def in_words(estimate: Pose, truth: Pose | None, within: bool | None, age: float
 
     estimate, truth: poses (3,); truth, within: None = unknown. age: time since that update [s]
     """
-    words = f"robot {_position(estimate)}"
+    words = f"estimate {_position(estimate)}"
     if truth is None:
         return words
     words += f", truth {_position(truth)}"

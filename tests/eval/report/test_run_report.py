@@ -13,9 +13,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from eval.files.run_reader import RunFilesError, read_run
-from eval.report.map_plots import path_plots
+from eval.filter.step_table import pose_columns
+from eval.report.map_plots import _laid_under_estimate, path_plots
 from eval.report.report_context import ReportContext
 from eval.report.run_report import write_report
+from eval.report.time_plots import _peak_in_words
+from eval.wording import up_to_a_tenth
+from slam.occupancy import OccupancyGrid
+from slam.se2 import transform_points
+from tests.eval.helpers import room
 from tests.eval.synthetic_run import BREAK, write_run
 
 
@@ -196,11 +202,20 @@ class Recorded:
     another_best = np.array([20.0])
 
     def __init__(self):
-        self.drawn = []
+        self.drawn, self.compared, self.pairs, self.maps = [], {}, [], []
 
-    def png(self, time, compared_with=None):
+    def png(self, time, compared_with=()):
         self.drawn.append(time)
+        self.compared[time] = list(compared_with)
         return b"a picture"
+
+    def side_by_side(self, before, at):
+        self.pairs.append((before, at))
+        return b"two pictures"
+
+    def map_at(self, time):
+        self.maps.append(time)
+        return room()
 
 
 def test_where_another_particle_became_the_best_is_marked(runs, texts, tmp_path):
@@ -236,6 +251,59 @@ def test_a_moment_that_is_named_twice_is_drawn_once(runs, tmp_path):
     assert f"{again}{shown}” above." in text
     assert f"at {shown} left open, closed now (38\N{NO-BREAK SPACE}cm" in text.partition("<h2>The largest loop")[2]
     assert "loop, closed" not in text
+
+
+def test_a_failure_is_drawn_with_the_update_before_it(runs, tmp_path):
+    """Both side by side, each on the scale of the other, and the scan over the map that the estimate had before."""
+    folder = tmp_path / "run"
+    shutil.copytree(runs["broken"], folder)
+    run, recording = read_run(folder), Recorded()
+    text = write_report(folder, recording).read_text()
+    failure = run.failure.failure
+    stamps, updated = (np.array(run.steps[name]) for name in ("stamp", "updated"))
+    before = up_to_a_tenth(stamps[(updated == 1.0) & (stamps < failure.stamp - 1e-6)][-1] - stamps[0])
+    at = failure.time_to_watch(run.estimate.stamps)
+    assert recording.pairs == [(before, at)]
+    assert (recording.compared[before], recording.compared[at]) == ([at], [before])
+    assert recording.maps == [before]
+    title = f"Map and scan at the update before, {before:.1f} s, and where it went wrong, {at:.1f} s"
+    names = (title, f"At the update before it went wrong, {before:.1f} s", f"Where it went wrong, {at:.1f} s")
+    section = text.partition("<h2>Where it went wrong</h2>")[2].partition("<h2>")[0]
+    places = [section.index(f"<h3>{name}</h3>") for name in names]
+    assert places == sorted(places)
+    over_map = drawn(section, f"The same over the estimate&#39;s map of {before:.1f} s")
+    for label in ("scan from the estimated pose", "scan from the true pose"):
+        assert label in over_map
+
+
+def test_the_map_under_the_scan_is_laid_by_the_estimated_pose(runs):
+    """A single wall where the scan, drawn from the estimated pose, has one: the wall lies under its end points."""
+    context = ReportContext.of(read_run(runs["broken"]))
+    failure, points = context.run.failure.failure, context.run.failure.points
+    pose_in_map = pose_columns(context.run.steps)[failure.shown_scan]
+    cells = np.floor((transform_points(pose_in_map, points) + 20.0) / 0.05).astype(int)
+    probability = np.full((800, 800), 0.1, np.float32)
+    probability[cells[:, 1], cells[:, 0]] = 1.0
+    grid = OccupancyGrid(probability=probability, resolution=0.05, origin=(-20.0, -20.0, 0.0))
+    laid = _laid_under_estimate(context, failure, grid)
+    ends = transform_points(failure.estimated, points)
+    left, _, _, top = laid.extent
+    columns, rows = np.floor((ends - [left, top]) * [1.0, -1.0] / 0.05).astype(int).T
+    near = [laid.pixels[r - 1 : r + 2, c - 1 : c + 2].min() for r, c in zip(rows, columns, strict=True)]
+    assert np.mean(np.array(near) < 60) > 0.95
+
+
+def test_a_peak_of_the_error_that_is_soon_over_is_explained(runs):
+    steps = dict(read_run(runs["good"]).steps)
+    n = len(steps["stamp"])
+    steps["error_deg"], steps["odometry_jumped"] = np.full(n, 2.0), np.zeros(n)
+    assert _peak_in_words(steps, "error_deg", 1000.0) == ""
+    steps["error_deg"][300:302] = 21.0
+    assert _peak_in_words(steps, "error_deg", 1000.0) == " The peak of 21° at 30.0 s is over after 0.3 s."
+    steps["odometry_jumped"][301] = 1.0
+    assert "over after 0.3 s: the odometry moved further" in _peak_in_words(steps, "error_deg", 1000.0)
+    steps["error_deg"][300:320] = 21.0
+    assert _peak_in_words(steps, "error_deg", 1000.0) == ""
 
 
 def test_the_scan_is_drawn_from_both_poses(texts):

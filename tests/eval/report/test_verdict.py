@@ -46,7 +46,7 @@ def with_steps(run, **columns):
     return read_run(run)
 
 
-def test_the_largest_loop_closure_is_said_with_what_the_particles_did(tmp_path):
+def test_the_largest_loop_is_said_with_what_the_particles_did(tmp_path):
     run = write_run(tmp_path / "run")
     n = len(read_run(run).steps["scan"])
     lengths, died, spread = np.zeros(n), np.zeros(n, np.int64), np.full(n, 0.05)
@@ -55,7 +55,7 @@ def test_the_largest_loop_closure_is_said_with_what_the_particles_did(tmp_path):
     spread[390:420], spread[[120, 410]] = 0.02, (0.001, 0.016)
     loop = verdict(with_steps(run, loop_length=lengths, particles_died=died, spread_m=spread)).loop
     assert loop.sentence.startswith(
-        "The largest loop closure: 64 m of driving, old walls in view again from 30.0 s to 35.0 s. 11 of "
+        "The largest loop: 64 m of driving, old walls in view again from 30.0 s to 35.0 s. 11 of "
         "30 particles died at 32.0 s (13 in 2 resamplings), and their spread went from 5.0\u00a0cm to 1.6\u00a0cm (at "
         "41.0 s)."
     )
@@ -69,9 +69,24 @@ def test_a_jump_to_another_particle_in_a_loop_is_said(tmp_path):
     lengths[300], moved[305], error[305:] = 40.0, 0.28, 0.5
     columns = {"loop_length": lengths, "particles_died": np.zeros(n, np.int64), "spread_m": np.linspace(0.9, 0.1, n)}
     said = verdict(with_steps(run, **columns, best_moved_m=moved, error_m=error)).loop.sentence
-    assert "26\u00a0cm at 30.0 s, and went from 26\u00a0cm to 50\u00a0cm at 30.5 s, as another particle" in said
+    assert "was 26\u00a0cm at 30.0 s, and went from 26\u00a0cm to 50\u00a0cm at 30.5 s, as another particle" in said
     assert "No particle died" in said
     assert "their spread, in which each counts by its weight, went from" in said
+
+
+def test_the_errors_in_a_loop_are_said_in_the_order_of_time(tmp_path):
+    """Old walls come into view at 30 s, another particle becomes the best at 32 s, full length at 34 s."""
+    run = write_run(tmp_path / "run")
+    n = len(read_run(run).steps["scan"])
+    lengths, moved, error = np.zeros(n), np.zeros(n), np.full(n, 0.11)
+    lengths[300], lengths[340], moved[320] = 20.0, 60.0, 0.2
+    error[300:], error[320:], error[340:] = 0.22, 0.33, 0.44
+    columns = {"loop_length": lengths, "particles_died": np.zeros(n, np.int64), "spread_m": np.linspace(0.9, 0.1, n)}
+    said = verdict(with_steps(run, **columns, best_moved_m=moved, error_m=error)).loop.sentence
+    assert (
+        "was 11\u00a0cm before old walls came into view, went from 22\u00a0cm to 33\u00a0cm at 32.0 s, as another "
+        "particle became the best, and was 44\u00a0cm at 34.0 s."
+    ) in said
 
 
 def test_a_run_without_a_loop_says_so(tmp_path):
@@ -80,7 +95,7 @@ def test_a_run_without_a_loop_says_so(tmp_path):
     metrics.setdefault("filter", {}).update(loop_closures=0, largest_loop_m=None, largest_loop_stamp=None)
     (run / "metrics.json").write_text(json.dumps(metrics))
     loop = verdict(read_run(run)).loop
-    assert loop.sentence.startswith("No loop closure was seen while driving: ")
+    assert loop.sentence.startswith("No loop was seen while driving: ")
     assert loop.time is None
 
 

@@ -37,7 +37,7 @@ def moments(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
 class Moments(NamedTuple):
     """Draws moments of a run of 100 s."""
 
-    png: Callable[[float], bytes]
+    png: Callable[[float, list[float]], bytes]
     end: float = 100.0
 
 
@@ -65,7 +65,9 @@ def test_a_moment_of_a_run_is_a_picture(tmp_path: Path, monkeypatch: pytest.Monk
         command.view([run], time="12.5", save=tmp_path / "damaged.png")
     assert not list(tmp_path.glob("*.png"))
     asked: list[float] = []
-    monkeypatch.setattr(command, "moments_of", lambda path: Moments(lambda time: asked.append(time) or b"picture"))
+    monkeypatch.setattr(
+        command, "moments_of", lambda path: Moments(lambda time, others: asked.append(time) or b"picture")
+    )
     command.view([run], time="12.5", save=tmp_path / "one.png")
     command.view([run], save=tmp_path / "two.png")
     found, estimate = read_run(run).failure, read_run(run).estimate
@@ -82,10 +84,17 @@ def test_several_times_are_a_picture_each_named_by_its_time(
 ) -> None:
     run = write_run(tmp_path / "run")
     (run / "recording.rrd").touch()
-    monkeypatch.setattr(command, "moments_of", lambda path: Moments(lambda time: f"{time}".encode()))
+    compared: list[list[float]] = []
+
+    def draw(time: float, others: list[float]) -> bytes:
+        compared.append(others)
+        return f"{time}".encode()
+
+    monkeypatch.setattr(command, "moments_of", lambda path: Moments(draw))
     command.view([run], time="5,60,129.2,5", save=tmp_path / "m.png")
     drawn = {file.name: float(file.read_bytes()) for file in tmp_path.glob("*.png")}
     assert drawn == {"m-5s.png": 5.0, "m-60s.png": 60.0, "m-129.2s.png": 129.2}
+    assert compared == 3 * [[5.0, 60.0, 129.2]]  # for one scale
     names = (("m-5s.png", "5"), ("m-60s.png", "60"), ("m-129.2s.png", "129.2"))
     said = [line for line in capsys.readouterr().err.splitlines() if "drawing" in line]
     assert said == [f"{tmp_path / name}: drawing {time} s …" for name, time in names]
@@ -101,7 +110,7 @@ def test_a_time_after_the_end_is_said(
 ) -> None:
     run = write_run(tmp_path / "run")
     (run / "recording.rrd").touch()
-    monkeypatch.setattr(command, "moments_of", lambda path: Moments(lambda time: b"picture"))
+    monkeypatch.setattr(command, "moments_of", lambda path: Moments(lambda time, others: b"picture"))
     for time, said in (("100.1", False), ("500", True)):  # times are printed rounded up to a tenth
         command.view([run], time=time, save=tmp_path / f"{time}.png")
         assert ("the run ends at 100.0 s, before the time of" in capsys.readouterr().err) is said

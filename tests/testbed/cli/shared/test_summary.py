@@ -15,7 +15,9 @@ import pytest
 from rich.console import Console
 
 from eval.files.failure_json import read_failure
+from eval.files.run_reader import read_run
 from eval.files.tum import read_tum
+from eval.report.verdict import verdict
 from testbed.cli.shared.summary import headline_table, watch_command
 from tests.eval.synthetic_run import write_run
 
@@ -76,6 +78,34 @@ def test_the_self_check_is_said_with_time_and_reason() -> None:
     assert "self-check" not in printed({"outcome": "ok"})
 
 
+@pytest.mark.parametrize(("word", "first"), [("plausible", None), ("lost", 40.0)])
+def test_the_self_check_while_driving_is_said_as_in_the_report(tmp_path: Path, word: str, first: float | None) -> None:
+    """Doubtful from 26 s on, lost from 41 s on: the terminal says both, in the words of the report."""
+    run = write_run(tmp_path / "run")
+    table = pq.read_table(run / "steps.parquet").to_pydict()
+    verdicts = np.zeros(len(table["stamp"]))
+    verdicts[260:410], verdicts[410:] = 1.0, 2.0 if word == "lost" else 1.0
+    pq.write_table(pa.table(table | {"self_check": verdicts}), run / "steps.parquet")
+    stamp = None if first is None else 1000.0 + first
+    check = {"verdict": word, "reason": "because", "stamp": stamp, "time_s": first, "place": None}
+    metrics = json.loads((run / "metrics.json").read_text()) | {"self_check": check}
+    (run / "metrics.json").write_text(json.dumps(metrics))
+    row = next(line for line in printed(metrics, run).splitlines() if line.startswith("self-check"))
+    said = row.removeprefix("self-check, without truth").strip()
+    story = verdict(read_run(run)).sentences[0]
+    if word == "plausible":
+        assert said == "plausible: because. While driving it was doubtful from 26.0 s on"
+        assert story == f"The run's own check, without any truth: {said}."
+        return
+    sure, before = (
+        "while driving the check was certain from 41.0 s on",
+        "Before that, while driving, it was doubtful from",
+    )
+    assert said.startswith(f"lost; the sign of the lasting loss is at 40.0 s; {sure}: because. {before} 26.0 s on")
+    assert sure in story
+    assert before in story
+
+
 def test_the_moment_and_the_cause_of_a_loss_are_named(tmp_path: Path) -> None:
     run = write_run(tmp_path / "a run", broken=True)
     metrics = json.loads((run / "metrics.json").read_text())
@@ -134,15 +164,12 @@ def test_the_largest_loop_of_a_good_run_is_to_be_watched(tmp_path: Path) -> None
     run = with_a_loop(write_run(tmp_path / "good"))
     metrics = json.loads((run / "metrics.json").read_text())
     assert metrics["outcome"] == "ok"
-    row = next(line for line in printed(metrics, run).splitlines() if line.startswith("largest loop closure"))
-    assert row.split("closure")[1].strip() == (
+    row = next(line for line in printed(metrics, run).splitlines() if line.startswith("largest loop"))
+    assert row.removeprefix("largest loop").strip() == (
         "57 m of driving, old walls in view again from 30.0 s to 34.0 s; 11 of 30 particles died at 32.0 s (13 in 2 "
         "resamplings)"
     )
-    assert (
-        watch_command(metrics, run)
-        == f"watch the largest loop closure, as particles die: testbed view {run} --time 32.0"
-    )
+    assert watch_command(metrics, run) == f"watch the largest loop, as particles die: testbed view {run} --time 32.0"
     (run / "recording.rrd").unlink()
     assert watch_command(metrics, run) is None
     lost = with_a_loop(write_run(tmp_path / "lost", broken=True))

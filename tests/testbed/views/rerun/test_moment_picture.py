@@ -8,14 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from PIL import Image
 
+from eval.map.grids import cell_centres
+from eval.report import plots
+from slam.se2 import transform_points
 from testbed.views import moments_of
+from testbed.views.map_cells import grey_levels, probability_of_greys
 from testbed.views.rerun import entities
-from testbed.views.rerun.moment_picture import MomentPictures, _weight
-from testbed.views.rerun.recorded import Event
+from testbed.views.rerun.moment_picture import MAX_SCAN_REACH, PAIR_WIDE, SCAN_SHARE, MomentPictures, _weight
+from testbed.views.rerun.recorded import Event, points
 from testbed.views.rerun.recorded import Recorded as Reader
+from testbed.views.rerun.scene import styles
 from tests.testbed.views.conftest import Recorded
 
 PINK = (220, 40, 140)
@@ -71,12 +77,89 @@ def test_histories_reach_the_particles_at_every_time(recorded: Recorded) -> None
 
 def test_two_pictures_to_compare_show_the_same_places(recorded: Recorded) -> None:
     pictures = MomentPictures(recorded.path)
-    (centre, reach), (same_centre, same_reach) = pictures._frame_around([5.0, 6.0]), pictures._frame_around([6.0, 5.0])
+    (centre, reach), (same_centre, same_reach) = (
+        pictures._frame_around(time, [time, other]) for time, other in ((5.0, 6.0), (6.0, 5.0))
+    )
     assert (centre == same_centre).all()
     assert reach == same_reach
     for time in (5.0, 6.0):
         assert np.hypot(*(pictures._robot(time)[:2] - centre)) < reach
-    assert reach > pictures._frame_around([5.0])[1]
+    assert reach > pictures._frame_around(5.0, [5.0])[1]
+
+
+def test_pictures_of_places_far_apart_have_one_scale(recorded: Recorded) -> None:
+    """The robot has driven so far that one view of both places would show the particles as specks."""
+    pictures = MomentPictures(recorded.path)
+    times = [1.0, 15.0]
+    frames = [pictures._frame_around(time, [time, *times]) for time in times]
+    for time, (centre, reach) in zip(times, frames, strict=True):
+        assert (centre == pictures._robot(time)[:2]).all()
+        assert reach == max(pictures._frame_around(other, [other])[1] for other in times)
+
+
+def test_two_moments_side_by_side_hold_robots_and_most_of_the_scans(recorded: Recorded) -> None:
+    rows, pictures = Reader(recorded.path), MomentPictures(recorded.path)
+    times = [5.0, 7.0]
+    centre, reach = pictures._frame_of_scans(times)
+    for time in times:
+        scan = rows.latest(entities.SCAN, time)
+        assert scan is not None
+        robot = pictures._robot(time)
+        ends = transform_points(robot, points(scan["Points3D:positions"]))
+        near = ends[np.hypot(*(ends - robot[:2]).T) <= MAX_SCAN_REACH]
+        assert len(near) > 50
+        for places, share in ((near, 1.0 - 4.0 * (1.0 - SCAN_SHARE)), (robot[None, :2], 1.0)):
+            inside = (np.abs(places - centre) <= [PAIR_WIDE * reach, reach]).all(axis=1)
+            assert inside.mean() >= share
+    shot = np.asarray(Image.open(io.BytesIO(pictures.side_by_side(*times))).convert("RGB"), dtype=np.int64)
+    half = shot.shape[1] // 2
+    for part in (shot[:, :half], shot[:, half:]):
+        assert (np.abs(part - PINK).max(axis=2) < 60).sum() > 50  # each has its scan
+        assert (part.max(axis=2) < 60).sum() > 500  # and walls
+    assert (shot[:400, :half] != shot[:400, -half:]).any()
+
+
+def test_the_sample_size_is_named_before_and_after_a_resampling(recorded: Recorded) -> None:
+    """The particles that are drawn are those after it: all weigh the same, so that their number is their size."""
+    pictures, rows = MomentPictures(recorded.path), Reader(recorded.path)
+    updates = [snapshot for snapshot in recorded.snapshots if snapshot.step is not None and snapshot.step.updated]
+    said = set()
+    for snapshot in updates:
+        time = snapshot.stamp - recorded.snapshots[0].stamp
+        words = f"effective sample size {snapshot.step.ess:.1f}"
+        if snapshot.step.resampled:
+            weights = rows.latest(entities.PARTICLES, time)
+            assert weights is not None
+            assert len(set(weights["Arrows3D:colors"].as_py())) == 1
+            words += f" before resampling, {len(snapshot.poses)} after"
+        assert pictures._sample_size(time) == words
+        said.add(snapshot.step.resampled)
+    assert said == {True, False}
+
+
+def test_the_map_of_a_moment_is_the_one_that_is_drawn(recorded: Recorded) -> None:
+    grid, last = MomentPictures(recorded.path).map_at(np.inf), recorded.snapshots[-1]
+    assert grid is not None
+    assert last.map is not None
+    true = last.map(None)
+    rows, columns = np.nonzero(true.occupied)
+    places = cell_centres(true, true.occupied)
+    offset = np.floor((places - grid.origin[:2]) / grid.resolution).astype(int)
+    assert len(rows) == len(columns) == len(places) > 100
+    assert grid.occupied[offset[:, 1], offset[:, 0]].mean() > 0.95
+    assert grid.occupied.sum() == pytest.approx(true.occupied.sum(), rel=0.05)
+
+
+def test_loops_and_scans_have_the_colours_of_the_recording_in_the_report() -> None:
+    of_report = [plots.SCAN, plots.LOOP_CLOSED, plots.LOOP_LEFT_OPEN]
+    closed, left_open, _ = entities.FINAL_LOOPS
+    of_recording = [styles.SCAN, styles.FINAL_LOOPS[closed], styles.FINAL_LOOPS[left_open]]
+    assert [tuple(round(255 * part) for part in to_rgb(colour)) for colour in of_report] == of_recording
+
+
+def test_grey_levels_give_their_probabilities_back() -> None:
+    probability = np.array([np.nan, 0.12, 0.2, 0.45, 0.55, 0.8, 0.97])
+    assert probability_of_greys(grey_levels(probability)) == pytest.approx(probability, abs=0.02, nan_ok=True)
 
 
 def test_a_time_beyond_the_run_shows_its_end(recorded: Recorded) -> None:

@@ -30,12 +30,12 @@ def test_a_covariance_without_area_holds_its_own_place_only() -> None:
 @pytest.mark.parametrize(
     ("truth", "within", "words"),
     [
-        (None, None, "robot (17.61, 2.96) m"),
-        (np.array([17.65, 3.104, 0.0]), None, "robot (17.61, 2.96) m, truth (17.65, 3.10) m"),
+        (None, None, "estimate (17.61, 2.96) m"),
+        (np.array([17.65, 3.104, 0.0]), None, "estimate (17.61, 2.96) m, truth (17.65, 3.10) m"),
         (
             np.array([17.65, 3.104, 0.0]),
             False,
-            "robot (17.61, 2.96) m, truth (17.65, 3.10) m, which is outside the filter's 95 % ellipse",
+            "estimate (17.61, 2.96) m, truth (17.65, 3.10) m, which is outside the filter's 95 % ellipse",
         ),
     ],
 )
@@ -50,7 +50,7 @@ def test_the_estimate_is_named_in_the_frame_of_the_truth() -> None:
     (column,) = build(rows)
     assert column.as_arrow_array().to_pylist() == [
         [
-            "robot (1.00, 5.00) m, truth (1.00, 5.00) m, which was inside the filter's 95 % ellipse 0.3 s before, "
+            "estimate (1.00, 5.00) m, truth (1.00, 5.00) m, which was inside the filter's 95 % ellipse 0.3 s before, "
             "at the last update"
         ]
     ]
