@@ -57,7 +57,7 @@ PAIR_HEIGHT = 5.6
 """Height of two moments side by side [inch]."""
 WIDE, PAIR_WIDE = 1.6, 1.3
 """Width of the close views, and of each of two moments side by side, as part of their height."""
-MARGIN_HEIGHT = 1.3
+MARGIN_HEIGHT = 1.5
 """Height of headline and legend [inch]."""
 MIN_REACH, MAX_REACH = 0.3, 4.0
 """The close view shows at least and at most so much around the robot [m]: its particles, and the true robot."""
@@ -290,11 +290,13 @@ class MomentPictures:
                 found.append(f"{words} {scale * row['Scalars:scalars'].as_py()[0]:.1f}{unit}")
         if size := self._sample_size(time):
             found.append(size)
+        states = []
         for lane, words in ((entities.ESTIMATE_STATE, "estimate:"), (entities.SELF_CHECK_STATE, "self-check:")):
             row = self._recorded.latest(lane, time)
             if row is not None:
-                found.append(f"{words} {row['StateChange:state'].as_py()[0]}")
-        lines = [f"{self._recorded.name or 'run'} at {time:.1f} s: {self._places(time)}", ";  ".join(found)]
+                states.append(f"{words} {row['StateChange:state'].as_py()[0]}")
+        lines = [f"{self._recorded.name or 'run'} at {time:.1f} s: {self._places(time)}"]
+        lines += [";  ".join(part) for part in (found, states) if part]
         past = [event for event in self._recorded.events() if time - RECENT_EVENT_S <= event.time <= time + 1e-6]
         if past:
             last = max(past, key=_weight)
