@@ -189,11 +189,13 @@ def failure_over_map(context: ReportContext, grid: OccupancyGrid, time: float) -
     background = None if failure is None else _laid_under_estimate(context, failure, grid)
     if failure is None or background is None:
         return None
+    twice = " Where rings and dots both lie on walls, it holds two copies of them."
+    if failure.true_pose is None:  # there are no rings
+        twice = ""
     return Plot(
         f"The same over the estimate's map of {at_time(time)}",
         _scan_over_map(context, failure, background),
-        "The map at the update before, laid under the estimated pose. Where rings and dots both lie on walls, it holds "
-        "two copies of them.",
+        f"The map at the update before, laid under the estimated pose.{twice}",
     )
 
 

@@ -5,6 +5,7 @@ import base64
 import json
 import re
 import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from eval.files.run_reader import RunFilesError, read_run
 from eval.filter.step_table import pose_columns
-from eval.report.map_plots import _laid_under_estimate, path_plots
+from eval.report.map_plots import _laid_under_estimate, failure_over_map, path_plots
 from eval.report.report_context import ReportContext
 from eval.report.run_report import write_report
 from eval.report.time_plots import _peak_in_words
@@ -274,6 +275,10 @@ def test_a_failure_is_drawn_with_the_update_before_it(runs, tmp_path):
     over_map = drawn(section, f"The same over the estimate&#39;s map of {before:.1f} s")
     for label in ("scan from the estimated pose", "scan from the true pose"):
         assert label in over_map
+    assert "Where rings and dots both lie on walls" in section
+    unknown = replace(run, failure=replace(run.failure, failure=replace(failure, true_pose=None)))
+    plot = failure_over_map(ReportContext.of(unknown), room(), before)
+    assert plot.caption == "The map at the update before, laid under the estimated pose."
 
 
 def test_the_map_under_the_scan_is_laid_by_the_estimated_pose(runs):
