@@ -17,7 +17,8 @@ from slam._kernel_cache import announce_compilation
 from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.diagnosis.contradiction import ContradictionMonitor, ScanEvidence, SelfCheck
-from slam.diagnosis.path_check import compare_scan
+from slam.diagnosis.path_check import compare_scan, wheel_step
+from slam.diagnosis.wheel_speed import WheelSpeed
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
 from slam.matching.proposal import ProposalResult, propose_poses
@@ -58,6 +59,7 @@ class GMapping:
         self._particles = ParticleSet(np.zeros((self.config.first_particles, 3)))
         self._loops = LoopDetector()
         self._monitor = ContradictionMonitor()
+        self._wheels = WheelSpeed()
         self._matched = 0.0  # share of the hits near a wall at the last update, of the best particle
 
     def process(
@@ -74,12 +76,14 @@ class GMapping:
         """
         surprises = self._surprises if self.config.motion.jump_share > 0.0 else None
         taken = self._intake.take(odometry, scan, twist, surprises)
+        self._wheels.update(taken.stamp, taken.odometry)
         if taken.rays is None:
             pose = se2.compose(self._particles.poses[self.best], taken.motion)
             report = report_state(self._particles, taken.counts, pose=pose, map_bytes=self.maps.bytes_in_use)
         else:
             report = self._begin(taken) if taken.first else self._update(taken)
             self._intake.accept(taken)
+            self._wheels.begin_step()
         return replace(report, odometry_jumped=taken.jumped, self_check=self._monitor.present)
 
     def _begin(self, taken: TakenScan) -> StepReport:
@@ -154,8 +158,10 @@ class GMapping:
     def _compare(self, taken: TakenScan, result: ProposalResult) -> ScanEvidence:
         """What a scan that is not yet counted into the maps says of the estimate, by the best particle so far."""
         assert taken.rays is not None
-        predicted = se2.compose(self._particles.poses[self.best], taken.motion)
-        return compare_scan(self.maps, self.best, taken.rays, pose=result.pose[self.best], predicted=predicted)
+        best = self.best
+        step = wheel_step(taken.motion, self._wheels.news, self.config.motion)
+        before, pose = self._particles.poses[best], result.pose[best]
+        return compare_scan(self.maps, best, taken.rays, before=before, step=step, pose=pose)
 
     def _resample(self, report: StepReport) -> bool:
         """Resample where the effective sample size (equation 20) or the number of particles asks for it."""
@@ -228,7 +234,7 @@ class GMapping:
         }
         arrays = {**particles, **arrays, **self.maps.state(), **self.ancestry.state()}
         own = {"rng": self._rng.bit_generator.state, "revisits": self._loops.state(), "matched": self._matched}
-        own["self_check"] = self._monitor.state()
+        own["self_check"], own["wheels"] = self._monitor.state(), self._wheels.state()
         return arrays, {**values, **own}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Any]) -> None:
@@ -244,3 +250,4 @@ class GMapping:
         self._loops.restore(values["revisits"])
         self._matched = values["matched"]
         self._monitor.restore(values["self_check"])
+        self._wheels.restore(values["wheels"])

@@ -57,10 +57,12 @@ def crosses_wall(table, counts, surface_table, surface, limits, segment):
 
 
 @kernel
-def compare_beams(grids, particle, pose, rays, every, first, limits, kinds):
+def compare_beams(grids, particle, pose, rays, every, first, limits, kinds, normals):
     """What the map of a particle says of every k-th beam, from beam `first` on, of a scan taken at `pose` (3,).
 
     limits: `BeamLimits`;  kinds (beams,) out: one of the four above, of beams that are not compared UNKNOWN
+    normals (2, 2) out: sum of n n^T over the beams that end at a piece of wall of normal n; walls without a direction
+    are left out
     """
     clear2 = limits.clearance * limits.clearance
     table, counts = grids.table[particle], grids.counts
@@ -70,6 +72,7 @@ def compare_beams(grids, particle, pose, rays, every, first, limits, kinds):
     segments = np.empty((rays.hit.shape[0], 4))
     rays_in_cells(grids, pose, rays, segments)
     kinds[:] = UNKNOWN
+    normals[:] = 0.0
     for beam in range(first, rays.hit.shape[0], every):
         if not rays.hit[beam]:
             continue
@@ -85,6 +88,13 @@ def compare_beams(grids, particle, pose, rays, every, first, limits, kinds):
             dx, dy = float(offset[word, 0]), float(offset[word, 1])
             if dx * dx + dy * dy <= clear2:
                 kinds[beam] = MET
+                mx, my = cx + offset[word, 0], cy + offset[word, 1]
+                direction = np.uint64(surface[fine_tile_at(surface_table, mx, my), in_fine_tile(mx, my)] & DIRECTION)
+                nx, ny = NORMALS[direction, 0], NORMALS[direction, 1]  # zero where there is none
+                normals[0, 0] += nx * nx
+                normals[0, 1] += nx * ny
+                normals[1, 0] += nx * ny
+                normals[1, 1] += ny * ny
                 continue
         seen = counts[tile_at(table, cx, cy), in_tile(cx, cy)]
         if (seen & VISITS) >= limits.min_visits and not is_wall(seen, limits.occupied_share):

@@ -12,23 +12,23 @@ place contradicts each scan that sees both, until newer beams have erased the ol
 
 A jump that nothing asked for is the second kind of evidence: the estimate leaves the pose where the wheels put it,
 although the map did not contradict the scan there. The third is a stretch of the way on which the scans see next to
-nothing: there the estimate rests on the wheels alone.
+nothing, or hold the estimate in one direction only (`unheld_directions`): there it rests on the wheels alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from slam import se2
 from slam.diagnosis.beam_check import BeamEvidence
+from slam.diagnosis.plain_parts import part_of, plain_pose
+from slam.diagnosis.unheld_directions import MAX_ERROR_M, Hold, UnheldDirections
 
 Verdict = Literal["plausible", "doubtful", "lost"]
-Part = TypeVar("Part")
 
 ALLOWANCE = 0.12
 """Share of the judged beams that may contradict the map all the time: people, doors, glass."""
@@ -58,6 +58,8 @@ class ScanEvidence(NamedTuple):
     """What the map says of its beams."""
     jump: se2.Pose | None
     """The displacement (3,) by which the estimate left the wheels without need; None = it did not."""
+    hold: Hold
+    """In which directions it holds the estimate, and what the wheels say."""
 
 
 @dataclass(frozen=True)
@@ -173,6 +175,7 @@ class ContradictionMonitor:
         self._last: tuple[float, float, float] | None = None  # estimated pose at the last scan
         self._blind: BlindStretch | None = None
         self._longest_blind: BlindStretch | None = None
+        self._directions = UnheldDirections()
 
     @property
     def total(self) -> float:
@@ -183,29 +186,36 @@ class ContradictionMonitor:
     def overall(self) -> SelfCheck:
         """The verdict on the whole estimate so far."""
         found = [part.check for part in (self._worst, self._jump, self._longest_blind) if part is not None]
-        return next((check for check in found if check.verdict != "plausible"), PLAUSIBLE)
+        found += [_check_missing(self._directions), _check_unheld(self._directions)]
+        bad = [check for check in found if check.verdict != "plausible"]
+        return next((check for check in bad if check.verdict == "lost"), next(iter(bad), PLAUSIBLE))
 
     @property
     def present(self) -> SelfCheck:
         """The verdict at the last scan: an estimate that was lost stays doubtful, since its map may be double."""
         now = PLAUSIBLE if self._present is None else self._present.check
-        if now.verdict == "lost" or self.overall.verdict == "plausible":
+        overall = self.overall
+        if now.verdict == "lost" or overall.verdict == "plausible":
             return now
-        return replace(self.overall, verdict="doubtful")
+        missing = _check_missing(self._directions)
+        if missing.verdict == "lost" and self._directions.still_missing:
+            return missing
+        return replace(overall, verdict="doubtful")
 
     def update(self, stamp: float, pose: se2.Pose, evidence: ScanEvidence) -> None:
         """Take in the evidence of a scan that was taken at a time [s] and an estimated pose (3,)."""
         if evidence.jump is not None and self._jump is None:
             metres, degrees = float(np.hypot(*evidence.jump[:2])), float(np.degrees(abs(evidence.jump[2])))
-            self._jump = Jump(stamp=stamp, place=_plain(pose), metres=metres, degrees=degrees)
+            self._jump = Jump(stamp=stamp, place=plain_pose(pose), metres=metres, degrees=degrees)
         beams = evidence.beams
-        self._note_sight(stamp, _plain(pose), beams)
+        self._note_sight(stamp, plain_pose(pose), beams)
+        self._directions.update(float(stamp), plain_pose(pose), evidence.hold)
         compared = max(beams.judged + beams.unknown, MIN_COMPARED)
         total = self.total + (beams.contradicting - ALLOWANCE * beams.judged) / compared
         if total <= 0.0:
             self._present = None
             return
-        before = self._present or Stretch(stamp=stamp, place=_plain(pose))
+        before = self._present or Stretch(stamp=stamp, place=plain_pose(pose))
         self._present = replace(
             before,
             total=total,
@@ -240,15 +250,42 @@ class ContradictionMonitor:
             "longest_blind": self._longest_blind,
         }
         plain: dict[str, Any] = {name: None if part is None else asdict(part) for name, part in parts.items()}
-        return {**plain, "last": self._last, "max_total": self.max_total}
+        return {**plain, "last": self._last, "max_total": self.max_total, "directions": self._directions.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
-        self._present, self._worst = (_part(Stretch, state[name]) for name in ("present", "worst"))
-        self._blind, self._longest_blind = (_part(BlindStretch, state[name]) for name in ("blind", "longest_blind"))
-        self._jump = _part(Jump, state["jump"])
+        self._present, self._worst = (part_of(Stretch, state[name]) for name in ("present", "worst"))
+        self._blind, self._longest_blind = (part_of(BlindStretch, state[name]) for name in ("blind", "longest_blind"))
+        self._jump = part_of(Jump, state["jump"])
         self.max_total = float(state["max_total"])
-        self._last = None if state["last"] is None else _plain(state["last"])
+        self._directions.restore(state["directions"])
+        self._last = None if state["last"] is None else plain_pose(state["last"])
+
+
+def _check_missing(directions: UnheldDirections) -> SelfCheck:
+    """The verdict that follows from the way that the wheels may not have counted."""
+    way = directions.missing
+    if way is None:
+        return PLAUSIBLE
+    reason = (
+        f"for {way.seconds:.1f} s the wheels counted less or backward at once, and then as before at once, as a robot "
+        f"cannot drive, in a direction in which no wall in sight holds the estimate: {way.metres:.1f} m are missing"
+    )
+    return SelfCheck("lost", reason, way.stamp, way.place)
+
+
+def _check_unheld(directions: UnheldDirections) -> SelfCheck:
+    """The verdict that follows from the way that was driven by the wheels alone."""
+    if directions.worst is None:
+        return PLAUSIBLE
+    stretch, possible = directions.worst
+    if possible <= MAX_ERROR_M:
+        return PLAUSIBLE
+    reason = (
+        f"for {stretch.seconds:.1f} s nothing but the wheels told how far the robot drove in one direction, "
+        f"{stretch.metres:.1f} m of way: up to {possible:.1f} m may be missing"
+    )
+    return SelfCheck("doubtful", reason, stretch.stamp, stretch.place)
 
 
 def _severity(stretch: Stretch) -> tuple[bool, float]:
@@ -264,13 +301,3 @@ def is_jump(displacement: se2.Pose) -> bool:
 def is_needless(beams: BeamEvidence) -> bool:
     """Whether the map hardly contradicts a scan at the predicted pose, which a jump of the estimate has left."""
     return beams.contradicting < NEEDLESS_SHARE * max(beams.judged + beams.unknown, 1)
-
-
-def _part(kind: Callable[..., Part], values: Mapping[str, Any] | None) -> Part | None:
-    """One of the dataclasses above from what `asdict` and JSON made of it."""
-    return None if values is None else kind(**{**values, "place": _plain(values["place"])})
-
-
-def _plain(pose: ArrayLike) -> tuple[float, float, float]:
-    x, y, theta = np.asarray(pose, dtype=np.float64).tolist()
-    return x, y, theta

@@ -19,11 +19,14 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._threads import Threads
-from slam.config import MapConfig
+from slam.config import FilterConfig, MapConfig, MotionConfig
 from slam.diagnosis._beam_kernels import beam_log_likelihoods
 from slam.diagnosis.beam_check import check_scan
 from slam.diagnosis.contradiction import ContradictionMonitor, ScanEvidence, is_jump, is_needless
+from slam.diagnosis.unheld_directions import Hold
+from slam.diagnosis.wheel_speed import WheelNews
 from slam.grid.particle_maps import ParticleMaps
+from slam.motion.odometry_model import motion_prior
 from slam.sensor.rays import Rays
 
 KEPT_OUT = 8
@@ -45,33 +48,60 @@ class RangeModel(NamedTuple):
     """Probability that such a beam ends within the window: 0.2 m of 40 m."""
 
 
-def compare_scan(maps: ParticleMaps, particle: int, rays: Rays, *, pose: se2.Pose, predicted: se2.Pose) -> ScanEvidence:
+class WheelStep(NamedTuple):
+    """What the wheels say of the way from one scan of an estimate to the next."""
+
+    motion: se2.Pose
+    """Displacement (3,), seen from the robot."""
+    variance: float
+    """Variance of its position by the motion model, where the odometry has not failed [m^2]."""
+    news: WheelNews
+    """What the speed of the wheels says of it."""
+
+
+def wheel_step(motion: se2.Pose, news: WheelNews, config: MotionConfig) -> WheelStep:
+    """What the wheels say of a displacement (3,), by a motion model."""
+    return WheelStep(motion, 1.0 / float(motion_prior(motion, config).precision[0, 0]), news)
+
+
+def compare_scan(
+    maps: ParticleMaps, particle: int, rays: Rays, *, before: se2.Pose, step: WheelStep, pose: se2.Pose
+) -> ScanEvidence:
     """Compare a scan with the map of a particle, which must not hold it yet.
 
-    pose (3,): where the estimate puts the robot;  predicted (3,): where the wheels put it
+    before (3,), pose (3,): where the estimate puts the robot at the scan before and at this one
     """
-    beams, displacement = check_scan(maps, particle, pose, rays), se2.between(predicted, pose)
-    if is_jump(displacement) and is_needless(check_scan(maps, particle, predicted, rays)):
-        return ScanEvidence(beams, displacement)
-    return ScanEvidence(beams, None)
+    predicted = se2.compose(before, step.motion)
+    (beams, normals), displacement = check_scan(maps, particle, pose, rays), se2.between(predicted, pose)
+    innovation = float(pose[0] - predicted[0]), float(pose[1] - predicted[1])
+    hold = Hold(normals, innovation, step.variance, float(before[2]), step.news)
+    if is_jump(displacement) and is_needless(check_scan(maps, particle, predicted, rays)[0]):
+        return ScanEvidence(beams, displacement, hold)
+    return ScanEvidence(beams, None, hold)
 
 
 def check_path(
-    stamps: NDArray[np.float64], poses: se2.Pose, odometry: se2.Pose, rays: Sequence[Rays], config: MapConfig
+    stamps: NDArray[np.float64],
+    poses: se2.Pose,
+    odometry: se2.Pose,
+    rays: Sequence[Rays],
+    news: Sequence[WheelNews],
+    config: FilterConfig,
 ) -> ContradictionMonitor:
     """Check a finished path: what a monitor has found at its end.
 
     stamps (scans,) [s];  poses (scans, 3): the estimate;  odometry (scans, 3): `T_odom_robot`;  rays: of each scan
+    news: what the speed of the wheels says at each scan (`wheel_news`)
 
     Raises:
         ValueError: the lengths differ, or the map would grow beyond all bounds.
     """
-    _require_one_length(stamps, poses, odometry, rays)
-    maps, monitor = ParticleMaps(1, config, Threads(1)), ContradictionMonitor()
+    _require_one_length(stamps, poses, odometry, rays, news)
+    maps, monitor = ParticleMaps(1, config.map, Threads(1)), ContradictionMonitor()
     for i, scan in enumerate(rays):
         if i > 0:
-            predicted = se2.compose(poses[i - 1], se2.between(odometry[i - 1], odometry[i]))
-            evidence = compare_scan(maps, 0, scan, pose=poses[i], predicted=predicted)
+            step = wheel_step(se2.between(odometry[i - 1], odometry[i]), news[i], config.motion)
+            evidence = compare_scan(maps, 0, scan, before=poses[i - 1], step=step, pose=poses[i])
             monitor.update(float(stamps[i]), poses[i], evidence)
         maps.integrate_scan(poses[i : i + 1], scan)
     return monitor
@@ -109,4 +139,6 @@ def _log_likelihoods(maps: ParticleMaps, pose: se2.Pose, scan: Rays, *, first: i
 def _require_one_length(*parts: Sequence[object] | NDArray[np.float64]) -> None:
     lengths = [len(part) for part in parts]
     if len(set(lengths)) > 1:
-        raise ValueError(f"stamps, poses, odometry and rays must be of one length, got {', '.join(map(str, lengths))}")
+        raise ValueError(
+            f"stamps, poses, odometry, rays and news must be of one length, got {', '.join(map(str, lengths))}"
+        )

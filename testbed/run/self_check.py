@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slam.diagnosis.contradiction import SelfCheck
 from slam.diagnosis.path_check import check_path, left_out_score
+from slam.diagnosis.wheel_speed import WheelNews, wheel_news
 from slam.gmapping import GMapping
 from slam.se2 import Pose
 from slam.sensor.rays import Rays, make_rays
@@ -30,12 +31,11 @@ def self_check_metrics(estimation: Estimation, estimate: Estimate, *, replay: bo
     if not replay:
         return {**driving, "while_driving": driving}
     stamps, poses, odometry, rays = used_scans(estimation, estimate)
-    config = estimation.config.map
-    monitor = check_path(stamps, poses, odometry, rays, config)
+    monitor = check_path(stamps, poses, odometry, rays, _news_of_wheels(estimation), estimation.config)
     return {
         **_as_json(monitor.overall, start),
         "contradiction_scans": monitor.max_total,
-        "left_out_log_likelihood": left_out_score(poses, rays, config),
+        "left_out_log_likelihood": left_out_score(poses, rays, estimation.config.map),
         "while_driving": driving,
     }
 
@@ -64,6 +64,12 @@ def used_scans(estimation: Estimation, estimate: Estimate) -> tuple[NDArray[np.f
         twist = frame.twist if settings.deskew else None
         rays.append(make_rays([frame.scan], usable_range=settings.map.usable_range, twist=twist))
     return estimation.stamps[rows], estimate.dense.poses[rows], estimation.odometry[rows], rays
+
+
+def _news_of_wheels(estimation: Estimation) -> list[WheelNews]:
+    """Return what the speed of the wheels says at each used scan."""
+    rows, used = estimation.scan_frames, np.asarray(estimation.mapper.update_scans)
+    return wheel_news(estimation.stamps[rows], estimation.odometry[rows], used)
 
 
 def _as_json(check: SelfCheck, start: float) -> dict[str, Any]:

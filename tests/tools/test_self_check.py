@@ -15,6 +15,11 @@ def test_no_world_and_no_seed_is_both_trained_on_and_held_out():
     assert not set(WORLDS["training"]) & set(WORLDS["held-out"])
     training, held_out = cases("training", 400), cases("held-out", 400)
     assert not {case.seed for case in training} & {case.seed for case in held_out}
+    fresh = cases("fresh", 400)
+    assert not {case.seed for case in (*training, *held_out)} & {case.seed for case in fresh}
+    generated = {world for world in WORLDS["fresh"] if world.startswith("generated:")}
+    assert len(generated) == 8
+    assert not generated & {*WORLDS["training"], *WORLDS["held-out"]}
 
 
 def test_fewer_runs_are_the_first_of_more():

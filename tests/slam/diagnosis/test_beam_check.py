@@ -31,12 +31,12 @@ def wall_at(x, *, scans=4):
 
 
 def compare(maps, ends, **more):
-    return check_beams(maps, 0, HERE, rays(ends), every=1, **more)
+    return check_beams(maps, 0, HERE, rays(ends), every=1, **more)[0]
 
 
 def test_a_scan_at_its_true_pose_meets_the_map(room):
     pose = np.array([0.3, 0.1, 0.4])
-    found = check_scan(room, 0, pose, make_rays([scan_at(pose, beams=180)], usable_range=80.0))
+    found, _ = check_scan(room, 0, pose, make_rays([scan_at(pose, beams=180)], usable_range=80.0))
     assert found.met >= 0.98 * 90
     assert found.contradicting == 0
 
@@ -45,7 +45,7 @@ def test_a_scan_at_its_true_pose_meets_the_map(room):
 def test_a_scan_at_a_turned_pose_contradicts_it(room, degrees):
     pose = np.array([0.3, 0.1, 0.4])
     scan = make_rays([scan_at(pose, beams=180)], usable_range=80.0)
-    found = check_scan(room, 0, se2.compose(pose, (0.0, 0.0, np.radians(degrees))), scan)
+    found, _ = check_scan(room, 0, se2.compose(pose, (0.0, 0.0, np.radians(degrees))), scan)
     assert found.contradicting > 0.3 * found.judged
 
 
@@ -67,9 +67,9 @@ def test_an_end_within_the_clearance_of_a_wall_meets_it():
 def test_a_beam_that_grazes_a_wall_does_not_cross_it(start, end):
     """It ends 20 cm behind the line of the wall, or starts 10 cm before it, and crosses it far from its ends."""
     maps = wall_at(3.0)
-    assert check_beams(maps, 0, HERE, rays([end], origin=start), every=1).through == 0
+    assert check_beams(maps, 0, HERE, rays([end], origin=start), every=1)[0].through == 0
     steeper = (end[0] + 0.3, end[1]), (start[0] - 0.3, start[1])
-    assert check_beams(maps, 0, HERE, rays([steeper[0]], origin=steeper[1]), every=1).through == 1
+    assert check_beams(maps, 0, HERE, rays([steeper[0]], origin=steeper[1]), every=1)[0].through == 1
 
 
 def test_a_wall_seen_once_or_twice_contradicts_nobody():
@@ -82,7 +82,7 @@ def test_a_wall_seen_once_or_twice_contradicts_nobody():
 
 def test_readings_without_a_hit_are_not_compared():
     maps = wall_at(3.0)
-    found = check_beams(maps, 0, HERE, rays([(5.0, 0.0), (5.0, 0.1)], hit=[False, True]), every=1)
+    found, _ = check_beams(maps, 0, HERE, rays([(5.0, 0.0), (5.0, 0.1)], hit=[False, True]), every=1)
     assert found == BeamEvidence(met=0, through=1, short=0, unknown=0)
 
 
@@ -90,23 +90,23 @@ def test_every_kth_beam_from_the_first_on():
     maps = wall_at(3.0)
     ends = [(3.0, 0.0), (5.0, 0.0)] * 3
     assert compare(maps, ends).met == 3
-    assert check_beams(maps, 0, HERE, rays(ends), every=2).met == 3
-    assert check_beams(maps, 0, HERE, rays(ends), every=2, first=1).through == 3
+    assert check_beams(maps, 0, HERE, rays(ends), every=2)[0].met == 3
+    assert check_beams(maps, 0, HERE, rays(ends), every=2, first=1)[0].through == 3
 
 
 def test_no_more_beams_than_the_limit_are_compared(room):
     for beams in (89, 90, 91, 1081):
         scan = make_rays([scan_at(HERE, beams=beams)], usable_range=80.0)
-        assert sum(check_scan(room, 0, HERE, scan)) <= MAX_BEAMS
+        assert sum(check_scan(room, 0, HERE, scan)[0]) <= MAX_BEAMS
 
 
 def test_beams_beyond_the_map_are_unknown_and_change_nothing(room):
     before = room.state()
-    far = check_scan(room, 0, np.array([300.0, -400.0, 1.0]), rays(np.full((20, 2), 50.0)))
+    far, _ = check_scan(room, 0, np.array([300.0, -400.0, 1.0]), rays(np.full((20, 2), 50.0)))
     assert far == BeamEvidence(met=0, through=0, short=0, unknown=20)
     for name, array in room.state().items():
         np.testing.assert_array_equal(array, before[name])
 
 
 def test_an_empty_map_says_nothing():
-    assert check_scan(empty_maps(), 0, HERE, rays([(1.0, 0.0)])).unknown == 1
+    assert check_scan(empty_maps(), 0, HERE, rays([(1.0, 0.0)]))[0].unknown == 1

@@ -17,12 +17,17 @@ from slam.diagnosis.contradiction import (
     is_jump,
     is_needless,
 )
+from slam.diagnosis.unheld_directions import Hold
+from slam.diagnosis.wheel_speed import WheelNews
+
+HELD = Hold(np.diag([40.0, 40.0]), (0.0, 0.0), 4e-4, 0.0, WheelNews())
+"""A scan that holds the estimate in all directions, and wheels that are right."""
 
 
-def scan(contradicting, of=100, unknown=0, jump=None):
+def scan(contradicting, of=100, unknown=0, jump=None, hold=HELD):
     """Evidence of a scan of which so many beams contradict the map."""
     beams = BeamEvidence(of - contradicting, contradicting // 2, contradicting - contradicting // 2, unknown)
-    return ScanEvidence(beams, None if jump is None else np.array(jump))
+    return ScanEvidence(beams, None if jump is None else np.array(jump), hold)
 
 
 def monitor_of(*scans):
@@ -79,7 +84,7 @@ def test_the_verdict_follows_from_the_sum(total, verdict):
 
 
 def one_sided(through, short):
-    return ScanEvidence(BeamEvidence(100 - through - short, through, short, 0), None)
+    return ScanEvidence(BeamEvidence(100 - through - short, through, short, 0), None, HELD)
 
 
 @pytest.mark.parametrize(("through", "short"), [(70, 0), (0, 70), (68, 2)])
@@ -136,6 +141,39 @@ def test_a_short_time_without_sight_is_none():
     assert monitor.overall == PLAUSIBLE
 
 
+def along_a_wall(missing=0.0, stage="steady"):
+    """A scan that one wall holds across the way, and wheels of which so many metres may be missing."""
+    return scan(0, hold=HELD._replace(normals=np.diag([0.1, 40.0]), news=WheelNews(stage, missing)))
+
+
+def test_a_long_way_by_the_wheels_alone_is_doubtful():
+    """One metre per scan: scans 2 to 301 see one wall along the way; the wheels err by 2 cm in each."""
+    assert monitor_of(scan(0), scan(0), *[along_a_wall()] * 100).overall == PLAUSIBLE
+    found = monitor_of(scan(0), scan(0), *[along_a_wall()] * 300, scan(0)).overall
+    assert (found.verdict, found.stamp, found.place) == ("doubtful", 11.0, (1.0, 0.0, 0.0))
+    assert found.reason == (
+        "for 300.0 s nothing but the wheels told how far the robot drove in one direction, 300.0 m of way: "
+        "up to 0.6 m may be missing"
+    )
+
+
+def test_a_missing_way_is_lost_until_the_walls_are_met_again():
+    steps = [scan(0), along_a_wall(2.0, "changed"), along_a_wall(2.0, "back"), along_a_wall()]
+    monitor = monitor_of(*steps)
+    assert monitor.overall.verdict == monitor.present.verdict == "lost"
+    assert (monitor.overall.stamp, monitor.overall.place) == (10.0, (0.0, 0.0, 0.0))
+    assert monitor.overall.reason.startswith("for 2.0 s the wheels counted less or backward at once")
+    assert monitor.overall.reason.endswith("4.0 m are missing")
+    monitor = monitor_of(*steps, scan(0))
+    assert (monitor.overall.verdict, monitor.present.verdict) == ("lost", "doubtful")
+
+
+def test_a_loss_is_named_before_what_is_doubtful():
+    jump = scan(0, jump=(1.0, 0.0, 0.0))
+    found = monitor_of(jump, along_a_wall(2.0, "changed"), along_a_wall(2.0, "back")).overall
+    assert (found.verdict, found.stamp) == ("lost", 10.0)
+
+
 def test_what_a_jump_is():
     assert not is_jump(np.array([0.3, 0.2, -0.1]))
     assert is_jump(np.array([0.4, -0.4, 0.0]))
@@ -149,7 +187,7 @@ def test_a_jump_is_needless_where_the_map_did_not_contradict():
 
 def test_a_monitor_resumed_from_json_goes_on_alike():
     scans = [scan(0, of=2), *(scan(n) for n in (0, 30)), scan(0, of=2), *(scan(n) for n in (40, 0, 50, 0))]
-    scans += [scan(0, jump=(1.0, 0.0, 0.0))]
+    scans += [scan(0, jump=(1.0, 0.0, 0.0)), along_a_wall(), along_a_wall(2.0, "back")]
     whole, resumed = monitor_of(*scans), ContradictionMonitor()
     resumed.restore(json.loads(json.dumps(monitor_of(*scans[:4]).state())))
     for k, evidence in enumerate(scans[4:], start=4):

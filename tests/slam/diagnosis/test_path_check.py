@@ -8,6 +8,7 @@ from slam import FilterConfig, GMapping, se2
 from slam.config import MapConfig
 from slam.diagnosis.contradiction import JUMP_M
 from slam.diagnosis.path_check import check_path, left_out_score
+from slam.diagnosis.wheel_speed import WheelNews
 from slam.sensor.rays import make_rays
 from tests.slam.rooms import drive, scan_at
 
@@ -18,7 +19,7 @@ RAYS = [make_rays([scan_at(pose, beams=180, noise=0.01, rng=RNG)], usable_range=
 
 
 def check(poses, odometry=TRUE):
-    return check_path(STAMPS, poses, odometry, RAYS, MapConfig())
+    return check_path(STAMPS, poses, odometry, RAYS, [WheelNews()] * len(RAYS), FilterConfig())
 
 
 def turned_from(scan, degrees):
@@ -82,8 +83,8 @@ def test_a_score_of_no_beams_is_none():
 
 
 def test_parts_of_several_lengths_are_refused():
-    with pytest.raises(ValueError, match="of one length, got 61, 60, 61, 61"):
-        check_path(STAMPS, TRUE[:-1], TRUE, RAYS, MapConfig())
+    with pytest.raises(ValueError, match="of one length, got 61, 60, 61, 61, 61"):
+        check_path(STAMPS, TRUE[:-1], TRUE, RAYS, [WheelNews()] * len(RAYS), FilterConfig())
 
 
 def test_the_filter_reports_its_check_at_each_scan():
