@@ -17,13 +17,13 @@ from slam._kernel_cache import announce_compilation
 from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.diagnosis.contradiction import ContradictionMonitor, ScanEvidence, SelfCheck
-from slam.diagnosis.path_check import compare_scan, wheel_step
+from slam.diagnosis.path_check import WheelStep, compare_scan
 from slam.diagnosis.wheel_speed import WheelSpeed
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
 from slam.matching.proposal import ProposalResult, propose_poses
 from slam.matching.scan_matching import make_match_settings, shows_a_jump
-from slam.motion.odometry_model import motion_prior
+from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.occupancy import OccupancyGrid
 from slam.particles.ancestry import Ancestry
 from slam.particles.particle_count import next_count
@@ -104,8 +104,9 @@ class GMapping:
         assert taken.rays is not None
         particles, clock = self._particles, StageClock()
         before = particles.poses
-        result = self._propose(taken)
-        found = self._compare(taken, result)
+        scan_and_prior = self._scan_and_prior(taken.motion, taken.hits)
+        result = self._propose(taken, scan_and_prior)
+        found = self._compare(taken, result, scan_and_prior.prior)
         clock.end_stage("match")
 
         self.maps.integrate_scan(result.pose, taken.rays)  # may refuse: before anything else has changed
@@ -147,19 +148,18 @@ class GMapping:
         cfg = self.config
         return ScanAndPrior(hits, make_beam_model(cfg.match, cfg.map), motion_prior(motion, cfg.motion))
 
-    def _propose(self, taken: TakenScan) -> ProposalResult:
+    def _propose(self, taken: TakenScan, scan_and_prior: ScanAndPrior) -> ProposalResult:
         """Match, sample, fit, draw and weight for all particles: lines 4 to 21 of Algorithm 1."""
-        cfg, motion, hits = self.config, taken.motion, taken.hits
-        scan_and_prior = self._scan_and_prior(motion, hits)
-        settings = make_match_settings(motion, hits, cfg)
-        guesses = se2.compose(self._particles.poses, motion)
+        cfg = self.config
+        settings = make_match_settings(taken.motion, scan_and_prior.hits, cfg)
+        guesses = se2.compose(self._particles.poses, taken.motion)
         return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=self.weights)
 
-    def _compare(self, taken: TakenScan, result: ProposalResult) -> ScanEvidence:
+    def _compare(self, taken: TakenScan, result: ProposalResult, prior: MotionPrior) -> ScanEvidence:
         """What a scan that is not yet counted into the maps says of the estimate, by the best particle so far."""
         assert taken.rays is not None
         best = self.best
-        step = wheel_step(taken.motion, self._wheels.news, self.config.motion)
+        step = WheelStep(taken.motion, prior, self._wheels.news)
         before, pose = self._particles.poses[best], result.pose[best]
         return compare_scan(self.maps, best, taken.rays, before=before, step=step, pose=pose)
 

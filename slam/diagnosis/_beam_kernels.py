@@ -61,8 +61,8 @@ def compare_beams(grids, particle, pose, rays, every, first, limits, kinds, norm
     """What the map of a particle says of every k-th beam, from beam `first` on, of a scan taken at `pose` (3,).
 
     limits: `BeamLimits`;  kinds (beams,) out: one of the four above, of beams that are not compared UNKNOWN
-    normals (2, 2) out: sum of n n^T over the beams that end at a piece of wall of normal n; walls without a direction
-    are left out
+    normals (3,) out: elements xx, xy and yy of the sum of n n^T over the beams that end at a piece of wall of normal n;
+    walls without a direction are left out
     """
     clear2 = limits.clearance * limits.clearance
     table, counts = grids.table[particle], grids.counts
@@ -91,10 +91,9 @@ def compare_beams(grids, particle, pose, rays, every, first, limits, kinds, norm
                 mx, my = cx + offset[word, 0], cy + offset[word, 1]
                 direction = np.uint64(surface[fine_tile_at(surface_table, mx, my), in_fine_tile(mx, my)] & DIRECTION)
                 nx, ny = NORMALS[direction, 0], NORMALS[direction, 1]  # zero where there is none
-                normals[0, 0] += nx * nx
-                normals[0, 1] += nx * ny
-                normals[1, 0] += nx * ny
-                normals[1, 1] += ny * ny
+                normals[0] += nx * nx
+                normals[1] += nx * ny
+                normals[2] += ny * ny
                 continue
         seen = counts[tile_at(table, cx, cy), in_tile(cx, cy)]
         if (seen & VISITS) >= limits.min_visits and not is_wall(seen, limits.occupied_share):

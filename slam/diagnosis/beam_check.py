@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slam import se2
 from slam.diagnosis._beam_kernels import MET, SHORT, THROUGH, UNKNOWN, compare_beams
+from slam.diagnosis.unheld_directions import Symmetric
 from slam.grid.particle_maps import ParticleMaps
 from slam.sensor.rays import Rays
 
@@ -64,23 +64,22 @@ class BeamLimits(NamedTuple):
     """Distance between wall and end point from which on they contradict each other [cells]."""
 
 
-def check_scan(
-    maps: ParticleMaps, particle: int, pose: se2.Pose, rays: Rays
-) -> tuple[BeamEvidence, NDArray[np.float64]]:
+def check_scan(maps: ParticleMaps, particle: int, pose: se2.Pose, rays: Rays) -> tuple[BeamEvidence, Symmetric]:
     """Compare a scan taken at the pose (3,) with the map of a particle, which must not hold the scan yet.
 
-    Also returns the sum (2, 2) of n n^T over the beams that end at a piece of wall, of normal n in the map's frame.
+    Also returns the sum of n n^T over the beams that end at a piece of wall, of normal n in the map's frame.
     """
     return check_beams(maps, particle, pose, rays, every=max(1, -(-len(rays.hit) // MAX_BEAMS)))
 
 
 def check_beams(
     maps: ParticleMaps, particle: int, pose: se2.Pose, rays: Rays, *, every: int, first: int = 0
-) -> tuple[BeamEvidence, NDArray[np.float64]]:
+) -> tuple[BeamEvidence, Symmetric]:
     """The same for every k-th beam, from beam `first` on."""
     limits = BeamLimits(maps.config.occupied_share, MIN_WALL_HITS, MIN_FREE_VISITS, CLEARANCE / maps.config.cell)
-    kinds, normals = np.empty(len(rays.hit), np.uint8), np.empty((2, 2))
+    kinds, normals = np.empty(len(rays.hit), np.uint8), np.empty(3)
     compare_beams(maps.grids, particle, np.asarray(pose, dtype=np.float64), rays, every, first, limits, kinds, normals)
     looked_at = kinds[first::every][rays.hit[first::every]]
     counts = np.bincount(looked_at, minlength=4)
-    return BeamEvidence(*(int(counts[kind]) for kind in (MET, THROUGH, SHORT, UNKNOWN))), normals
+    xx, xy, yy = normals.tolist()
+    return BeamEvidence(*(int(counts[kind]) for kind in (MET, THROUGH, SHORT, UNKNOWN))), (xx, xy, yy)

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam._threads import Threads
-from slam.config import FilterConfig, MapConfig, MotionConfig
+from slam.config import FilterConfig, MapConfig
 from slam.diagnosis._beam_kernels import beam_log_likelihoods
 from slam.diagnosis.beam_check import check_scan
 from slam.diagnosis.contradiction import ContradictionMonitor, ScanEvidence, is_jump, is_needless
 from slam.diagnosis.unheld_directions import Hold
 from slam.diagnosis.wheel_speed import WheelNews
 from slam.grid.particle_maps import ParticleMaps
-from slam.motion.odometry_model import motion_prior
+from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.sensor.rays import Rays
 
 KEPT_OUT = 8
@@ -53,15 +53,10 @@ class WheelStep(NamedTuple):
 
     motion: se2.Pose
     """Displacement (3,), seen from the robot."""
-    variance: float
-    """Variance of its position by the motion model, where the odometry has not failed [m^2]."""
+    prior: MotionPrior
+    """Density of the true displacement about it."""
     news: WheelNews
     """What the speed of the wheels says of it."""
-
-
-def wheel_step(motion: se2.Pose, news: WheelNews, config: MotionConfig) -> WheelStep:
-    """What the wheels say of a displacement (3,), by a motion model."""
-    return WheelStep(motion, 1.0 / float(motion_prior(motion, config).precision[0, 0]), news)
 
 
 def compare_scan(
@@ -74,7 +69,8 @@ def compare_scan(
     predicted = se2.compose(before, step.motion)
     (beams, normals), displacement = check_scan(maps, particle, pose, rays), se2.between(predicted, pose)
     innovation = float(pose[0] - predicted[0]), float(pose[1] - predicted[1])
-    hold = Hold(normals, innovation, step.variance, float(before[2]), step.news)
+    variance = 1.0 / float(step.prior.precision[0, 0])
+    hold = Hold(normals, innovation, variance, float(before[2]), step.news)
     if is_jump(displacement) and is_needless(check_scan(maps, particle, predicted, rays)[0]):
         return ScanEvidence(beams, displacement, hold)
     return ScanEvidence(beams, None, hold)
@@ -100,7 +96,8 @@ def check_path(
     maps, monitor = ParticleMaps(1, config.map, Threads(1)), ContradictionMonitor()
     for i, scan in enumerate(rays):
         if i > 0:
-            step = wheel_step(se2.between(odometry[i - 1], odometry[i]), news[i], config.motion)
+            motion = se2.between(odometry[i - 1], odometry[i])
+            step = WheelStep(motion, motion_prior(motion, config.motion), news[i])
             evidence = compare_scan(maps, 0, scan, before=poses[i - 1], step=step, pose=poses[i])
             monitor.update(float(stamps[i]), poses[i], evidence)
         maps.integrate_scan(poses[i : i + 1], scan)

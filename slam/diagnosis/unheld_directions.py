@@ -18,12 +18,10 @@ direction that is not held, the way in between is missing, unless the scans have
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from slam.diagnosis.plain_parts import part_of, plain_pose
 from slam.diagnosis.wheel_speed import WheelNews
@@ -42,12 +40,17 @@ in a metre the motion of an estimate must be wrong for the outcome `lost`."""
 HONEST_SHARE = 0.2
 """Wheels that changed their speed were right if the scans make up for less than this share of the missing way."""
 
+Symmetric = tuple[float, float, float]
+"""The elements xx, xy and yy of a symmetric matrix (2, 2): plain numbers, since each scan needs some."""
+NONE, ALL = (0.0, 0.0, 0.0), (1.0, 0.0, 1.0)
+"""The projections on no direction and on all."""
+
 
 class Hold(NamedTuple):
     """What a scan and the wheels say of a step of the estimate, in the map's frame."""
 
-    normals: NDArray[np.float64]
-    """Sum of n n^T over the compared beams that end at a wall of normal n, (2, 2)."""
+    normals: Symmetric
+    """Sum of n n^T over the compared beams that end at a wall of normal n."""
     innovation: tuple[float, float]
     """Position of the estimate less that which the wheels predict [m]."""
     variance: float
@@ -102,7 +105,7 @@ class SpeedChange:
     """Way that the wheels may not have counted [m]."""
     made_up: float = 0.0
     """How much farther the estimate went than the wheels [m]."""
-    held: float = np.inf
+    held: float = math.inf
     """Beams that held the estimate in the worst direction of the worst scan."""
 
 
@@ -114,7 +117,7 @@ class UnheldDirections:
         self.still_missing = False
         """Whether the estimate has not been held in all directions since a way is missing."""
         self._last: tuple[float, tuple[float, float, float]] | None = None  # stamp and estimated pose at the last scan
-        self._covariance = np.zeros((2, 2))  # by the motion model [m^2]
+        self._covariance = NONE  # by the motion model [m^2]
         self._present: UnheldStretch | None = None
         self._worst: UnheldStretch | None = None
         self._squares, self._count = 0.0, 0.0  # innovations in units of their standard deviation
@@ -135,36 +138,36 @@ class UnheldDirections:
     @property
     def worst(self) -> tuple[UnheldStretch, float] | None:
         """The stretch after which the estimate may be wrong the most, and by how much [m]; None = there was none."""
-        return None if self._worst is None else (self._worst, 2.0 * float(np.sqrt(self.rate * self._worst.variance)))
+        return None if self._worst is None else (self._worst, 2.0 * math.sqrt(self.rate * self._worst.variance))
 
     def update(self, stamp: float, pose: tuple[float, float, float], hold: Hold) -> None:
         """Take in a step of the estimate, to a pose [m, m, rad] at a time [s]."""
         last, self._last = self._last or (stamp, pose), (stamp, pose)
-        values, axes = np.linalg.eigh(hold.normals)
-        free = axes[:, values < MIN_HELD]
-        unheld = free @ free.T
+        unheld, held = _unheld(hold.normals)
         self._learn(hold, unheld)
         if hold.news.stage != "steady":
-            self._follow_change(last, stamp, hold, unheld, float(values[0]))
-        if free.shape[1] == 0:
-            self._covariance, self._present, self.still_missing = np.zeros((2, 2)), None, False
+            self._follow_change(last, stamp, hold, unheld, held)
+        if unheld == NONE:
+            self._covariance, self._present, self.still_missing = NONE, None, False
             return
-        self._covariance = unheld @ (self._covariance + hold.variance * np.eye(2)) @ unheld
+        xx, xy, yy = self._covariance
+        self._covariance = _projected(unheld, (xx + hold.variance, xy, yy + hold.variance))
         stretch = self._present or UnheldStretch(stamp=last[0], place=last[1])
         self._present = replace(
             stretch,
             seconds=stamp - stretch.stamp,
-            metres=stretch.metres + float(np.hypot(pose[0] - last[1][0], pose[1] - last[1][1])),
-            variance=float(np.linalg.eigvalsh(self._covariance)[1]),
+            metres=stretch.metres + math.hypot(pose[0] - last[1][0], pose[1] - last[1][1]),
+            variance=_eigenvalues(self._covariance)[1],
         )
         if self._worst is None or self._present.variance > self._worst.variance:
             self._worst = self._present
 
-    def _learn(self, hold: Hold, unheld: NDArray[np.float64]) -> None:
+    def _learn(self, hold: Hold, unheld: Symmetric) -> None:
         """Compare the innovation of a step along the heading with the motion model, as far as it is held there."""
-        forward = _forward(hold)
-        square = float(forward @ hold.innovation) ** 2 / hold.variance
-        held = 1.0 if square > LEFT_SIGMAS**2 else 1.0 - float(forward @ unheld @ forward)
+        cos, sin = math.cos(hold.heading), math.sin(hold.heading)
+        square = (cos * hold.innovation[0] + sin * hold.innovation[1]) ** 2 / hold.variance
+        along = cos * cos * unheld[0] + 2.0 * cos * sin * unheld[1] + sin * sin * unheld[2]
+        held = 1.0 if square > LEFT_SIGMAS**2 else 1.0 - along
         self._squares += held * square
         self._count += held
 
@@ -173,23 +176,24 @@ class UnheldDirections:
         last: tuple[float, tuple[float, float, float]],
         stamp: float,
         hold: Hold,
-        unheld: NDArray[np.float64],
+        unheld: Symmetric,
         held: float,
     ) -> None:
         """Follow a change of the wheels' speed, from the scan before to the one at `stamp` [s]."""
         change = self._change or SpeedChange(stamp=last[0], place=last[1])
-        forward = _forward(hold)
-        x, y = unheld @ (np.array(change.lacking) + hold.news.missing * forward - hold.innovation)
+        cos, sin = math.cos(hold.heading), math.sin(hold.heading)
+        x = change.lacking[0] + hold.news.missing * cos - hold.innovation[0]
+        y = change.lacking[1] + hold.news.missing * sin - hold.innovation[1]
         self._change = change = replace(
             change,
-            lacking=[float(x), float(y)],
+            lacking=[unheld[0] * x + unheld[1] * y, unheld[1] * x + unheld[2] * y],
             missing=change.missing + hold.news.missing,
-            made_up=change.made_up + float(forward @ hold.innovation),
+            made_up=change.made_up + cos * hold.innovation[0] + sin * hold.innovation[1],
             held=min(change.held, held),
         )
         if hold.news.stage == "changed":
             return
-        self._change, lacks = None, float(np.hypot(x, y))
+        self._change, lacks = None, math.hypot(*change.lacking)
         if hold.news.stage == "back" and lacks > MAX_ERROR_M:
             self.still_missing = True
             if self._missing is None or lacks > self._missing.metres:
@@ -204,7 +208,7 @@ class UnheldDirections:
         return {
             **{name: None if part is None else asdict(part) for name, part in parts.items()},
             "last": self._last,
-            "covariance": self._covariance.tolist(),
+            "covariance": self._covariance,
             "squares": self._squares,
             "count": self._count,
             "honest": self._honest,
@@ -217,11 +221,34 @@ class UnheldDirections:
         self._change, self._missing = part_of(SpeedChange, state["change"]), part_of(MissingWay, state["missing"])
         last = state["last"]
         self._last = None if last is None else (float(last[0]), plain_pose(last[1]))
-        self._covariance = np.array(state["covariance"])
+        xx, xy, yy = state["covariance"]
+        self._covariance = (float(xx), float(xy), float(yy))
         self._squares, self._count = float(state["squares"]), float(state["count"])
         self._honest, self.still_missing = bool(state["honest"]), bool(state["still_missing"])
 
 
-def _forward(hold: Hold) -> NDArray[np.float64]:
-    """Unit vector (2,) of the heading in the map's frame."""
-    return np.array([np.cos(hold.heading), np.sin(hold.heading)])
+def _eigenvalues(matrix: Symmetric) -> tuple[float, float]:
+    """The smaller and the larger eigenvalue."""
+    mean, radius = 0.5 * (matrix[0] + matrix[2]), math.hypot(0.5 * (matrix[0] - matrix[2]), matrix[1])
+    return mean - radius, mean + radius
+
+
+def _unheld(normals: Symmetric) -> tuple[Symmetric, float]:
+    """Projection on the directions that too few beams hold, and how many hold the worst direction."""
+    least, most = _eigenvalues(normals)
+    if most < MIN_HELD:
+        return ALL, least
+    if least >= MIN_HELD:
+        return NONE, least
+    angle = 0.5 * math.atan2(2.0 * normals[1], normals[0] - normals[2])  # of the direction that is held
+    cos, sin = math.cos(angle), math.sin(angle)
+    return (sin * sin, -sin * cos, cos * cos), least
+
+
+def _projected(unheld: Symmetric, covariance: Symmetric) -> Symmetric:
+    """U C U for a projection U on one direction or on both."""
+    if unheld == ALL:
+        return covariance
+    xx, xy, yy = unheld  # e e^T, so that U C U = (e^T C e) U
+    variance = xx * covariance[0] + 2.0 * xy * covariance[1] + yy * covariance[2]
+    return xx * variance, xy * variance, yy * variance

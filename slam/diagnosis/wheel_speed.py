@@ -7,6 +7,7 @@ odometry alone. A robot that really stops needs time to stop, and to be as fast 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
@@ -49,16 +50,17 @@ class WheelSpeed:
 
     def update(self, stamp: float, odometry: se2.Pose) -> None:
         """Take in the odometry (3,) at a scan, joined where it started again, and its time [s]."""
-        last, self._last = self._last, (float(stamp), [float(part) for part in odometry])
+        last, self._last = self._last, (float(stamp), odometry.tolist())
         if last is None or stamp <= last[0]:
             return
-        seconds = float(stamp) - last[0]
-        speed = float(se2.between(last[1], odometry)[0]) / seconds
-        self._speeds = [*self._speeds[-2:], (speed, seconds)]
+        seconds = self._last[0] - last[0]
+        x, y, heading = last[1]
+        speed = ((odometry[0] - x) * math.cos(heading) + (odometry[1] - y) * math.sin(heading)) / seconds
+        self._speeds = [*self._speeds[-2:], (float(speed), seconds)]
         if self._before is None:
             self._look_for_a_change()
         else:
-            self._follow(self._before, speed, seconds)
+            self._follow(self._before, *self._speeds[-1])
 
     @property
     def news(self) -> WheelNews:

@@ -13,9 +13,11 @@ Prints: the confusion tables and the rank correlations of docs/self-check.md, wi
 Data suffice where localisation in the true map, from the true start, stays found on them (as in the stress suite).
 The runs are short drives under the perturbations of the stress suite, with the filter's defaults and with two weakened
 filters, which are lost often. Thresholds of the sum were chosen by the worlds and seeds of `training`, those of the
-directions that no wall holds by `held-out`; those of `fresh` and the recorded logs took no part in it. RUNS is a directory with one file for each run; the command goes on where it was
-stopped. A run is judged by the truth at the scans that the filter used. Each takes some five seconds; recorded logs
-and estimates of other systems are read from $TESTBED_DATASETS and the folder `peers` next to it.
+directions that no wall holds by `held-out`; those of `fresh` and the recorded logs took no part in it.
+
+RUNS is a directory with one file for each run; the command goes on where it was stopped. A run is judged by the truth
+at the scans that the filter used. Each takes some five seconds; recorded logs and estimates of other systems are read
+from $TESTBED_DATASETS and the folder `peers` next to it.
 """
 
 from __future__ import annotations

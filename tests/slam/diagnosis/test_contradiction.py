@@ -20,7 +20,7 @@ from slam.diagnosis.contradiction import (
 from slam.diagnosis.unheld_directions import Hold
 from slam.diagnosis.wheel_speed import WheelNews
 
-HELD = Hold(np.diag([40.0, 40.0]), (0.0, 0.0), 4e-4, 0.0, WheelNews())
+HELD = Hold((40.0, 0.0, 40.0), (0.0, 0.0), 4e-4, 0.0, WheelNews())
 """A scan that holds the estimate in all directions, and wheels that are right."""
 
 
@@ -143,7 +143,7 @@ def test_a_short_time_without_sight_is_none():
 
 def along_a_wall(missing=0.0, stage="steady"):
     """A scan that one wall holds across the way, and wheels of which so many metres may be missing."""
-    return scan(0, hold=HELD._replace(normals=np.diag([0.1, 40.0]), news=WheelNews(stage, missing)))
+    return scan(0, hold=HELD._replace(normals=(0.1, 0.0, 40.0), news=WheelNews(stage, missing)))
 
 
 def test_a_long_way_by_the_wheels_alone_is_doubtful():

@@ -21,8 +21,16 @@ CORRIDOR = np.array([[*(-60.0 * ALONG + side * ACROSS), *(60.0 * ALONG + side * 
 SIGMA = 0.02
 """Standard deviation of the wheels in a step by the motion model [m]."""
 STEADY = WheelNews()
-NOTHING, EVERYWHERE = np.zeros((2, 2)), 40.0 * np.eye(2)
-ONE_WALL = 40.0 * np.outer(ACROSS, ACROSS)
+NOTHING, EVERYWHERE = (0.0, 0.0, 0.0), (40.0, 0.0, 40.0)
+
+
+def wall(normal):
+    """What 40 beams to a wall of this normal hold."""
+    x, y = normal.tolist()
+    return 40.0 * x * x, 40.0 * x * y, 40.0 * y * y
+
+
+ONE_WALL = wall(ACROSS)
 
 
 def scans_along(poses, walls):
@@ -51,7 +59,7 @@ def test_the_normals_of_a_scan_are_those_of_its_walls():
         for pose, scan in zip(poses * (0.2, 0.2, 1.0) if held else poses, scans, strict=True):
             maps.integrate_scan(pose[None], scan)
         beams, normals = check_scan(maps, 0, poses[0], scans[0])
-        values, axes = np.linalg.eigh(normals)
+        values, axes = np.linalg.eigh([normals[:2], normals[1:]])
         assert beams.met > 60
         assert (values[0] > 10.0) == held
         if not held:
@@ -117,7 +125,7 @@ def test_what_is_met_again_is_held_again():
 
 def test_a_wall_across_holds_what_a_wall_along_does_not():
     """The two walls are met by turns: neither direction goes without a hold for long."""
-    along, across = hold(ONE_WALL), hold(40.0 * np.outer(ALONG, ALONG))
+    along, across = hold(ONE_WALL), hold(wall(ALONG))
     assert directions_of(*[along, across] * 50).worst[0].variance == pytest.approx(SIGMA**2)
     assert directions_of(*[hold(NOTHING)] * 50).worst[0].variance == pytest.approx(50 * SIGMA**2)
 
@@ -127,6 +135,14 @@ def test_good_wheels_may_drive_on_where_bad_ones_are_doubted():
     good = directions_of(*[hold(EVERYWHERE, 0.2 * SIGMA * ALONG)] * 100, *stretch).worst[1]
     bad = directions_of(*[hold(EVERYWHERE, 10.0 * SIGMA * ALONG)] * 5, *stretch).worst[1]
     assert good < MAX_ERROR_M < bad
+
+
+def test_an_estimate_that_leaves_the_wheels_was_held_by_something():
+    """Also where no wall with a direction was met: such a step shows how far the wheels err, a small one does not."""
+    assert directions_of(*[hold(ONE_WALL, 2.9 * SIGMA * ALONG)] * 10).rate == pytest.approx(1.0)
+    rate = directions_of(*[hold(ONE_WALL, 5.0 * SIGMA * ALONG)] * 10).rate
+    assert rate == pytest.approx((MODEL_STEPS + 250.0) / (MODEL_STEPS + 10.0))
+    assert directions_of(*[hold(EVERYWHERE, 5.0 * SIGMA * ACROSS)] * 10).rate < 1.0
 
 
 def changed(normals, missing, innovation=(0.0, 0.0), stage="changed"):
@@ -142,7 +158,7 @@ def test_a_way_is_missing_only_in_a_direction_that_is_not_held():
     assert directions_of(*free, hold(EVERYWHERE)).missing == directions_of(*free).missing
     assert not directions_of(*free, hold(EVERYWHERE)).still_missing
     assert directions_of(*free[:2], changed(EVERYWHERE, 0.4, stage="back")).missing is None
-    across = 40.0 * np.outer(ALONG, ALONG)
+    across = wall(ALONG)
     assert directions_of(*[changed(across, 0.4)] * 2, changed(across, 0.4, stage="back")).missing is None
 
 
