@@ -2,11 +2,12 @@
 """Directions that no wall holds: a bare corridor has one, a room none; there the possible error grows as wheels err."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from slam import FilterConfig, se2
+from slam import FilterConfig, GMapping, se2
 from slam.diagnosis.beam_check import check_scan
 from slam.diagnosis.path_check import check_path
 from slam.diagnosis.unheld_directions import MAX_ERROR_M, MODEL_STEPS, Hold, UnheldDirections
@@ -67,13 +68,35 @@ def test_the_normals_of_a_scan_are_those_of_its_walls():
             assert abs(axes[:, 0] @ ALONG) > 0.995
 
 
+def stuck_wheels(stamps):
+    """Odometry (n, 3) along the corridor at 0.5 m/s, but for three seconds from 10 s on, in which it stands still."""
+    way = 0.5 * stamps - 0.5 * np.clip(stamps - 10.0, 0.0, 3.0)
+    return np.stack([way * ALONG[0], way * ALONG[1], np.full(len(way), ANGLE)], axis=-1)
+
+
+def test_the_filter_says_so_while_it_drives():
+    """Live, and also one that goes on from the state of another in the middle of the fault."""
+    stamps, rng, verdicts = np.arange(0.0, 20.0, 0.2), np.random.default_rng(5), []
+    odometry = stuck_wheels(stamps)
+    mapper = GMapping(FilterConfig(particles=3), seed=0, threads=1)
+    for k, (stamp, pose) in enumerate(zip(stamps, odometry, strict=True)):
+        if k == 58:
+            state = mapper.state()
+            mapper = GMapping(FilterConfig(particles=3), seed=0, threads=1)
+            mapper.restore(*state)
+        scan = scan_at(pose, beams=360, stamp=stamp, noise=0.01, rng=rng, walls=CORRIDOR)
+        verdicts.append(mapper.process(pose, replace(scan, range_max=4.0)).self_check.verdict)
+    assert set(verdicts[:64]) == {"plausible"}
+    assert set(verdicts[70:]) == {"lost"}
+    assert mapper.self_check.stamp == pytest.approx(9.8, abs=0.3)
+    assert mapper.self_check.reason.endswith("1.5 m are missing")
+
+
 @pytest.mark.parametrize("fault", [True, False])
 def test_a_path_along_a_bare_corridor_whose_wheels_stand_still_lacks_a_way(fault):
     """The robot drives on at 0.5 m/s, the wheels stand still for three seconds, and all scans agree with them."""
     stamps = np.arange(0.0, 30.0, 0.2)
-    way = 0.5 * stamps
-    counted = way - 0.5 * np.clip(stamps - 10.0, 0.0, 3.0) if fault else way
-    poses = np.stack([counted * ALONG[0], counted * ALONG[1], np.full(len(way), ANGLE)], axis=-1)
+    poses = stuck_wheels(stamps) if fault else se2.compose((0.0, 0.0, ANGLE), np.outer(stamps, (0.5, 0.0, 0.0)))
     scans = scans_along(poses, CORRIDOR)
     news = wheel_news(stamps, poses, np.arange(len(stamps)))
     monitor = check_path(stamps, poses, poses, scans, news, FilterConfig())
@@ -181,13 +204,16 @@ def test_a_robot_that_was_seen_to_drive_so_is_believed():
     assert directions_of(*seen, *free).missing is None
     assert directions_of(*free, *seen).missing is None
     assert directions_of(*caught, *free).missing.metres == pytest.approx(1.2)
+    hardly = [step._replace(normals=(5.0, 0.0, 5.0)) for step in seen]
+    assert directions_of(*hardly, *free).missing.metres == pytest.approx(1.2)
 
 
 def test_one_resumed_from_json_goes_on_alike():
     steps = [hold(EVERYWHERE, 0.05 * ALONG), hold(ONE_WALL), changed(ONE_WALL, 0.6), changed(ONE_WALL, 0.6)]
     steps += [changed(ONE_WALL, 0.6, stage="back"), hold(ONE_WALL), changed(EVERYWHERE, 0.5), hold(EVERYWHERE)]
-    whole, resumed = UnheldDirections(), UnheldDirections()
+    whole = UnheldDirections()
     for k, step in enumerate(steps):
+        resumed = UnheldDirections()
         resumed.restore(json.loads(json.dumps(whole.state())))
         for found in (whole, resumed):
             found.update(float(k), tuple(se2.compose((k * 0.2, 0.0, 0.0), (0.0, 0.0, ANGLE)).tolist()), step)

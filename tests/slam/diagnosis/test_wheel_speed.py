@@ -53,6 +53,7 @@ def test_counters_that_fail_for_a_while_are_noticed(begin, speed, missing):
     found = news_of(*drive(lambda time: fault(time, begin=begin, speed=speed)), every=4)
     assert [news.stage for news in found if news.stage == "back"] == ["back"]
     assert sum(news.missing for news in found) == pytest.approx(missing, abs=0.03)
+    assert sum(news.missing for news in found if news.stage != "steady") == pytest.approx(missing, abs=0.03)
 
 
 @pytest.mark.parametrize("acceleration", [0.3, 0.6, 1.0])
