@@ -64,6 +64,8 @@ class Predictor:
     unit: str
     floor: float
     """Smaller values count as this one: the model uses the binary logarithm."""
+    expected: int
+    """1 if one expects that larger values need more particles, -1 if fewer."""
 
     def value(self, features: Mapping[str, Any]) -> float:
         """The value that the model uses; raises KeyError if the feature is unknown."""
@@ -76,9 +78,9 @@ class Predictor:
 
 
 PREDICTORS = (
-    Predictor("longest_unknown_m", "longest way through unknown floor", "m", 4.0),
-    Predictor("odometry_deg_per_m", "heading error of the odometry over a metre", "deg", 0.1),
-    Predictor("scan_observability", "how well a scan determines the position (0 to 1)", "", 0.02),
+    Predictor("longest_unknown_m", "longest way through unknown floor", "m", 4.0, 1),
+    Predictor("odometry_deg_per_m", "heading error of the odometry over a metre", "deg", 0.1, 1),
+    Predictor("scan_observability", "how well a scan determines the position (0 to 1)", "", 0.02, -1),
 )
 
 
@@ -192,6 +194,14 @@ class NeededCount:
         """The predictors whose value lies outside of what the experiment covered."""
         beyond = (predictors < self.low - 0.1) | (predictors > self.high + 0.1)
         return [predictor for predictor, out in zip(PREDICTORS, beyond, strict=True) if out]
+
+    def is_shown(self, predictor: Predictor) -> bool:
+        """Whether the experiment shows any effect of a predictor: the 95 % interval of one of its two coefficients, on
+        the odds of holding and on the slope of the error, does not hold 0."""
+        k = PREDICTORS.index(predictor)
+        draws = np.stack([self.holding[1:, 2 + k], self.growth[1:, 1 + k]])
+        low, high = np.quantile(draws, (0.025, 0.975), axis=1)
+        return bool(((low > 0.0) | (high < 0.0)).any())
 
     @property
     def record(self) -> str:

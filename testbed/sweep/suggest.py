@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +38,10 @@ class Reason:
     """Its median in the experiment."""
     needed_if_usual: int | None
     """The needed count if this predictor were at that median; None = more than the largest count."""
+    is_shown: bool
+    """Whether the experiment shows an effect of this predictor."""
+    is_as_expected: bool
+    """Whether its effect here goes the way that one expects."""
 
 
 @dataclass(frozen=True)
@@ -88,12 +93,20 @@ def suggest(name: str, features: Mapping[str, Any], model: NeededCount) -> Sugge
 def _reason(model: NeededCount, at: np.ndarray, k: int) -> Reason:
     usual = at.copy()
     usual[k] = model.centre[k]
-    predictor = PREDICTORS[k]
+    predictor, needed = PREDICTORS[k], model.needed(usual)
+    is_harder = predictor.expected * (at[k] - usual[k]) > 0.0
+    more = _or_infinite(model.needed(at)) - _or_infinite(needed)
     return Reason(
         f"{predictor.words}: {predictor.text(float(at[k]))}",
         predictor.text(float(model.centre[k])),
-        model.needed(usual),
+        needed,
+        is_shown=model.is_shown(predictor),
+        is_as_expected=not (more < 0.0 if is_harder else more > 0.0),  # NaN where neither holds
     )
+
+
+def _or_infinite(count: int | None) -> float:
+    return math.inf if count is None else float(count)
 
 
 def _outside(model: NeededCount, at: np.ndarray, predictor: Predictor) -> str:

@@ -14,6 +14,7 @@ from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.sweep.errors import SweepError
 from testbed.sweep.suggest import (
     LOOK_PARTICLES,
+    Reason,
     Suggestion,
     features_of_log,
     features_of_world,
@@ -61,7 +62,7 @@ def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion
 
 def sentences(suggestion: Suggestion) -> list[str]:
     """The suggestion in words: the count, what it promises, the reasons, and what the experiment did not cover."""
-    low, high = (f"more than {suggestion.largest}" if end is None else str(end) for end in suggestion.interval)
+    low, high = (_count_words(suggestion, end) for end in suggestion.interval)
     largest, start = particles(suggestion.largest), suggestion.start
     if suggestion.needed is None:
         lines = [
@@ -82,7 +83,21 @@ def sentences(suggestion: Suggestion) -> list[str]:
         if suggestion.largest_holds < MOSTLY_HOLDS:
             lines.append(f"More than {largest} were not tested and would probably help.")
     lines[:0] = [f"Outside of what was measured, so this is an extrapolation: {words}." for words in suggestion.outside]
-    for reason in suggestion.reasons:
-        needed = f"more than {suggestion.largest}" if reason.needed_if_usual is None else str(reason.needed_if_usual)
-        lines.append(f"  {reason.words} (a world with {reason.usual}, the middle of those tested, would need {needed})")
-    return lines
+    lines.append(f"Why the middle one needs {_count_words(suggestion, suggestion.needed)}:")
+    return lines + [_why(suggestion, reason) for reason in suggestion.reasons]
+
+
+def _why(suggestion: Suggestion, reason: Reason) -> str:
+    """A reason with the count that the middle world would need without it, or that the experiment does not show it."""
+    usual = f"a world with {reason.usual}, the middle of those tested,"
+    if not reason.is_shown:
+        return f"  {reason.words} (that this matters is not shown by the experiment)"
+    if reason.needed_if_usual == suggestion.needed:
+        return f"  {reason.words} ({usual} would need as many)"
+    counts = [_count_words(suggestion, count) for count in (reason.needed_if_usual, suggestion.needed)]
+    strange = "" if reason.is_as_expected else ": the other way than one would expect"
+    return f"  {reason.words} ({usual} would need {counts[0]} instead of {counts[1]}{strange})"
+
+
+def _count_words(suggestion: Suggestion, count: int | None) -> str:
+    return f"more than {suggestion.largest}" if count is None else str(count)

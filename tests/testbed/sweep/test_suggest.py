@@ -46,6 +46,53 @@ def test_longer_ways_need_more_particles_and_are_the_reason():
     assert needed[-1] > 8
 
 
+def reasons_of(found):
+    """The printed reasons by the first words of the feature."""
+    lines = sentences(found)
+    first = next(number for number, line in enumerate(lines) if line.startswith("Why "))
+    return lines[first], {line.split()[0]: line[line.index("(") :] for line in lines[first + 1 :]}
+
+
+def test_a_reason_says_what_it_compares_with(tmp_path):
+    found = suggest("ring", EASY | {"longest_unknown_m": 256.0}, model())
+    head, reasons = reasons_of(found)
+    assert head == f"Why the middle one needs {found.needed}:"
+    middle = "a world with 16 m, the middle of those tested, would need"
+    assert reasons["longest"] == f"({middle} 1 instead of {found.needed})"
+    assert reasons_of(suggest("ring", EASY, model()))[1]["longest"] == f"({middle} as many)"
+    hopeless = suggest("desert", EASY | {"longest_unknown_m": 4096.0}, model())
+    assert reasons_of(hopeless)[0] == "Why the middle one needs more than 64:"
+    assert reasons_of(hopeless)[1]["longest"] == f"({middle} 1 instead of more than 64)"
+
+
+def test_a_feature_that_the_experiment_does_not_show_is_no_reason():
+    """The coefficients of the odometry are 1 and -1.2 in two draws: more or fewer particles."""
+    unsure = model()
+    unsure.holding[:, 3] = [-1.0, 1.0, -1.2]
+    found = suggest("ring", EASY | {"odometry_deg_per_m": 16.0, "longest_unknown_m": 64.0}, unsure)
+    assert [reason.is_shown for reason in found.reasons] == [True, False, False]
+    assert reasons_of(found)[1]["heading"] == "(that this matters is not shown by the experiment)"
+    sure = model()
+    sure.growth[:, 2] = [0.5, 0.4, 0.6]  # the error falls more slowly where the odometry is worse
+    assert suggest("ring", EASY, sure).reasons[1].is_shown
+
+
+def test_an_effect_that_goes_the_other_way_says_so():
+    """Worse odometry holds more often here, so that it needs fewer particles."""
+    strange = model()
+    strange.holding[:, 3] = 1.0
+    found = suggest("ring", EASY | {"odometry_deg_per_m": 4.0, "longest_unknown_m": 256.0}, strange)
+    usual = found.reasons[1].needed_if_usual
+    assert found.needed < usual
+    assert [reason.is_as_expected for reason in found.reasons] == [True, False, True]
+    assert reasons_of(found)[1]["heading"].endswith(
+        f"would need {usual} instead of {found.needed}: the other way than one would expect)"
+    )
+    usual_way = model()
+    usual_way.holding[:, 3] = -1.0
+    assert suggest("ring", EASY | {"odometry_deg_per_m": 4.0}, usual_way).reasons[1].is_as_expected
+
+
 def test_what_the_experiment_did_not_cover_is_named():
     inside, outside = (suggest("x", EASY | {"odometry_deg_per_m": e}, model()) for e in (1.0, 30.0))
     assert inside.outside == ()
