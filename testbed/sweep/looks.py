@@ -154,9 +154,8 @@ def planned(out: Path | None, spec: SweepSpec, table: SweepTable | None) -> Plan
     """
     manifest = Manifest(spec, code_version(), input_digests(spec), commit())
     if out is None or not (out / MANIFEST).is_file():
-        cells = manifest.cells()
-        seeds = set(spec.seeds[: spec.looks[0]])
-        return Planned([cell for cell in cells if cell.seed in seeds], cells, spec.looks[0])
+        look = look_of(spec, manifest.cells(), None, lambda _: False)
+        return Planned(list(look.needed), list(look.possible), look.seeds)
     directory = SweepDirectory.open(out)
     check_extends(out, directory.manifest, manifest)
     cells = SweepDirectory(out, manifest).cells()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -58,6 +58,7 @@ class SweepProgress:
         self._measure = measure
         self._errors: dict[tuple[str, str], dict[int, dict[int, float]]] = {}
         self._counts = {cell.particles for cell in cells}
+        self._computed = {(cell.place, cell.line) for cell in cells}
 
     def note_table(self, table: SweepTable) -> None:
         """Count the runs that were there before among the medians."""
@@ -99,10 +100,10 @@ class SweepProgress:
         return table
 
     def median_lines(self) -> list[str]:
-        """The same as one line per world that has a complete seed, for a log; empty where none has."""
+        """The same as one line per world that is computed and has a complete seed, for a log; empty where none is."""
         unit = self._measure.unit(0.0)
         counts, lines = sorted(self._counts), []
-        for name, groups in self._named_errors():
+        for name, groups in self._named_errors(self._computed):
             seeds = _complete_seeds(groups, counts)
             if not seeds:
                 continue
@@ -116,7 +117,10 @@ class SweepProgress:
         of = f" of the {self._measure.estimate}" if self._measure.estimate != "final" else ""
         return f"median {self._measure.words}{of}, {self._measure.unit(0.0).name}".removesuffix(", ") + " (seeds)"
 
-    def _named_errors(self) -> list[tuple[str, dict[int, dict[int, float]]]]:
+    def _named_errors(
+        self, shown: Container[tuple[str, str]] | None = None
+    ) -> list[tuple[str, dict[int, dict[int, float]]]]:
+        """Name and errors of the places and lines that are shown, default: all."""
         order = {group: number for number, group in enumerate(self._stage.groups)}
 
         def rank(group: tuple[str, str]) -> tuple[int, tuple[str, str]]:
@@ -125,6 +129,7 @@ class SweepProgress:
         return [
             (place if line == "default" else f"{place}, {line}", groups)
             for (place, line), groups in sorted(self._errors.items(), key=lambda item: rank(item[0]))[:MAX_SHOWN_PLACES]
+            if shown is None or (place, line) in shown
         ]
 
     def _note(self, cell: Cell, outcome: CellResult | str) -> None:

@@ -151,10 +151,22 @@ def test_medians_so_far_stand_by_world_and_count(cells, clock):
 def test_medians_stand_in_the_order_of_the_tables(cells):
     left = TimeLeft(cells, Costs({cells[0].place: 1.0}), 2, is_in_seconds=False)
     stage = Stage("", worst=False, groups=(("loop", "default"), ("apartment", "default")))
-    progress = SweepProgress(cells[:1], left, MEASURE, stage)
-    for place in ("apartment", "another", "loop"):
-        progress.event(Finished(replace(cells[0], place=place, line="default"), result(0.02)))
+    of_places = [replace(cells[0], place=place, line="default") for place in ("apartment", "another", "loop")]
+    progress = SweepProgress(of_places, left, MEASURE, stage)
+    for cell in of_places:
+        progress.event(Finished(cell, result(0.02)))
     assert [line.split(":")[0].strip() for line in progress.median_lines()[1:]] == ["loop", "apartment", "another"]
+
+
+def test_medians_of_a_world_that_is_not_computed_are_not_repeated(cells):
+    """It was given up, or has its answer; a live table, which is drawn anew, keeps it."""
+    left = TimeLeft(cells, Costs({cells[0].place: 1.0}), 2, is_in_seconds=False)
+    progress = SweepProgress(cells[:1], left, MEASURE, Stage("", worst=False))
+    for place in (cells[0].place, "loop"):
+        progress.event(Finished(replace(cells[0], place=place), result(0.02)))
+    (line,) = progress.median_lines()[1:]
+    assert "loop" not in line
+    assert progress.medians().row_count == 2
 
 
 def test_no_medians_are_printed_before_a_seed_has_all_counts(cells):

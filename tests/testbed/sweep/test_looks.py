@@ -155,6 +155,16 @@ def test_a_world_that_is_left_gets_no_more_seeds_and_keeps_its_own(tmp_path):
             parse_spec(document | wrong, "x.toml", Path())
 
 
+def test_the_plan_of_a_new_sweep_leaves_out_what_is_given_up(tmp_path):
+    document = directory_of(tmp_path, ["loop", "office"]).manifest.spec.document()
+    specs = [parse_spec(document | {"give_up": names}, "x.toml", Path()) for names in ([], ["loop"])]
+    both, one = (planned(None, spec, None) for spec in specs)
+    assert len(both.needed) == 2 * len(one.needed)
+    assert len(both.possible) == 2 * len(one.possible)
+    assert {cell.place for cell in one.possible} == {"office"}
+    assert one.next_look == both.next_look == 8
+
+
 def test_jobs_without_a_result_do_not_stop_the_looks(tmp_path):
     directory = directory_of(tmp_path, ["loop"])
     first = needed_cells(directory)
