@@ -70,6 +70,18 @@ def compared_medians(case: Case, count: int) -> str:
     return f"{texts[0]}; {case.largest} give {texts[1]}"
 
 
+def why_medians_differ(case: Case, count: int) -> str:
+    """A half-sentence where the medians put a count on the other side of the largest one than the pairs of runs do.
+
+    The median of differences is not the difference of medians, and the former decides.
+    """
+    difference, factor = case.pair(count, case.largest), case.shown_in.factor
+    of_medians = round(factor * (case.median(count) - case.median(case.largest)), 2)
+    if difference.count < min_values() or of_medians * round(factor * difference.value, 2) >= 0.0:
+        return ""
+    return "; the pairs of runs decide, and their median difference is not that of the medians"
+
+
 def reversal(case: Case) -> str:
     """`that 5 looks better than 15 (2.0 against 2.2 cm) is within the noise of 8 seeds`; empty where none does.
 
@@ -125,7 +137,10 @@ def medians_so_far(case: Case) -> str:
         return f"{first} {unit.name}".rstrip() + f" with {counts[0]} to {counts[-1]}"
     # in the order of the counts: a range would be read as that of the first count to that of the last
     named = [f"{first} {unit.name}".rstrip(), *others]
-    return ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
+    listed = ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
+    if values[-1] < min(values[:-1], default=math.inf) and texts[-1] not in texts[:-1]:
+        return f"{listed}; whether {counts[-1]}, the best so far, are enough is not shown either"
+    return listed
 
 
 def particles(count: int) -> str:

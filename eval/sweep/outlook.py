@@ -114,12 +114,12 @@ def bound_for(outlook: Outlook) -> int:
 def chance_sentence(outlook: Outlook, looks: Sequence[int], likely: str, unit: str = "seed") -> str:
     """The chance of an answer at the first of these looks that probably has one, else at the last.
 
-    `with 16 seeds the chance of an answer is about 85 % (most likely: 5 are enough)`. looks: after how many units the
+    `with 16 seeds the chance of any answer is about 85 % (most likely: 5 are enough)`. looks: after how many units the
     results are looked at; likely: the most likely answer, in words.
     """
     chances = {look: outlook.chance(look) for look in looks}
     look = next((look for look, chance in chances.items() if chance >= MOST), looks[-1])
-    said = f"with {look} {unit}s the chance of an answer is {chance_words(chances[look])} (most likely: {likely})"
+    said = f"with {look} {unit}s the chance of any answer is {chance_words(chances[look])} (most likely: {likely})"
     if chances[look] >= MOST or look >= MAX_UNITS:
         return said
     more = bound_for(outlook)

@@ -146,6 +146,24 @@ def _caption(summary: SweepSummary) -> str:
     return " ".join(filter(None, sentences))
 
 
+def figure_caption(summary: SweepSummary) -> str:
+    """A caption for the figure of the paired differences, which decide; empty with a single count."""
+    table = summary.table
+    if len(table.counts) < 2:
+        return ""
+    measure, largest = table.measure, table.counts[-1]
+    marks = "Filled: shown to be within the margin (dashed); cross: shown to be worse; hollow: open."
+    what = (
+        f"their median with the {100.0 * table.level:.3g} % interval that decides. {marks}"
+        if summary.has_intervals
+        else "their median. The runs are too few for intervals."
+    )
+    return (
+        f"{measure.words[0].upper()}{measure.words[1:]} of {measure.estimate_is}, less that with {largest} particles "
+        f"on the same data, by number of particles. Dots: runs; large marks: {what} Margin: {margin_words(summary)}."
+    )
+
+
 def _method(summary: SweepSummary) -> str:
     """How the figures were obtained: the runs, the statistics, the looks, the final pass."""
     table = summary.table

@@ -44,7 +44,7 @@ FAIR = "#b35c00"
 MARK_COLOURS = {"good": GOOD, "fair": FAIR, "bad": BAD}
 """Colours of answers."""
 ZONE = "#d3f0d9"
-"""Colour of the zone in which a count is as good as the largest one."""
+"""Colour of the zone within the margin of the largest count."""
 MAX_MARGINS = 8.0
 """The axis of differences spans at most so many margins to each side."""
 LEGEND_ROW = 0.17
@@ -55,7 +55,7 @@ Draw = Callable[[Axes, Panel], None]
 
 
 def accuracy(summary: SweepSummary) -> Figure:
-    """Error against particle count: medians, intervals as bands, the zone that is as good as the largest count."""
+    """Error against particle count: medians, intervals as bands, the zone within the margin of the largest count."""
     table, unit = summary.table, summary.unit
     shown = panels(summary)
     states = _states_of(shown)
@@ -388,9 +388,9 @@ def _draw_zone(ax: Axes, errors: NDArray[np.float64], factor: float, table: Swee
 
 
 def _shade(ax: Axes, bottom: float, top: float, table: SweepTable) -> None:
-    """Shade the zone in which a count is as good as the largest one."""
+    """Shade the zone within the margin of the largest count; a point in it may be open all the same."""
     ax.axhspan(bottom, top, color=ZONE, lw=0, zorder=0)
-    ax.fill_between([], [], color=ZONE, lw=0, label=f"as good as {table.counts[-1]}")
+    ax.fill_between([], [], color=ZONE, lw=0, label=f"within the margin of {table.counts[-1]}")
 
 
 def _draw_medians(ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int, table: SweepTable) -> None:

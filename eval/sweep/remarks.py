@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.answer_words import particles
+from eval.sweep.decision import State
+from eval.sweep.final_pass import after_the_final_pass
 from eval.sweep.margin import Margin, parse_margin, share_words
-from eval.sweep.needed_count import MAX_RATIO, PREDICTORS, NeededCount, Predictor, of_ten, predictors_of, shipped_model
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL
 from eval.sweep.summary import SweepSummary
@@ -204,25 +205,20 @@ def margin_choice(table: SweepTable) -> str:
 
 def after_final_pass(summary: SweepSummary) -> str:
     """What is left of the difference between the smallest and the largest count after the final pass; empty without
-    one."""
-    table = summary.table
+    one. That the count matters, or hardly does, is said where these runs show it."""
+    table, final = summary.table, after_the_final_pass(summary.table)
     base, counts = table.lines.index(table.baseline), table.counts
     known: dict[str, tuple[float, float]] = {}
-    mattering = []
+    states: dict[str, State] = {}
     for p, place in enumerate(table.places):
         few, many = table.refined[p, base, 0], table.refined[p, base, -1]
         both = np.isfinite(few) & np.isfinite(many)
-        if len(counts) < 2 or not both.any():
-            continue
-        known[place] = float(np.median(few[both])), float(np.median(many[both]))
-        if float(np.median(few[both] - many[both])) > table.margin.of(known[place][1]):
-            mattering.append(place)
+        if final is not None and both.any():
+            known[place] = float(np.median(few[both])), float(np.median(many[both]))
+            states[place] = final.decision(place, table.baseline).states[0]
     if not known:
         return ""
-    if not mattering:
-        verdict = "the count hardly matters any more"
-    else:
-        verdict = "the count still matters" + ("" if len(mattering) == len(known) else f" in {_named(mattering)}")
+    verdict = _final_verdict(states)
     unit = table.measure.unit(max(map(max, known.values())))
     ends = f"{{}} with {particles(counts[0])}, {{}} with {counts[-1]}"
     if len(known) <= MAX_NAMED:
@@ -240,78 +236,17 @@ def after_final_pass(summary: SweepSummary) -> str:
     return f"{verdict}: {medians}."
 
 
+def _final_verdict(states: Mapping[str, State]) -> str:
+    """Whether the count matters after the final pass; states: of the smallest count there, by world."""
+    for state, words in (("worse", "the count still matters"), ("good", "the count hardly matters any more")):
+        places = [place for place, own in states.items() if own == state]
+        if places:
+            return words + ("" if len(places) == len(states) else f" in {_named(places)}")
+    return "it is not shown whether the count still matters"
+
+
 def _named(places: Sequence[str]) -> str:
     return " and ".join(places) if len(places) <= MAX_NAMED else f"{len(places)} worlds"
-
-
-def suggested_counts(table: SweepTable) -> str:
-    """What `testbed sweep --suggest` says for the drives of these worlds; empty for logs and other filters."""
-    columns = [table.columns.get(f"features.{predictor.name}") for predictor in PREDICTORS]
-    if table.baseline != "default" or table.measure.estimate != "filter" or any(c is None for c in columns):
-        return ""
-    model = shipped_model()
-    found = []
-    for place in table.places:
-        drives = _drives(table, place)
-        if len(drives):
-            names = [predictor.name for predictor in PREDICTORS]
-            unlike = [model.outside(predictors_of(dict(zip(names, drive, strict=True)))) for drive in drives]
-            found.append(f"{place}: {_suggested(model, _usual_predictors(drives), unlike)}")
-    return "; ".join(found) if 0 < len(found) <= MAX_NAMED else ""
-
-
-def forecast_against_runs(table: SweepTable) -> str:
-    """Where the runs so far contradict the forecast of `suggested_counts`, and which of the two to follow.
-
-    The smallest tested count that is at least the forecast's should have a median error at most `MAX_RATIO` times that
-    of the largest count, which is what the forecast means by enough. Empty where that holds, or was not tested.
-    """
-    if not suggested_counts(table):
-        return ""
-    model, found, k = shipped_model(), [], table.lines.index(table.baseline)
-    for p, place in enumerate(table.places):
-        drives = _drives(table, place)
-        start = model.start(_usual_predictors(drives)) if len(drives) else table.counts[-1]
-        c = next((c for c, count in enumerate(table.counts) if count >= start), len(table.counts) - 1)
-        pairs = table.error[p, k][[c, -1]]
-        pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
-        if c == len(table.counts) - 1 or not pairs.size:
-            continue
-        error, of_largest = np.median(pairs, axis=1).tolist()
-        if error > MAX_RATIO * of_largest:
-            more = 100.0 * (error / of_largest - 1.0)
-            found.append(f"{place} the median error with {table.counts[c]} is {more:.0f} % above that")
-    if not found:
-        return ""
-    return (
-        f"The runs so far say otherwise: in {' and in '.join(found)} with {table.counts[-1]}. Follow the runs, that is "
-        "the cards: the forecast knows other worlds only."
-    )
-
-
-def _drives(table: SweepTable, place: str) -> NDArray[np.float64]:
-    """The known features of the drives of the baseline in one place, (drives, predictors)."""
-    p, base = table.places.index(place), table.lines.index(table.baseline)
-    drives = np.stack([table.cube(f"features.{predictor.name}")[p, base, 0] for predictor in PREDICTORS], axis=-1)
-    known: NDArray[np.float64] = drives[np.isfinite(drives).all(axis=-1)]
-    return known
-
-
-def _usual_predictors(drives: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The predictors of the median drive."""
-    names = [predictor.name for predictor in PREDICTORS]
-    return predictors_of(dict(zip(names, np.median(drives, axis=0).tolist(), strict=True)))
-
-
-def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: Sequence[Sequence[Predictor]]) -> str:
-    """`start with 10, enough in 9 of 10 worlds like it`; unlike: of each drive, what was not measured in others."""
-    start = model.start(at)
-    said = f"start with {start}, enough in {of_ten(model.chance(at, start))} worlds like it"
-    number = sum(map(bool, unlike))
-    if not number:
-        return said
-    words = " and in the ".join(dict.fromkeys(predictor.words for drive in unlike for predictor in drive))
-    return f"{said} (but {number} of the {len(unlike)} drives here are unlike those of the experiment in the {words})"
 
 
 def _slowest(factors: NDArray[np.float64]) -> float:

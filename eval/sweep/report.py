@@ -22,15 +22,15 @@ from eval.sweep import plots as sweep_plots
 from eval.sweep.advice import advice
 from eval.sweep.answer_words import difference_words
 from eval.sweep.answers import Answer, answer_of_place, answers
+from eval.sweep.forecast_remarks import forecast_against_runs, suggested_counts
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.needed_count import shipped_model
-from eval.sweep.paper_tables import latex_table, markdown_table, runs_text
+from eval.sweep.paper_tables import figure_caption, latex_table, markdown_table, runs_text
 from eval.sweep.remarks import (
     MAX_NAMED,
     after_final_pass,
     described,
-    forecast_against_runs,
     look_rule,
     margin_choice,
     margin_words,
@@ -38,7 +38,6 @@ from eval.sweep.remarks import (
     overconfidence,
     real_time,
     seeds_change,
-    suggested_counts,
 )
 from eval.sweep.results import LEFT_OUT, SweepTable, read_sweep
 from eval.sweep.statistics import LEVEL, POWER, Interval, min_values
@@ -61,11 +60,14 @@ class Drawing:
     caption_of_few: str = ""
     """Caption where no count has enough runs for an interval; empty = `caption`."""
     is_first: bool = False
-    """Whether it stands directly below the answers."""
+    """Whether it stands before the tables."""
+    decides: bool = False
+    """Whether the answers follow from it: it stands directly below them."""
 
 
 _ZONE_AND_PASS = (
-    "Green zone, as in the next figure: errors at most the margin above that of the largest count, which are as good. "
+    "Green zone, as in the figure below the answers: errors at most the margin above that of the largest count; a "
+    "hollow point in it is open all the same. "
     "Dotted: after the final pass, which re-estimates the whole path and is not part of the particle filter."
 )
 DRAWINGS = (
@@ -74,7 +76,8 @@ DRAWINGS = (
         "Accuracy against particle count",
         sweep_plots.accuracy,
         "Line: median. Band: 95 % interval of the median (none where there are too few runs), which does not decide: "
-        f"the next figure shows what does. Faint dots: single runs (triangle: above the axis). {_ZONE_AND_PASS}",
+        "the figure below the answers shows what does. Faint dots: single runs (triangle: above the axis). "
+        f"{_ZONE_AND_PASS}",
         f"Line: median. Dots: single runs (triangle: above the axis). {_ZONE_AND_PASS}",
         is_first=True,
     ),
@@ -92,6 +95,7 @@ DRAWINGS = (
         f"{fewest_seeds_to_go_on(LEVEL)} seeds it is drawn, and where it lies below the dashed margin the count is as "
         "good as the largest.",
         is_first=True,
+        decides=True,
     ),
     Drawing(
         "failures",
@@ -195,6 +199,8 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
     enough_runs = table.ran.any(axis=(1, 2)).sum(axis=-1).max(initial=0) >= min_values(table.level)
     return {
         "title": table.title or "Sweep",
+        "question": _question(table),
+        "of_filter": table.measure.refined_key is not None,
         "answers": answers(summary, table.baseline),
         "others": _other_lines(summary),
         "worlds": _single_worlds(summary),
@@ -208,9 +214,10 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "seeds": _seeds(table),
         "seed_counts": runs_text(table.ran.any(axis=(1, 2)).sum(axis=-1)),
         "repeat": _repeat_command(table, folder),
+        "figure_caption": figure_caption(summary),
         "final_pass": after_final_pass(summary),
         "suggested": suggested_counts(table),
-        "contradicted": forecast_against_runs(table),
+        "forecast": forecast_against_runs(summary),
         "largest_predicted": shipped_model().max_count,
         "look_rule": look_rule(table),
         "margin_choice": margin_choice(table),
@@ -228,6 +235,13 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "confidence": overconfidence(summary),
         "never_resampled": never_resampled(summary),
     }
+
+
+def _question(table: SweepTable) -> str:
+    """The question that the page answers, with what it is about."""
+    if table.measure.needs_final_pass:
+        return "How many particles are enough?"
+    return "How many particles does the filter need?"
 
 
 def _seeds(table: SweepTable) -> str:

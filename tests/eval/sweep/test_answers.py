@@ -14,6 +14,9 @@ from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
 
+KEPT = "if you keep the final pass, the default of testbed run, "
+"""Beginning of the line about the final pass."""
+
 
 def sentences(folder, line="improved", **options):
     return [answer.sentence for answer in answers(summarise(read_sweep(write_sweep(folder, **options))), line)]
@@ -46,7 +49,8 @@ def test_a_smaller_count_of_a_decided_world_takes_a_new_sweep(tmp_path):
         "1 may be enough too: a new sweep of 1 and 20 without --until would show it, as this one ends with its answer; "
     )
     assert answer.needs.startswith(said)
-    assert answer.lines[1].startswith("  1 may be enough too: a new sweep")
+    assert answer.lines[1].startswith("  5 particles are 0.00 cm worse than 20 in the median pair of runs")
+    assert answer.lines[2].startswith("  1 may be enough too: a new sweep")
 
 
 def test_medians_that_round_alike_have_another_digit(tmp_path):
@@ -104,7 +108,9 @@ def test_medians_stand_in_the_order_of_the_counts(tmp_path):
         return (0.033, 0.028 + 0.012 * (s % 5 - 2), 0.022)[c]
 
     (answer, _) = answers(summarise(read_sweep(write_sweep(tmp_path, error=falling))), "improved")
-    assert answer.medians == "3.3 cm with 1, 2.8 with 5, 2.2 with 20"
+    assert answer.medians == (
+        "3.3 cm with 1, 2.8 with 5, 2.2 with 20; whether 20, the best so far, are enough is not shown either"
+    )
 
 
 def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
@@ -276,16 +282,61 @@ def test_the_answer_after_the_final_pass_stands_on_the_card(tmp_path, monkeypatc
 
     write_sweep(tmp_path / "many", error, seeds=8, missing=frozenset({(0, 0, 2, 7)}))
     hall, cave = answers(summarise(read_sweep(tmp_path / "many")), "improved")
-    words = "after the final pass, which testbed run makes by default: "
+    words = "if you keep the final pass, the default of testbed run, the count still matters: "
     assert cave.final_pass == (
-        f"{words}1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference to 20: +0.60 cm [+0.60, +0.60])"
+        f"{words}1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference: +0.60 cm [+0.60, +0.60])"
     )
     assert hall.final_pass.startswith(f"{words}1.06 cm with 1, 0.46 cm with 20 (7 runs each; ")
-    assert f"A{cave.final_pass[1:]}" in write_sweep_report(tmp_path / "many").read_text()
+    assert f"I{cave.final_pass[1:]}" in write_sweep_report(tmp_path / "many").read_text()
     online = write_sweep(tmp_path / "online", measure="trajectory_online.ate_rmse_m")
     assert answers(summarise(read_sweep(online)), "improved")[0].final_pass == ""
     equal = write_sweep(tmp_path / "equal", lambda p, k, c, s: 0.02 - 1e-5 * (c == 0))
-    assert "to 20: +0.00 cm [+0.00, +0.00]" in answers(summarise(read_sweep(equal)), "improved")[0].final_pass
+    assert "difference: +0.00 cm [+0.00, +0.00]" in answers(summarise(read_sweep(equal)), "improved")[0].final_pass
     monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", ("rooms-0", "rooms-1"))
     (rooms,) = answers(summarise(read_sweep(write_sweep(tmp_path / "f", error, families=("rooms",) * 2))), "improved")
-    assert "(2 worlds; paired difference to 20: +0.60 to +0.60 cm in 2 runs)" in rooms.final_pass
+    assert "(2 worlds; paired difference: +0.60 to +0.60 cm in 2 runs)" in rooms.final_pass
+
+
+def test_what_the_final_pass_leaves_gets_a_conclusion_where_it_is_shown(tmp_path):
+    """In the tables it divides every error by five: 1 is worse than 20 by 8 mm in hall_a, by 4 mm in cave."""
+
+    def error(p, k, c, s):
+        return 0.02 + ((0.04, 0.02)[p] if c == 0 else 0.0)
+
+    def conclusions(name, **options):
+        found = answers(summarise(read_sweep(write_sweep(tmp_path / name, error, **options))), "improved")
+        return [answer.final_pass.partition(": ")[0].removeprefix(KEPT) for answer in found]
+
+    shown = conclusions("shown", seeds=8)
+    assert shown == ["the count still matters", "1 does as well within the margin of 0.5 cm"]
+    assert conclusions("few", seeds=3) == ["it is not shown whether 1 does as well"] * 2
+    wide = conclusions("wide", seeds=8, about={"margin": "1cm"})
+    assert wide == ["1 does as well within the margin of 1 cm"] * 2
+
+
+def test_failures_after_the_final_pass_forbid_the_conclusion(tmp_path):
+    write_sweep(tmp_path, level(0.02, 0.02, 0.02), seeds=8)
+    table = read_sweep(tmp_path)
+    table.columns["outcome"][0, 0, 0, 2] = "lost"  # hall_a, improved, 1 particle
+    hall, cave = answers(summarise(table), "improved")
+    assert hall.final_pass.startswith(f"{KEPT}it is not shown whether 1 does as well: ")
+    assert cave.final_pass.startswith(f"{KEPT}1 does as well ")
+
+
+def test_medians_that_contradict_the_pairs_say_why(tmp_path):
+    """The pairs, which decide, come first on the page and below the answer in the terminal."""
+    base = (10.0, 10.1, 10.2, 10.3, 17.8, 18.0, 18.1, 18.2, 18.3)
+    pairs = (1.4, 1.4, 1.4, 1.4, -0.2, 1.4, -0.1, -0.1, -0.1)  # medians 17.6 and 17.8 mm, of the pairs +1.4 mm
+
+    def error(p, k, c, s):
+        return 0.001 * (base[s] + (pairs[s] if (p, c) == (0, 0) else 0.0))
+
+    write_sweep(tmp_path, error, seeds=9)
+    hall, cave = answers(summarise(read_sweep(tmp_path)), "improved")
+    why = "; the pairs of runs decide, and their median difference is not that of the medians"
+    assert hall.detail == f"1.76 cm; 20 give 1.78 cm{why}"
+    assert hall.lines[0].endswith(f"1 particle is enough ({hall.detail}).")
+    assert hall.lines[1].startswith("  1 particle is 0.14 cm worse than 20 in the median pair of runs [")
+    assert why not in cave.detail
+    page = write_sweep_report(tmp_path).read_text()
+    assert page.index("1 particle is 0.14 cm worse than 20") < page.index("Medians: 1.76 cm; 20 give 1.78 cm")

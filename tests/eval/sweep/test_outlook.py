@@ -72,7 +72,7 @@ def test_a_difference_at_the_limit_cannot_be_decided():
     outlook = outlook_of(paired_difference(LIMIT + np.resize([0.001, -0.001], 100), np.zeros(100)), LIMIT, level=0.99)
     assert outlook.chance(200) < 0.05
     assert chance_sentence(outlook, [200], "5 are enough") == (
-        "with 200 seeds the chance of an answer is under 5 % (most likely: 5 are enough)"
+        "with 200 seeds the chance of any answer is under 5 % (most likely: 5 are enough)"
     )
 
 
@@ -100,7 +100,7 @@ def test_the_look_that_probably_answers_is_named_and_no_other_number():
     soon = Outlook(0.006, 0.005, 9)
     assert 9 < soon.high < 16
     assert chance_sentence(soon, [16, 24, 32, 40], "more than 5") == (
-        "with 16 seeds the chance of an answer is about 90 % (most likely: more than 5)"
+        "with 16 seeds the chance of any answer is about 90 % (most likely: more than 5)"
     )
     assert bound_for(soon) == 16
     late = Outlook(0.002, 0.005, 30)
@@ -108,7 +108,7 @@ def test_the_look_that_probably_answers_is_named_and_no_other_number():
     assert bound_for(late) - 8 < late.high <= bound_for(late)
     said = chance_sentence(late, [32, 40], "1 is enough", "world")
     assert said == (
-        f"with 40 worlds the chance of an answer is {chance_words(late.chance(40))} (most likely: 1 is enough); "
+        f"with 40 worlds the chance of any answer is {chance_words(late.chance(40))} (most likely: 1 is enough); "
         f"for 80 % about {bound_for(late)} are needed"
     )
     never = Outlook(0.0001, 0.01, 9)
