@@ -76,8 +76,8 @@ def why_medians_differ(case: Case, count: int) -> str:
     The median of differences is not the difference of medians, and the former decides.
     """
     difference, factor = case.pair(count, case.largest), case.shown_in.factor
-    of_medians = round(factor * (case.median(count) - case.median(case.largest)), 2)
-    if difference.count < min_values() or of_medians * round(factor * difference.value, 2) >= 0.0:
+    own, largest = (round(factor * case.median(n), 2) for n in (count, case.largest))  # as they are shown
+    if difference.count < min_values() or (own - largest) * round(factor * difference.value, 2) >= 0.0:
         return ""
     return "; the pairs of runs decide, and their median difference is not that of the medians"
 
