@@ -99,12 +99,13 @@ def fit_normals(start, stop, cells, moments, radius, normals):
 
 
 @kernel
-def fit_lines(start, stop, cells, moments, counts, normals, radius, flatness, lines):
+def fit_lines(start, stop, cells, moments, counts, normals, radius, flatness, lines, support):
     """Lines through the end points within `radius` cells of each cell in [start, stop), by the side that they were
     seen from.
 
     moments (cells, 2, 7), counts (cells, 2) and normals (cells, 2): as `add_moments` made them. End points form a line
     where their variance across it, less what the noise makes, is at most `flatness` of that along it.
+    support (cells, 2) out: number of end points of each line
     """
     tiles, indices, coordinates = cells.tiles, cells.indices, cells.coordinates
     total = np.empty(7)
@@ -134,7 +135,7 @@ def fit_lines(start, stop, cells, moments, counts, normals, radius, flatness, li
             if (towards < 0.0) != (side == 1):
                 nx, ny = -nx, -ny
             away = nx * mx + ny * my  # distance of the line from the cell's centre
-            lines.weight[cell, side] = total[0]
+            lines.weight[cell, side], support[cell, side] = total[0], count
             lines.point[cell, side, 0], lines.point[cell, side, 1] = x0 + away * nx, y0 + away * ny
             lines.normal[cell, side, 0], lines.normal[cell, side, 1] = nx, ny
 

@@ -52,7 +52,8 @@ def match_points(start, stop, placed, ranges, cells, cell_of, surfels, noise, fo
     piece of wall `spacing` [m] long to both sides, no farther across than `gate` [m] plus three standard deviations of
     the noise, as far as the surfel is listed for the point's cell, it is the one with the nearest centre: were it the
     one whose line is nearest, lines that are aslant would draw the points that make them so. Near a corner there is
-    none.
+    none. The variance follows the range at which the beam meets the line, not the one that was read: readings that are
+    too short would count more than those that are too long, and walls seem the nearer the farther they are.
     noise: with which end points count;  found: as it was estimated
     """
     points, view_directions = placed.points, placed.view_directions
@@ -69,7 +70,6 @@ def match_points(start, stop, placed, ranges, cells, cell_of, surfels, noise, fo
         if not lines.weight[cell, side] > 0.0:
             continue
         ax, ay = lines.normal[cell, side]
-        r2 = ranges[i] * ranges[i]
         for k in range(first[cell_of[i]], first[cell_of[i] + 1]):
             e = items[k]
             nx, ny = normal[e, 0], normal[e, 1]
@@ -78,8 +78,8 @@ def match_points(start, stop, placed, ranges, cells, cell_of, surfels, noise, fo
                 continue
             dx, dy = points[i, 0] - point[e, 0], points[i, 1] - point[e, 1]
             across, along = nx * dx + ny * dy, nx * dy - ny * dx
-            c2 = cosine * cosine
-            variance = noise.floor + r2 * (noise.along * c2 + noise.across * (1.0 - c2))
+            away = across + ranges[i] * cosine  # of the surfel's line from the lidar
+            variance = noise.floor + away * away * (noise.along + noise.across * (1.0 / (cosine * cosine) - 1.0))
             if abs(along) > spacing or abs(across) > gate + GATE_SIGMAS * np.sqrt(variance + noise.shared):
                 continue
             distance = across * across + along * along
@@ -88,7 +88,7 @@ def match_points(start, stop, placed, ranges, cells, cell_of, surfels, noise, fo
                 matches.surfel[i], matches.variance[i] = e, variance
                 matches.across[i], matches.along[i] = across, along
         if matches.surfel[i] >= 0:
-            variance = found.floor + found.shared + found.along * r2
+            variance = found.floor + found.shared + found.along * ranges[i] * ranges[i]
             margin = min(CORNER_SIGMAS * np.sqrt(variance), spacing)
             if is_near_corner(points[i], matches.across[i], margin, normal[matches.surfel[i]], cells, lines):
                 matches.surfel[i] = -1

@@ -23,6 +23,11 @@ from slam.refinement._line_fit_kernels import add_moments, choose, fit_lines, fi
 from slam.refinement.noise import Noise
 from slam.sensor.rays import Rays
 
+MIN_SUPPORT = 0.005
+"""A line needs at least this share of the end points that the median line has. Stray readings before a wall lie in a
+line by chance, the more often the longer the recording; each such line would tie the scans that made it to each other.
+It is far below what a wall has that few scans have seen."""
+
 
 class Cloud(NamedTuple):
     """End points of all scans, those of scan i from first[i] to first[i + 1]."""
@@ -145,7 +150,10 @@ def find_surfels(
     moments[:], counts[:] = 0.0, 0
     add_moments(*seen, normals, moments, counts)
     lines = Lines(np.empty((count, 2)), np.empty((count, 2, 2)), np.empty((count, 2, 2)))
-    threads.run(fit_lines, count, cells, moments, counts, normals, radius, config.flatness, lines)
+    support = np.zeros((count, 2), np.int32)
+    threads.run(fit_lines, count, cells, moments, counts, normals, radius, config.flatness, lines, support)
+    if (made := support[support > 0]).size:
+        lines.weight[support < MIN_SUPPORT * np.median(made)] = 0.0
     weight = lines.weight.ravel()
     order = np.argsort(-weight, kind="stable")[: np.count_nonzero(weight)]
     chosen = np.empty_like(order)

@@ -197,6 +197,15 @@ def test_variances_follow_range_and_angle_of_incidence():
     np.testing.assert_allclose(matches.variance[own], expected[own], rtol=1e-3)
 
 
+def test_readings_count_alike_whether_too_short_or_too_long():
+    wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
+    share = np.array([0.99, 1.01])[np.arange(161) % 2, None]  # of the true range, in turns
+    _, matches = matched([rays(wall), rays(wall * share)], [(0.0, 0.0, 0.0)] * 2, 0.1, Noise(1e-4, 4e-4, 1e-4, 0.0))
+    own = (matches.surfel[:161] >= 0) & (matches.surfel[161:] >= 0)
+    assert own.mean() > 0.8
+    np.testing.assert_allclose(matches.variance[161:][own], matches.variance[:161][own], rtol=5e-3)
+
+
 def test_end_points_belong_to_the_wall_that_they_lie_on():
     wall = np.stack([np.full(161, 2.0), np.linspace(-2.0, 2.0, 161)], axis=-1)
     surfels, matches = matched([rays(wall), rays(wall)], [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)], gate=0.1)

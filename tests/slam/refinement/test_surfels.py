@@ -2,6 +2,7 @@
 """Surfels: where they lie, which way they face, and what is kept apart."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -101,6 +102,15 @@ def test_scattered_points_make_no_surfels():
     blob = rays(np.array([2.0, 0.0]) + 0.3 * rng.uniform(-1.0, 1.0, size=(2000, 2)))
     inside = surfels_of([blob], [(0.0, 0.0, 0.0)]).point
     assert not np.any(np.abs(inside - (2.0, 0.0)).max(axis=1) < 0.1)
+
+
+@pytest.mark.parametrize("scans", [1, 60])
+def test_stray_readings_in_a_line_are_a_wall_in_a_short_recording_only(scans):
+    wall = np.stack([np.full(401, 2.0), np.linspace(-2.0, 2.0, 401)], axis=-1)
+    stray = np.array([(1.0, -0.05), (1.0, 0.0), (1.0, 0.05)])  # all in one scan
+    surfels = surfels_of([rays(np.concatenate([wall, stray])), *[rays(wall)] * (scans - 1)], np.zeros((scans, 3)))
+    assert np.any(np.abs(surfels.point[:, 0] - 1.0) < 0.1) == (scans == 1)
+    assert np.sum(np.abs(surfels.point[:, 0] - 2.0) < 0.01) > 10
 
 
 @given(st.integers(1, 200), st.integers(0, 10**6), st.sampled_from([0.03, 0.05, 0.2]))
