@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
@@ -11,13 +10,12 @@ from pathlib import Path
 
 from eval.files.atomic_write import atomic_write
 from testbed.formats import LogError, open_log
+from testbed.formats.csv_table import read_table
 from testbed.frame import Frame
 from testbed.simulation.drivers.driver import Command
 
 COLUMNS = ("stamp", "speed", "turn_rate")
 """First line of a table of commands."""
-MAX_TABLE = 500_000_000
-"""Bytes."""
 
 
 def read_commands(path: str | Path) -> list[Command]:
@@ -64,29 +62,7 @@ def _is_table(path: Path) -> bool:
 
 def _rows(path: Path) -> Iterator[tuple[int, Command]]:
     """Rows of a table with the numbers of their lines."""
-    if path.stat().st_size > MAX_TABLE:
-        raise LogError(f"{path}: larger than {MAX_TABLE} bytes, expected a table of commands")
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = csv.reader(file)
-        header = tuple(cell.strip() for cell in next(lines, []))
-        if header != COLUMNS:
-            got = " ".join(",".join(header).split())[:80]  # quoted cells may hold line breaks
-            raise LogError(f"{path}:1: expected the columns {','.join(COLUMNS)}, got {got}")
-        try:
-            for cells in lines:
-                if cells:
-                    yield lines.line_num, _command(cells)
-        except (ValueError, csv.Error) as error:
-            raise LogError(f"{path}:{lines.line_num}: {error}") from None
-
-
-def _command(cells: list[str]) -> Command:
-    if len(cells) != len(COLUMNS):
-        raise ValueError(f"expected {len(COLUMNS)} values, got {len(cells)}")
-    try:
-        command = Command(*map(float, cells))
-    except ValueError:
-        raise ValueError(f"expected numbers, got {','.join(cells)[:80]}") from None
-    if not all(map(math.isfinite, command)):
-        raise ValueError(f"expected finite numbers, got {','.join(cells)[:80]}")
-    return command
+    for line, values in read_table(path, COLUMNS):
+        if not all(map(math.isfinite, values)):
+            raise LogError(f"{path}:{line}: expected finite numbers, got {','.join(map(str, values))[:80]}")
+        yield line, Command(*values)
