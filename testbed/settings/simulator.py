@@ -19,6 +19,7 @@ from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, Simula
 from testbed.simulation.config import BackendName, decided_backend
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
+from testbed.simulation.robot.off_wall import OffWallBeams
 from testbed.simulation.simulator import TOUR_CLEARANCE
 from worlds import World
 
@@ -60,6 +61,9 @@ class SimulatorOptions:
     """The driver and its limits."""
     commands: Path | None = None
     """Commands for --driver recorded: a dataset, a log with /cmd_vel, or a CSV table `stamp,speed,turn_rate`."""
+    off_wall: Path | None = None
+    """What the lidar of a recorded drive saw that is no wall, for --driver recorded: a CSV table
+    `stamp,x,y,direction,range`, as `testbed twin` writes it."""
     odometry: Annotated[OdometryConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=OdometryConfig)
     """Errors of the wheel odometry."""
     layers: Annotated[LidarLayers, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=LidarLayers)
@@ -68,6 +72,10 @@ class SimulatorOptions:
     def __post_init__(self) -> None:
         if (self.driver.kind == "recorded") != (self.commands is not None):
             raise ValueError("--driver recorded and --commands FILE belong together, expected both or none")
+        if self.off_wall is not None and self.commands is None:
+            raise ValueError(
+                "--off-wall FILE is of a recorded drive, expected --driver recorded and --commands FILE, too"
+            )
         if self.start is not None:
             self._check_start()
         if not self.noise >= 0.0:
@@ -91,6 +99,7 @@ class SimulatorOptions:
             driver=self.driver,
             odometry=self.odometry,
             lidar_layers=self.layers,
+            off_wall=self._recorded_off_wall(),
             backend=self.backend,
             duration=DEFAULT.duration if self.duration is None else self.duration,
             seeds=seeds,
@@ -180,9 +189,18 @@ class SimulatorOptions:
 
         return read_commands(self.commands)
 
+    def _recorded_off_wall(self) -> OffWallBeams | None:
+        """Return the beams of `off_wall`; None if no file is given."""
+        if self.off_wall is None:
+            return None
+        from testbed.formats.off_wall import read_off_wall
+
+        return read_off_wall(self.off_wall)
+
     def files(self, world: str) -> list[Path]:
-        """Return the user's files among world, robot, lidars and commands, with the image of a ROS map."""
-        named = [Path(name) for name in (world, self.robot, *self.lidars, self.commands) if name is not None]
+        """Return the user's files among world, robot, lidars and what was recorded, with the image of a ROS map."""
+        names = (world, self.robot, *self.lidars, self.commands, self.off_wall)
+        named = [Path(name) for name in names if name is not None]
         files = [path for path in named if path.is_file()]
         return files + [worlds.map_image(path) for path in files[:1] if path == Path(world) and worlds.is_map(path)]
 

@@ -13,6 +13,7 @@ from testbed.simulation.physics.backend import STEP_RATE
 from testbed.simulation.physics.pybullet import is_installed
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
+from testbed.simulation.robot.off_wall import OffWallBeams
 
 CONTROL_STEPS = 12
 """Steps of motion between two commands and two odometry readings (20 Hz)."""
@@ -50,6 +51,8 @@ class SimulationConfig:
     """Errors of the wheel odometry."""
     lidar_layers: LidarLayers = field(default_factory=LidarLayers)
     """Imperfections of the lidar."""
+    off_wall: OffWallBeams | None = None
+    """Beams of a recorded drive that did not end on a wall, which the main lidar sees, too."""
     backend: BackendName = "auto"
     """pybullet: physics and rays of PyBullet, the reference; fast: exact arcs and rays without physics; auto: PyBullet
     where it is installed, else fast, decided here: it is never `auto` in a configuration that was made."""

@@ -18,11 +18,12 @@ from testbed.simulation.config import CONTROL_PERIOD, CONTROL_STEPS, SimulationC
 from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.history import History
 from testbed.simulation.movers.movers import Movers
-from testbed.simulation.physics.backend import STEP_RATE, Backend, Motion
+from testbed.simulation.physics.backend import STEP_RATE, Backend, Hits, Motion
 from testbed.simulation.physics.fast import FastBackend
 from testbed.simulation.robot._lidar_kernels import place_beams
 from testbed.simulation.robot.lidar import Lidar
 from testbed.simulation.robot.odometry import Odometry
+from testbed.simulation.robot.off_wall import OffWallBeams
 
 _INSTANT = 1e-6
 """Duration of a scan whose beams are all fired at once [s]."""
@@ -83,7 +84,7 @@ class Sensors:
     """
 
     def __init__(self, backend: Backend, movers: Movers, config: SimulationConfig) -> None:
-        self._backend, self._movers = backend, movers
+        self._backend, self._movers, self._off_wall = backend, movers, config.off_wall
         self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(config.seeds.odometry))
         self._devices = _devices(config)
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
@@ -212,8 +213,27 @@ class Sensors:
         origins, directions = place_beams(poses, positions, lidar.true_mount, sweep.true_angles)
         hits = self._backend.cast(origins, directions, device.preset.range_max, device.height)
         hits = self._movers.before(hits, origins, directions, times, 1 + periods)
-        ranges, starts = lidar.ranges(hits), sweep.starts.tolist()
+        starts = sweep.starts.tolist()
+        if self._off_wall is not None and device is self._devices[0]:
+            hits = self._with_off_wall(self._off_wall, hits, [d.stamp for d in due], starts, origins, directions)
+        ranges = lidar.ranges(hits)
         return [(pattern, ranges[a:b]) for pattern, (a, b) in zip(sweep.patterns, pairwise(starts), strict=True)]
+
+    @staticmethod
+    def _with_off_wall(
+        recorded: OffWallBeams,
+        hits: Hits,
+        stamps: list[float],
+        starts: list[int],
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+    ) -> Hits:
+        """Return the hits of several scans, which begin at `starts`, with the recorded beams over them."""
+        parts = [
+            recorded.over(Hits(*(part[a:b] for part in hits)), stamp, origins[a:b], directions[a:b])
+            for stamp, (a, b) in zip(stamps, pairwise(starts), strict=False)
+        ]
+        return Hits(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
     def _twist(self, due: list[_Due], stamps: NDArray[np.float64], periods: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the mean velocity in the robot's frame during each frame, (n, 3): over a scan, or a control period.

@@ -40,6 +40,8 @@ class TwinLidar:
     """Its mount, turned so that the field of view is symmetric to its forward direction."""
     sweeps: bool
     """Whether beams are measured one after the other, at the times that the log states."""
+    scans: NDArray[np.int64]
+    """Numbers of its scans in the log, (m,)."""
     notes: tuple[str, ...]
     """What of the log's lidars the twin does not have."""
 
@@ -86,6 +88,7 @@ def estimate_lidar(table: FrameTable) -> TwinLidar:
         preset=preset,
         mount=mount,
         sweeps=_sweeps(pattern.time_offsets, preset.sweep_time),
+        scans=scans,
         notes=_notes(table, lidar, len(scans), angles, step),
     )
 

@@ -8,20 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eval.files.atomic_write import atomic_directory
 from slam import se2
 from testbed.formats.commands import write_commands
+from testbed.formats.off_wall import write_off_wall
 from testbed.presets import LidarPreset, Mount, RobotPreset
 from testbed.provenance import versions
 from testbed.simulation import OdometryConfig
 from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.physics.backend import AccelerationLimits
+from testbed.simulation.robot.off_wall import OffWallBeams
 from testbed.toml import dump_toml
 from testbed.twin.lidar import estimate_lidar
 from testbed.twin.odometry import estimate_odometry, find_lead
 from testbed.twin.reconstruction import Reconstruction
-from testbed.twin.returns import measure_returns
+from testbed.twin.returns import compare_scans, measure_returns
 from testbed.twin.route import Route, fastest, follow
 from testbed.twin.walls import world_of
 from worlds import World, dumps
@@ -48,6 +51,8 @@ class Twin:
     """Whether beams are measured one after the other."""
     odometry: OdometryConfig
     route: Route
+    off_wall: OffWallBeams
+    """What the lidar of the log saw that is no wall of the world."""
     pieces: int
     """Pieces of the path that the odometry was compared on."""
     notes: tuple[str, ...]
@@ -74,7 +79,10 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
     world, notes = world_of(source.grid, path, to_name(name))
     robot = _robot(mount, *fastest(source.stamps, path))
     route = follow(world, robot, LIMITS, source.stamps, path)
-    returns = measure_returns(world, source.log.table, source.path)
+    table, duration = source.log.table, len(route.commands) * CONTROL_PERIOD
+    compared = compare_scans(world, table, source.path, lidar.scans)
+    recorded = table.stamps[table.scan_rows[lidar.scans]] - source.stamps[0]
+    off_wall, returns = measure_returns(compared, recorded, _scan_times(lidar.preset, duration))
     preset = lidar.preset.model_copy(
         update={
             "short_return_rate": returns.short_rate,
@@ -89,9 +97,17 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
         sweeps=lidar.sweeps,
         odometry=odometry,
         route=route,
+        off_wall=off_wall,
         pieces=pieces,
         notes=(*lidar.notes, *_lead_notes(lead - odometry_lead), *notes, *_differences(route)),
     )
+
+
+def _scan_times(lidar: LidarPreset, duration: float) -> NDArray[np.float64]:
+    """Return the times of the scans of a drive of that duration [s], (k,)."""
+    if lidar.scan_times is not None:
+        return np.array(lidar.scan_times)
+    return np.arange(0.0, duration, 1.0 / lidar.scan_rate)
 
 
 def _lead_notes(offset: float) -> list[str]:
@@ -112,7 +128,8 @@ def _differences(route: Route) -> list[str]:
 
 
 def write_twin(twin: Twin, out: Path, log: Path) -> None:
-    """Write world.toml, robot.toml, lidar.toml, commands.csv and config.toml to a new directory, whole or not at all.
+    """Write world.toml, robot.toml, lidar.toml, commands.csv, off_wall.csv and config.toml to a new directory, whole or
+    not at all.
 
     log: the recording, for the record
     """
@@ -123,6 +140,7 @@ def write_twin(twin: Twin, out: Path, log: Path) -> None:
             document = preset.model_dump(mode="json", exclude_unset=True)
             (folder / file).write_text(dump_toml(document), encoding="utf-8")
         write_commands(folder / "commands.csv", twin.route.commands)
+        write_off_wall(folder / "off_wall.csv", twin.off_wall)
         (folder / "config.toml").write_text(dump_toml(_config(twin, out.resolve(), log)), encoding="utf-8")
 
 
@@ -133,11 +151,13 @@ def _config(twin: Twin, out: Path, log: Path) -> dict[str, Any]:
         "robot": out / "robot.toml",
         "lidar": out / "lidar.toml",
         "commands": out / "commands.csv",
+        "off_wall": out / "off_wall.csv",
         "backend": "fast",
         "duration": twin.duration,
         "driver": {"kind": "recorded", **LIMITS._asdict()},
         "odometry": asdict(twin.odometry),
-        "layers": {"motion": twin.sweeps},
+        # What these layers draw for each beam on its own is in off_wall.csv as it was.
+        "layers": {"motion": twin.sweeps, "short_returns": False, "dropout": False},
     }
     facts = {"log": log.resolve(), "pieces": twin.pieces, "notes": list(twin.notes)}
     return {"settings": settings, "twin": facts, "versions": versions()}

@@ -56,7 +56,7 @@ testbed slam robot.log --map office.yaml --start 1.5,-2,90
 
 The log is mapped; the walls of the final map become a world, the refined path becomes the drive. Lidar and odometry get
 the settings that the log shows: noise, scale errors, slips. The twin is a directory with world.toml, robot.toml,
-lidar.toml, commands.csv and the config.toml that `testbed run` and `testbed simulate` take.
+lidar.toml, commands.csv, off_wall.csv and the config.toml that `testbed run` and `testbed simulate` take.
 
 ```
 testbed twin intel.clf.gz --out twin

@@ -79,7 +79,7 @@ def _with_edge(distances, i, uniform, optics):
         return distances[i]
     near, far = distances[i], distances[i + 1 if i + 1 < n else 0]
     reached = min(0.5 * optics.spot * n / optics.field_of_view, 0.5)
-    if uniform >= reached or np.isinf(near) or np.isinf(far) or abs(far - near) <= _EDGE:
+    if uniform >= reached or not (np.isfinite(near) and np.isfinite(far)) or abs(far - near) <= _EDGE:
         return near
     return near + 0.5 * uniform / reached * (far - near)
 

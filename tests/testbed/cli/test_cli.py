@@ -61,6 +61,7 @@ def here(tmp_path, monkeypatch):
         (["run", "office", "--driver", "explor"], 'Did you mean "explore"'),
         (["run", "office", "--driver", "recorded"], "--commands FILE belong together"),
         (["run", "office", "--commands", "c.csv"], "--commands FILE belong together"),
+        (["run", "office", "--off-wall", "o.csv"], "--off-wall FILE is of a recorded drive"),
         (["run", "office", "--driver", "recorded", "--commands", "nowhere.csv"], "nowhere.csv: no such file"),
         (["run", "office", "--driver", "teleop"], "needs a terminal"),
         (["run", "office", "--lidar", "lds01,lds02"], "carries 1 lidar, not 2: expected dingo_d or pioneer3dx"),

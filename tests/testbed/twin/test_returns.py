@@ -7,7 +7,7 @@ import pytest
 from testbed.presets import load_lidar
 from testbed.simulation.robot._lidar_kernels import read_beams
 from testbed.simulation.robot.lidar import LidarLayers, optics_of
-from testbed.twin.returns import returns_of
+from testbed.twin.returns import ComparedScan, measure_returns, returns_of
 
 BEAMS = 40_000
 
@@ -41,3 +41,31 @@ def test_walls_at_wrong_places_are_no_readings_in_front():
 
 def test_beams_without_a_wall_in_reach_do_not_count():
     assert returns_of(np.full(5, np.nan), np.full(5, np.inf)) == (0.0, 0.0)
+
+
+def compared(readings, due):
+    """A scan from the origin with beams to the left, (beams,) each."""
+    return ComparedScan(np.zeros(2), np.linspace(0.0, 1.0, len(due)), np.array(readings), np.array(due))
+
+
+def test_what_is_off_the_walls_is_kept():
+    """Near the wall, before it, beyond it, no return, lost; where no wall is due: nothing seen, and something."""
+    scan = compared([5.2, 4.6, 5.4, np.inf, np.nan, np.inf, 7.0], [5.0, 5.0, 5.0, 5.0, 5.0, np.inf, np.inf])
+    beams, _ = measure_returns(iter([scan]), np.zeros(1), np.zeros(1))
+    assert np.array_equal(beams.ranges, [4.6, 5.4, np.inf, np.nan, 7.0], equal_nan=True)
+    assert np.array_equal(beams.directions, scan.directions[[1, 2, 3, 4, 6]])
+
+
+def test_each_scan_of_the_twin_sees_what_was_seen_at_the_nearest_time():
+    """Stamps of a log may step back; its scans are one metre more each."""
+    recorded = np.array([0.0, 2.0, 1.0])
+    scans = [compared([1.0 + k, 9.0], [9.0, 9.0]) for k in range(3)]
+    beams, _ = measure_returns(iter(scans), recorded, np.array([-1.0, 0.4, 0.6, 1.6, 5.0]))
+    assert beams.stamps.tolist() == [-1.0, 0.4, 0.6, 1.6, 5.0]
+    assert beams.ranges.tolist() == [1.0, 1.0, 3.0, 2.0, 2.0]
+
+
+def test_a_scan_whose_beams_all_end_on_walls_has_none():
+    beams, rates = measure_returns(iter([compared([2.0, 2.0], [2.0, 2.1])]), np.zeros(1), np.zeros(1))
+    assert len(beams.stamps) == 0
+    assert rates == (0.0, 0.0)
