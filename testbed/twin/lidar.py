@@ -26,6 +26,10 @@ MAX_RANGE_RATIO = 1.1
 """Largest ratio of neighbouring ranges on a wall; at flatter angles the roughness of a wall counts as noise."""
 MAX_SCANS = 1000
 """Readings are taken from this many scans, spread over the log."""
+STILL = 1e-3
+"""A robot whose odometry moves by less than this along each axis stands still [m, m, rad]."""
+MIN_AT_REST = 20
+"""With fewer pairs of scans at rest the noise is taken from how straight walls look."""
 NOISE_BINS = 8
 """Groups of ranges, near to far, whose noise is compared."""
 _SOURCE = "estimated from the log"
@@ -68,7 +72,10 @@ def estimate_lidar(table: FrameTable) -> TwinLidar:
     lost = np.isnan(ranges) | (ranges <= 0.0)
     range_step = _range_step(ranges[hits])
     order = np.argsort(pattern.angles)
-    floor, share = _noise(np.where(hits, ranges, np.nan)[:, order], step, range_step)
+    at_rest = _differences_at_rest(table, scans)
+    if at_rest is None:
+        at_rest = _bends(np.where(hits, ranges, np.nan)[:, order], step)
+    floor, share = _noise(*at_rest, range_step)
     values: dict[str, Any] = {
         "beams": beams,
         "field_of_view_deg": min(round(math.degrees(view), 6), 360.0),
@@ -143,22 +150,45 @@ def _range_step(ranges: Floats) -> float:
     return 0.0
 
 
-def _noise(ranges: Floats, step: float, range_step: float) -> tuple[float, float]:
-    """Return the noise of short ranges [m] and that of long ones as a share, from scans (n, beams) with NaN for none.
+def _differences_at_rest(table: FrameTable, scans: NDArray[np.int64]) -> tuple[Floats, Floats] | None:
+    """Return ranges and errors (n,) [m] of readings, from pairs of scans between which the robot did not move.
+
+    Two readings of one beam differ by sqrt(2) times the noise, whatever the wall is like. None where there are fewer
+    than `MIN_AT_REST` pairs.
+    """
+    rows = table.scan_rows[scans]
+    steps = np.abs(se2.between(table.odometry[rows[:-1]], table.odometry[rows[1:]]))
+    pairs = np.flatnonzero((steps < STILL).all(axis=1))
+    if len(pairs) < MIN_AT_REST:
+        return None
+    pairs = pairs[:: max(1, len(pairs) // MAX_SCANS)]
+    high = float(table.range_limits[scans[0], 1])
+    one, other = (np.stack([np.asarray(table.scan(k).ranges) for k in scans[pairs + d].tolist()]) for d in (0, 1))
+    hits = (one > 0.0) & (one < high) & (other > 0.0) & (other < high)
+    errors, middle = ((other - one)[hits] / math.sqrt(2.0), 0.5 * (one + other)[hits])
+    same = np.abs(errors) < MAX_BEND  # else a beam that met an edge, or somebody walked by
+    return middle[same], errors[same]
+
+
+def _bends(ranges: Floats, step: float) -> tuple[Floats, Floats]:
+    """Return ranges and errors (n,) [m] of readings on straight walls, from scans (n, beams) with NaN for none.
 
     On a straight wall the inverse ranges of three neighbouring beams satisfy 1/a + 1/c = 2 cos(step) / b, whatever its
-    direction; b differs by its own noise and half the variance of a and c.
+    direction; b differs by its own noise and half the variance of a and c. A rough wall counts as noise.
     """
     a, b, c = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
     bend = b - 2.0 * np.cos(step) / (1.0 / a + 1.0 / c)
     wall = (np.abs(bend) < MAX_BEND) & (np.maximum(a, c) < MAX_RANGE_RATIO * np.minimum(a, c))
-    bend, b = bend[wall], b[wall]
-    if bend.size < 10 * NOISE_BINS:
+    return b[wall], bend[wall] / math.sqrt(1.5)
+
+
+def _noise(ranges: Floats, errors: Floats, range_step: float) -> tuple[float, float]:
+    """Return the noise of short ranges [m] and that of long ones as a share, from readings and their errors (n,)."""
+    if errors.size < 10 * NOISE_BINS:
         return range_step, 0.0
-    order = np.argsort(b)
-    bins = np.array_split(order, NOISE_BINS)
-    middle = np.array([np.median(b[rows]) for rows in bins])
-    sigma = np.array([_deviation(bend[rows]) for rows in bins]) / math.sqrt(1.5)
+    bins = np.array_split(np.argsort(ranges), NOISE_BINS)
+    middle = np.array([np.median(ranges[rows]) for rows in bins])
+    sigma = np.array([_deviation(errors[rows]) for rows in bins])
     sigma = np.sqrt(np.maximum(sigma**2 - range_step**2 / 12.0, 1e-8))
     return _floor_and_share(middle, sigma)
 
