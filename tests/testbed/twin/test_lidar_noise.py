@@ -45,5 +45,6 @@ def test_people_who_walk_by_are_no_noise():
     """In each scan another quarter of the beams ends on them."""
     table = recording(40, moving=False, rough=0.0)
     rng = np.random.default_rng(1)
-    table.ranges[rng.random(table.ranges.size) < 0.25] = 1.0
+    hidden = rng.random(table.ranges.size) < 0.25
+    table.ranges[hidden] = rng.uniform(0.3, 2.0, hidden.sum())
     assert estimate_lidar(table).preset.noise_floor == pytest.approx(NOISE, rel=0.15)
