@@ -16,6 +16,8 @@ from slam.se2 import Pose, compose, wrap_angle
 
 _MIN_BLIND = math.radians(3.0)
 """Gaps between beams up to this angle [rad], or three usual gaps, are the spacing of the beams, not a blind sector."""
+_WAITING = 1000
+"""Scans whose directions are united at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,21 +47,29 @@ class LidarView:
 
         Raises ValueError where there is no beam at all.
         """
-        kept = [scan for scan in scans if len(scan.angles)]
-        if not kept:
+        first, angles, reach = None, np.empty(0), 0.0
+        waiting: list[NDArray[np.float64]] = []
+        for scan in scans:
+            if not len(scan.angles):
+                continue
+            reach = max(reach, scan.range_max)
+            if first is None or scan.angles is not waiting[-1]:  # most scans of a recording share their directions
+                waiting.append(scan.angles)
+            first = first or scan
+            if len(waiting) > _WAITING:
+                angles, waiting = _united(angles, waiting), waiting[-1:]
+        if first is None:
             raise ValueError("a lidar's view takes at least one scan with a beam, got none")
-        # Directions that differ by less than a microradian are one.
-        angles = np.unique(np.round(wrap_angle(np.concatenate([scan.angles for scan in kept])), 6))
+        angles = _united(angles, waiting)
         gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
         widest = int(np.argmax(gaps))
         blind = float(gaps[widest])
         full = blind <= max(_MIN_BLIND, 3.0 * float(np.median(gaps)))
-        range_max = max(scan.range_max for scan in kept)
         if full:
-            return cls(range_max=range_max, mount=kept[0].mount)
-        first = float(angles[(widest + 1) % len(angles)])
+            return cls(range_max=reach, mount=first.mount)
+        begin = float(angles[(widest + 1) % len(angles)])
         # A single direction still has some width.
-        return cls(first=first, width=max(2.0 * math.pi - blind, 1e-3), range_max=range_max, mount=kept[0].mount)
+        return cls(first=begin, width=max(2.0 * math.pi - blind, 1e-3), range_max=reach, mount=first.mount)
 
     @classmethod
     def from_metrics(cls, document: Mapping[str, Any]) -> Self:
@@ -101,3 +111,11 @@ class LidarView:
         """Return which directions in the lidar's frame [rad], any shape, lie in the field of view."""
         inside: NDArray[np.bool_] = (np.asarray(directions) - self.first) % (2.0 * np.pi) <= self.width
         return inside | self.all_around
+
+
+def _united(directions: NDArray[np.float64], further: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the distinct ones of directions (n,) and further ones, rounded: to a microradian they are one."""
+    united: NDArray[np.float64] = np.unique(
+        np.concatenate([directions, np.round(wrap_angle(np.concatenate(further)), 6)])
+    )
+    return united

@@ -90,22 +90,20 @@ def refine(
     if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
         raise ValueError("odometry and initial must be finite")
     layout = ScanLayout(scans, stamps, twists if config.deskew else None, config)
-    rays = layout.rays()
-    seen = {i: ray for i, ray in rays.items() if ray.hit.any()}
+    seen = layout.with_hits()
     if not seen:
         raise ValueError("no frame has a scan with a hit: nothing to refine")
     workers, settings = Threads(threads), config.refine
-    cloud = make_cloud(list(seen.values()), settings.max_points)
+    cloud = make_cloud(seen.values(), settings.max_points)
     adjustment = Adjustment(odometry, cloud, np.fromiter(seen, np.int64), settings, workers)
     closing = close_loops(odometry, initial, seen, config, workers) if settings.close_loops else None
     poses = np.array(initial if closing is None else closing.path, dtype=np.float64)
     for passed in range(settings.rounds):
         gate = max(settings.first_gate * settings.gate_decay**passed, settings.last_gate)
         poses = _moved(poses, adjustment.step(poses, gate))
-    if straightened := layout.straighten(poses):
-        rays.update(straightened.rays)
-        cloud = make_cloud([rays[i] for i in seen], settings.max_points)
-        adjustment.cloud, poses = cloud, straightened.poses
+    if (straightened := layout.straighten(poses)) is not None:
+        poses, cloud = straightened, make_cloud(seen.values(), settings.max_points)
+        adjustment.cloud = cloud
         for _ in range(ROUNDS_AFTER):
             poses = _moved(poses, adjustment.step(poses, settings.last_gate))
     # The first pose defines the frame, but it errs as any other: it moves with them, then the whole is moved back.
@@ -113,7 +111,7 @@ def refine(
     cells, _, surfels = adjustment.walls(
         transform_cloud(cloud, poses[adjustment.with_scan], workers), max_snap_distance(settings, adjustment.noise)
     )
-    drawn = redraw_map(poses, rays, (cells, surfels), adjustment.noise, config, workers)
+    drawn = redraw_map(poses, layout, (cells, surfels), adjustment.noise, config, workers)
     position, heading = adjustment.odometry_variance.tolist()
     solved = adjustment.solved.equations
     return Refined(

@@ -9,8 +9,8 @@ middle it is nothing, and the pose at the stamp follows from the odometry on bot
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from slam.config import FilterConfig
 from slam.refinement.bent_scans import Sweeps, between_neighbours, path_twists
 from slam.scan import Scan
 from slam.sensor.rays import Rays, make_rays
+
+KEPT_BEAMS = 5_000_000
+"""Rays of so many beams are kept in memory, 165 MB; those of later scans are made anew whenever they are asked for."""
 
 
 def middle_frames(stamps: NDArray[np.float64], scans: Sequence[Scan | None]) -> dict[int, int]:
@@ -45,17 +48,12 @@ def middle_frames(stamps: NDArray[np.float64], scans: Sequence[Scan | None]) -> 
     return chosen
 
 
-class Straightened(NamedTuple):
-    """Bent scans laid out by the path."""
+class ScanLayout(Mapping[int, Rays]):
+    """The rays of scans by the frame that each is seen from, in the order of the frames.
 
-    rays: dict[int, Rays]
-    """By the frame that each is seen from."""
-    poses: se2.Pose
-    """Poses from which to go on, (frames, 3)."""
-
-
-class ScanLayout:
-    """The rays of all scans, each seen from the frame nearest to the middle of its sweep."""
+    They are made when they are asked for, and kept as far as `KEPT_BEAMS` allows: the rays of an hour take many times
+    the memory of the readings that they are made of.
+    """
 
     def __init__(
         self,
@@ -65,42 +63,77 @@ class ScanLayout:
         config: FilterConfig,
     ) -> None:
         """stamps (frames,): increasing times [s], or None;  twists: (3,) or None of each frame, or None."""
-        self._stamps, self._config = stamps, config
-        self._scans = {i: scan for i, scan in enumerate(scans) if scan is not None}
-        self._twists = dict.fromkeys(self._scans) if twists is None else {i: twists[i] for i in self._scans}
-        self._seen_from = {i: i for i in self._scans} if stamps is None else middle_frames(stamps, scans)
+        self._stamps, self._config, self._scans = stamps, config, scans
+        taken = [i for i, scan in enumerate(scans) if scan is not None]
+        self._twists = dict.fromkeys(taken) if twists is None else {i: twists[i] for i in taken}
+        seen_from = {i: i for i in taken} if stamps is None else middle_frames(stamps, scans)
+        self._taken = dict(sorted((frame, i) for i, frame in seen_from.items()))
+        self._made: dict[int, Rays] = {}
+        self._to_keep = self._first_of(KEPT_BEAMS)
 
-    def rays(self) -> dict[int, Rays]:
-        """Rays by the frame that their scan is seen from, in the order of the frames."""
-        return dict(sorted((self._seen_from[i], self._lay_out(i, self._twists[i])) for i in self._scans))
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._taken)
 
-    def straighten(self, poses: se2.Pose) -> Straightened | None:
-        """The scans that were bent by a motion that is not that of poses (frames, 3); None where there are none."""
+    def __len__(self) -> int:
+        return len(self._taken)
+
+    def __getitem__(self, frame: int) -> Rays:
+        if frame in self._made:
+            return self._made[frame]
+        rays = self._lay_out(frame)
+        if frame in self._to_keep:
+            self._made[frame] = rays
+        return rays
+
+    def with_hits(self) -> ScanLayout:
+        """Return the scans that have a hit; what is straightened later is so in both."""
+        part = copy(self)
+        part._taken = {frame: i for frame, i in self._taken.items() if self[frame].hit.any()}
+        return part
+
+    def straighten(self, poses: se2.Pose) -> se2.Pose | None:
+        """Lay out by the path the scans that were bent by a motion that is not that of poses (frames, 3).
+
+        Returns poses (frames, 3) from which to go on; None where none was bent.
+        """
         sweeps = self._sweeps()
         if self._stamps is None or sweeps is None:
             return None
         twists = path_twists(sweeps, poses, self._stamps)
         if not twists:
             return None
-        rays = {int(sweeps.frames[k]): self._lay_out(int(sweeps.taken[k]), twist) for k, twist in twists.items()}
-        return Straightened(rays, between_neighbours(sweeps.frames, np.array(list(twists)), poses))
+        for k, twist in twists.items():
+            self._twists[int(sweeps.taken[k])] = twist
+            self._made.pop(int(sweeps.frames[k]), None)
+        return between_neighbours(sweeps.frames, np.array(list(twists)), poses)
 
-    def _lay_out(self, i: int, twist: NDArray[np.float64] | None) -> Rays:
+    def _first_of(self, beams: int) -> set[int]:
+        """Return the first frames whose scans have so many beams together."""
+        counts = np.cumsum([len(self._scan(i).ranges) for i in self._taken.values()])
+        return set(list(self._taken)[: int(np.searchsorted(counts, beams, side="right"))])
+
+    def _scan(self, i: int) -> Scan:
+        scan = self._scans[i]
+        assert scan is not None
+        return scan
+
+    def _lay_out(self, frame: int) -> Rays:
+        i = self._taken[frame]
         return make_rays(
-            [self._scans[i]],
+            [self._scan(i)],
             usable_range=self._config.map.usable_range,
             free_range=self._config.map.free_range,
-            twist=twist,
-            reference=None if self._stamps is None else float(self._stamps[self._seen_from[i]]),
+            twist=self._twists[i],
+            reference=None if self._stamps is None else float(self._stamps[frame]),
         )
 
     def _sweeps(self) -> Sweeps | None:
         """The scans whose beams have times and whose motion the odometry tells; None where there are none."""
-        timed = [
-            (i, self._seen_from[i], float(np.ptp(scan.time_offsets)), twist)
-            for i, scan in self._scans.items()
-            if scan.time_offsets is not None and scan.time_offsets.size and (twist := self._twists[i]) is not None
-        ]
+        timed = []
+        for frame, i in self._taken.items():
+            offsets, twist = self._scan(i).time_offsets, self._twists[i]
+            if offsets is not None and offsets.size and twist is not None:
+                timed.append((i, frame, float(np.ptp(offsets)), twist))
         if not timed:
             return None
         taken, frames, seconds, twists = zip(*timed, strict=True)

@@ -8,7 +8,7 @@ are the surfels (after Bosse and Zlot, ICRA 2009, who match such elements of sev
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -96,15 +96,20 @@ class Surfels(NamedTuple):
     """Numbers of surfels."""
 
 
-def make_cloud(rays: Sequence[Rays], max_points: int) -> Cloud:
-    """The hits of all scans. With more than `max_points` hits, every k-th one is kept and gets weight k."""
-    hits = [np.flatnonzero(ray.hit) for ray in rays]
-    begins = np.concatenate([[0], np.cumsum([len(hit) for hit in hits])])
-    each = max(-(-int(begins[-1]) // max_points), 1)
-    kept = [hit[-begin % each :: each] for hit, begin in zip(hits, begins, strict=False)]
-    ends = np.concatenate([ray.ends[hit] for ray, hit in zip(rays, kept, strict=True)])
-    origins = np.concatenate([ray.origins[hit] for ray, hit in zip(rays, kept, strict=True)])
-    first = np.concatenate([[0], np.cumsum([len(hit) for hit in kept])])
+def make_cloud(rays: Collection[Rays], max_points: int) -> Cloud:
+    """The hits of all scans. With more than `max_points` hits, every k-th one is kept and gets weight k.
+
+    The scans are gone through twice, one at a time: those of a long recording may be made only when they are asked for.
+    """
+    hits = np.array([np.count_nonzero(ray.hit) for ray in rays])
+    begins = np.cumsum(hits) - hits
+    each = max(-(-int(hits.sum()) // max_points), 1)
+    skipped = -begins % each
+    first = np.concatenate([[0], np.cumsum(np.maximum(-(-(hits - skipped) // each), 0))])
+    ends, origins = np.empty((first[-1], 2)), np.empty((first[-1], 2))
+    for ray, begin, end, skip in zip(rays, first[:-1], first[1:], skipped, strict=True):
+        kept = np.flatnonzero(ray.hit)[skip::each]
+        ends[begin:end], origins[begin:end] = ray.ends[kept], ray.origins[kept]
     return Cloud(ends, origins, np.hypot(*(ends - origins).T), first, float(each))
 
 

@@ -24,6 +24,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
+from testbed.run.frame_store import FrameStore
 from testbed.run.known_map import KnownMap
 from testbed.run.starting_path import likelier, starting_path_note, what_is_lacking
 from testbed.run.step_table import StepTable
@@ -67,7 +68,7 @@ class Estimation:
     """The map to localise in; None = a map is made."""
     mapper: GMapping | Localization = field(init=False)
     steps: StepTable = field(init=False)
-    frames: list[Frame] = field(init=False, default_factory=list)
+    frames: FrameStore = field(init=False, default_factory=FrameStore)
     _online: list[Pose] = field(init=False, default_factory=list)
     """The pose that was reported at each scan, (3,) each."""
     _waiting: dict[str, tuple[Pose, Scan]] = field(init=False, default_factory=dict)
@@ -97,7 +98,7 @@ class Estimation:
         try:
             report = self.mapper.process(frame.odometry, [frame.scan, *others], twist=frame.twist)
         except BaseException:  # Ctrl-C within the filter: the frame was not taken in
-            self.frames.pop()
+            self.frames.drop_last()
             raise
         if report.updated:
             self._waiting.clear()
@@ -112,17 +113,17 @@ class Estimation:
     @property
     def scan_frames(self) -> NDArray[np.intp]:
         """Indices of the frames with a scan, (scans,)."""
-        return np.flatnonzero([frame.scan is not None for frame in self.frames])
+        return self.frames.with_scan
 
     @property
     def odometry(self) -> Pose:
         """`T_odom_robot` at every frame, joined where the odometry started again, (frames, 3)."""
-        return join_odometry(self.stamps, np.array([frame.odometry for frame in self.frames]))
+        return join_odometry(self.frames.stamps, self.frames.odometry)
 
     @property
     def stamps(self) -> NDArray[np.float64]:
         """Stamps of the frames [s], (frames,)."""
-        return np.array([frame.stamp for frame in self.frames])
+        return self.frames.stamps
 
     def trajectory_at_scans(self, source: Literal["odometry", "truth"]) -> Trajectory | None:
         """Return odometry or truth at every scan where it is known; None if it is known at no scan."""
@@ -175,7 +176,7 @@ class Estimation:
         """Make the final pass from a path (frames, 3)."""
         return refine(
             self.odometry,
-            [frame.scan for frame in self.frames],
+            self.frames.scans,
             path,
             self.config,
             twists=[frame.twist for frame in self.frames],

@@ -6,8 +6,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any, Protocol
@@ -22,7 +21,6 @@ from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
 from slam.gmapping import GMapping
 from slam.localization import Localization
-from slam.scan import Scan
 from slam.se2 import Pose, between
 from slam.sensor.deskew import log_twist
 from slam.sensor.rays import make_rays
@@ -275,13 +273,13 @@ def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ende
     return {"outcome": "lost", "outcome_reason": astray, **groups}
 
 
-def lidar_views(frames: Iterable[Frame]) -> tuple[LidarView, ...]:
+def lidar_views(frames: Sequence[Frame]) -> tuple[LidarView, ...]:
     """Return the view of each lidar that took a scan with a beam, in the order in which they appear."""
-    scans: dict[str, list[Scan]] = defaultdict(list)
-    for frame in frames:
-        if frame.scan is not None and len(frame.scan.angles):
-            scans[frame.lidar].append(frame.scan)
-    return tuple(LidarView.of(taken) for taken in scans.values())
+    lidars = dict.fromkeys(frame.lidar for frame in frames if frame.scan is not None and len(frame.scan.angles))
+    return tuple(
+        LidarView.of(frame.scan for frame in frames if frame.scan is not None and frame.lidar == lidar)
+        for lidar in lidars
+    )
 
 
 def peak_memory_mb() -> float:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from eval.map import lidar_view
 from eval.map.grids import cell_centres
 from eval.map.lidar_view import LidarView
 from eval.map.observability import observable_cells
@@ -107,8 +108,12 @@ def test_the_field_of_view_is_without_the_widest_gap():
     assert (backwards.first, backwards.width) == pytest.approx((np.radians(135.0), np.pi / 2), abs=1e-5)
 
 
-def test_the_widest_of_scans_whose_beams_vary_counts():
-    view = LidarView.of([scan(-90.0, 90.0, 181, range_max=8.0), scan(-120.0, 60.0, 170, range_max=9.0)])
+@pytest.mark.parametrize("at_once", [1, 2, 1000])
+def test_the_widest_of_scans_whose_beams_vary_counts(at_once, monkeypatch):
+    monkeypatch.setattr(lidar_view, "_WAITING", at_once)
+    narrow = scan(-20.0, 20.0, 41, range_max=7.0)
+    scans = [scan(-90.0, 90.0, 181, range_max=8.0), scan(-120.0, 60.0, 170, range_max=9.0), narrow, narrow]
+    view = LidarView.of(scans)
     assert (view.first, view.width) == pytest.approx((np.radians(-120.0), np.radians(210.0)), abs=1e-5)
     assert view.range_max == 9.0
     with pytest.raises(ValueError, match="at least one scan"):

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam import FilterConfig, Scan, refine, se2
-from slam.refinement.scan_frames import middle_frames
+from slam.refinement import scan_frames
+from slam.refinement.scan_frames import ScanLayout, middle_frames
 from tests.slam.rooms import scan_at
 
 SWEEP = 0.1  # seconds
@@ -45,6 +46,15 @@ def test_no_frame_serves_two_scans_and_none_is_farther_than_the_own(with_scan, s
         middle = stamps[own] + 0.5 * sweep
         assert abs(stamps[frame] - middle) <= abs(stamps[own] - middle)
         assert frame == own or scans[frame] is None
+
+
+def test_rays_are_kept_as_far_as_there_is_room(monkeypatch):
+    """Three scans of five beams: two of them fit into room for fourteen."""
+    monkeypatch.setattr(scan_frames, "KEPT_BEAMS", 14)
+    layout = ScanLayout([scan_of(0.0), None, scan_of(0.1), scan_of(0.2)], None, None, FilterConfig())
+    assert list(layout) == [0, 2, 3]
+    assert [layout[frame] is layout[frame] for frame in layout] == [True, True, False]
+    assert all(len(rays.hit) == 5 for rays in layout.values())
 
 
 def test_an_error_of_the_turn_rate_does_not_turn_the_poses():
