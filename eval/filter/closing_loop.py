@@ -52,8 +52,8 @@ class ClosingLoop:
     """Error of the pose while driving before the loop, and when it had its full length [m]; None without truth."""
     jump_errors: tuple[float, float] | None = None
     """The same at the update before the jump, and at it [m]; None without a jump, or without truth."""
-    longer: float | None = None
-    """Length of the longest loop [m] where that is another one, which has decided nothing; None = it is this one."""
+    longer: tuple[ClosingLoop, ...] = ()
+    """Longer loops, none of which has decided between the particles' histories, in the order of time."""
 
     @property
     def to_watch(self) -> float:
@@ -84,9 +84,8 @@ def largest_closing_loop(steps: Columns, until: float = np.inf) -> ClosingLoop |
         return None
     breaks = np.flatnonzero(np.abs(np.diff(stamps[closing])) >= CLOSING_S) + 1
     loops = [_loop(steps, on, lengths, group) for group in np.split(closing, breaks)]
-    longest = max(loops, key=lambda loop: loop.metres)
-    chosen = max((loop for loop in loops if loop.decided), key=lambda loop: loop.metres, default=longest)
-    return chosen if chosen is longest else replace(chosen, longer=longest.metres)
+    chosen = max([loop for loop in loops if loop.decided] or loops, key=lambda loop: loop.metres)
+    return replace(chosen, longer=tuple(loop for loop in loops if loop.metres > chosen.metres))
 
 
 def _loop(
@@ -137,9 +136,12 @@ def _jump(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tupl
     return (float(moved[at]), int(rows[at])) if moved[at] >= MIN_JUMP_M else None
 
 
-def deaths_in_words(loop: ClosingLoop, start: float) -> str:
+def deaths_in_words(loop: ClosingLoop, start: float, told: float | None = None) -> str:
     """What the particles did in a loop, since a start [s]: those that died, at once or at several resamplings, or that
-    another one became the best; empty for a single particle, or where it is unknown."""
+    another one became the best; empty for a single particle, or where it is unknown.
+
+    told: the stamp of an update [s] of which the reader knows already how far the reported pose moved
+    """
     if loop.particles == 1 or loop.died is None:
         return ""
     if loop.most_died is None:
@@ -150,10 +152,47 @@ def deaths_in_words(loop: ClosingLoop, start: float) -> str:
             words += f" ({loop.died} in {loop.resamplings} resamplings)"
     if loop.jump is not None and loop.most_died is None:
         metres, stamp = loop.jump
-        words += (
-            f", and another became the best at {at_time(stamp - start)}: the reported pose moved by {length(metres)}"
-        )
+        words += f", and another became the best at {at_time(stamp - start)}"
+        if stamp != told:
+            words += f": the reported pose moved by {length(metres)}"
     return words
+
+
+def times_of_loop(loop: ClosingLoop, start: float) -> str:
+    """When old walls came into view in a loop, since a start [s]."""
+    if loop.began < loop.stamp:
+        return f"from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
+    return f"at {at_time(loop.stamp - start)}"
+
+
+def longer_in_words(loop: ClosingLoop, start: float) -> str:
+    """What became of the loops that were longer, since a start [s]: of the longest, and of the one in which most
+    particles died; empty where there is none."""
+    if not loop.longer:
+        return ""
+    longest = max(loop.longer, key=lambda other: other.metres)
+    deadliest = max(loop.longer, key=lambda other: other.died or 0)
+    named = [other for other in loop.longer if other is longest or (other is deadliest and other.died)]
+    parts = [_undecided_in_words(other, start) for other in named]
+    if len(loop.longer) > len(named):
+        parts.append(f"{len(loop.longer) - len(named)} more")
+    which = "a longer one" if len(loop.longer) == 1 else "longer ones"
+    why = (
+        ""
+        if longest.spread is None
+        else f" made the spread fall by less than {100.0 * MIN_FALL_M:.0f}\N{NO-BREAK SPACE}cm"
+    )
+    return f"{which}{why}: {'; '.join(parts)}"
+
+
+def _undecided_in_words(loop: ClosingLoop, start: float) -> str:
+    """Length, times, deaths and spread of a loop that has decided nothing, since a start [s]."""
+    words = [f"{loop.metres:.0f} m {times_of_loop(loop, start)}"]
+    if deaths := deaths_in_words(loop, start):
+        words.append(deaths)
+    if loop.spread is not None and loop.least_spread is not None:
+        words.append(f"spread {length(loop.spread)} to {length(loop.least_spread[0])}")
+    return ", ".join(words)
 
 
 def _spreads(

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eval.files.run_reader import read_run
 from eval.filter.step_table import Columns, column, updates
 from eval.loss_watch import Spell, spells
 from eval.report.report_context import ReportContext
-from eval.wording import at_time
+from eval.wording import at_time, length
 from slam.se2 import transform_points
 
 DOUBTFUL, LOST = 1.0, 2.0
@@ -61,7 +62,16 @@ def self_check_story(context: ReportContext) -> str:
         story += f", {_lead(moment - check['time_s'], moment)}"
     said = _said_while_driving(context, check)
     story += f"{said.sure}{': ' if check.get('time_s') is None else '. It saw this: '}{check['reason']}."
-    return f"{story} {said.before}." if said.before else story
+    if said.before:
+        story += f" {said.before}."
+    return story + _right_in_a_bent_map(context, check)
+
+
+def place_of_first_sign(context: ReportContext) -> NDArray[np.float64] | None:
+    """Where the robot was at the first sign of a run's own check, in the frame of the report, (2,) [m]; None where
+    there is none."""
+    check = context.run.metric("self_check") or {}
+    return None if check.get("place") is None else np.array(_shown_place(context, check))
 
 
 @dataclass(frozen=True)
@@ -145,6 +155,25 @@ def _first_sign(check: Mapping[str, Any], where: str) -> str:
         return ""
     sign = "the sign of the lasting loss" if check["verdict"] == "lost" else "its first sign"
     return f"; {sign} is at {at_time(check['time_s'])}" + (f", at {where}" if where else "")
+
+
+def _right_in_a_bent_map(context: ReportContext, check: Mapping[str, Any]) -> str:
+    """Explain a first sign at which the estimate was close to the truth after it had drifted, as a sentence; empty
+    where that was not so, or is unknown."""
+    steps = context.run.steps
+    if check.get("time_s") is None or steps is None or "error_m" not in steps:
+        return ""
+    stamp, drifted = context.start + check["time_s"], spells(steps, "drifted")
+    off = [spell for spell in drifted + spells(steps, "lost") if spell.start <= stamp < (spell.end or np.inf)]
+    rows = updates(steps) & np.isfinite(column(steps, "error_m"))
+    if off or not rows.any() or not any(spell.start < stamp for spell in drifted):
+        return ""
+    nearest = int(np.argmin(np.abs(column(steps, "stamp")[rows] - stamp)))
+    error = float(column(steps, "error_m")[rows][nearest])
+    return (
+        f" At {at_time(check['time_s'])} the pose was only {length(error)} off, but it had drifted before: a map that "
+        "is bent may contradict the scans also where the pose is right."
+    )
 
 
 def _shown_place(context: ReportContext, check: Mapping[str, Any]) -> Sequence[float]:

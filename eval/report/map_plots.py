@@ -12,6 +12,7 @@ from eval.consistency import LEVEL, chi_square
 from eval.filter.step_table import pose_columns
 from eval.first_failure import Failure
 from eval.report import plots
+from eval.report.check_story import place_of_first_sign
 from eval.report.map_images import DIFFERENCE_KEY, Extent, Picture, draw_difference, draw_map, frame_around
 from eval.report.page import Plot
 from eval.report.report_context import ReportContext, positions_in
@@ -72,7 +73,9 @@ def path_plots(context: ReportContext) -> Iterator[Plot]:
         curves.append(("truth", run.truth.poses[:, :2], TRUTH))
     curves.append(("estimate", estimate, plots.ESTIMATE))
     how = "aligned at the first scan" if context.errors else "odometry starts at the estimate's first pose"
-    source = plots.paths(curves, background=background)
+    place = place_of_first_sign(context)
+    mark = None if place is None else ("first sign of the self-check", place)
+    source = plots.paths(curves, background=background, mark=mark)
     yield Plot("Trajectories", source, f"Seen from above over the estimated map; {how}.")
     if context.errors is not None:
         yield _error_by_place(context)

@@ -139,15 +139,21 @@ def stacked_over_time(time: ArrayLike, parts: Mapping[str, ArrayLike], label: st
         return svg_uri(figure)
 
 
-def paths(curves: Sequence[Series], *, background: Picture | None = None) -> str:
-    """Draw paths (n, 2) [m] from above, over a faint map."""
+def paths(
+    curves: Sequence[Series], *, background: Picture | None = None, mark: tuple[str, ArrayLike] | None = None
+) -> str:
+    """Draw paths (n, 2) [m] from above, over a faint map; mark: a place (2,) and its name."""
     with rc_context(STYLE):
         figure, ax = _figure(_size_for(background.extent if background is not None else None))
         _ground(ax, background)
         for name, path, colour in curves:
             xy = np.asarray(path, dtype=np.float64)[:: -(-len(np.asarray(path)) // (4 * MAX_POINTS))]
             ax.plot(xy[:, 0], xy[:, 1], color=colour, label=name, lw=1.2)
-        _legend(ax)
+        if mark is not None:
+            ax.plot(
+                *np.asarray(mark[1], dtype=np.float64), "X", ms=9.0, color=BAD, mec="white", label=mark[0], zorder=5
+            )
+        _legend(ax, columns=4 if mark is None else 2)
         return svg_uri(figure)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from eval.files.run_reader import RunFiles
-from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop
+from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop, longer_in_words, times_of_loop
 from eval.loss_watch import spells
 from eval.mended import Mended, find_mended
 from eval.report.check_story import self_check_story
@@ -110,7 +110,7 @@ def verdict(run: RunFiles) -> Verdict:
         lead=lead,
         sentences=tuple(filter(None, sentences)),
         mended=mended,
-        loop=_loop(context),
+        loop=_loop(context, None if mended is None else mended.stamp),
         headlines=tuple(_headlines(run)),
     )
 
@@ -139,12 +139,7 @@ def _mended_sentence(mended: Mended | None) -> str:
     if mended is None:
         return ""
     which = mended.which[0].upper() + mended.which[1:]
-    moment = f"at {at_time(mended.stamp - mended.start)}: {mended.cause.rstrip('.')}."
-    if mended.driving is None:
-        return f"{which} it went wrong {moment}"
-    driving = mended.driving
-    part = driving.part_in_words(driving.stretches[0])
-    return f"{which}, {driving.evidence}. {part[0].upper()}{part[1:]} come from one time, which began {moment}"
+    return f"{which} it went wrong at {at_time(mended.stamp - mended.start)}: {mended.cause.rstrip('.')}."
 
 
 def _without_ate(reason: str, outcome: str) -> str:
@@ -248,8 +243,11 @@ def _closed_loops_sentence(run: RunFiles) -> str:
     return f"{text}."
 
 
-def _loop(context: ReportContext) -> Loop:
-    """Describe the largest loop and what the particles did in it, or say that none was seen."""
+def _loop(context: ReportContext, told: float | None) -> Loop:
+    """Describe the largest loop and what the particles did in it, or say that none was seen.
+
+    told: the stamp of a moment [s] that the report has described before
+    """
     run = context.run
     if run.metric("filter.loop_closures") == 0:
         return Loop("No loop was seen while driving: no scan met enough walls that had long been out of sight.")
@@ -259,18 +257,18 @@ def _loop(context: ReportContext) -> Loop:
     if loop is None:
         return Loop("")
     start = context.start
-    times = f"old walls in view again at {at_time(loop.stamp - start)}"
-    if loop.began < loop.stamp:
-        times = f"old walls in view again from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
+    times = f"old walls in view again {times_of_loop(loop, start)}"
     before = " before the estimate was lost" if lost else ""
-    which = " that decided between the particles" if loop.longer is not None else ""
-    text = f"The largest loop{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start)}"
-    if loop.longer is not None:
-        text += f" A longer one, of {loop.longer:.0f} m, decided nothing: the spread fell by less than 1 cm."
+    which = " that decided between the particles" if loop.longer else ""
+    text = (
+        f"The largest loop{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start, told)}"
+    )
+    if longer := longer_in_words(loop, start):
+        text += f" {longer[0].upper()}{longer[1:]}."
     if loop.errors is not None:
         text += (
             " The position error while driving, aligned at the first scan as in the plot below and in the recording, "
-            f"{_errors_in(loop, start)}"
+            f"{_errors_in(loop, start, told)}"
         )
         largest = max(*loop.errors, *(loop.jump_errors or ()))
         text += ": little had to be corrected." if largest < SMALL_ERROR_M else "."
@@ -279,14 +277,14 @@ def _loop(context: ReportContext) -> Loop:
     return Loop(text, up_to_a_tenth(loop.to_watch - start))
 
 
-def _errors_in(loop: ClosingLoop, start: float) -> str:
+def _errors_in(loop: ClosingLoop, start: float, told: float | None) -> str:
     """How the error changed in a loop, in the order of time: before it, as another particle became the best unless none
-    did, and when it had its full length."""
+    did, or that is told, and when it had its full length."""
     assert loop.errors is not None
     first, last = loop.errors
     words = [(loop.began, f"was {length(first)} before old walls came into view")]
     full = (loop.stamp, f"was {length(last)} at {at_time(loop.stamp - start)}")
-    if loop.jump is None or loop.jump_errors is None:
+    if loop.jump is None or loop.jump_errors is None or loop.jump[1] == told:
         return " and ".join(text for _, text in [*words, full])
     before, after = loop.jump_errors
     jump = f"went from {length(before)} to {length(after)} at {at_time(loop.jump[1] - start)}, as another particle "
@@ -297,11 +295,11 @@ def _errors_in(loop: ClosingLoop, start: float) -> str:
     return f"{', '.join(others)}, and {newest}"
 
 
-def _particles_in(loop: ClosingLoop, start: float) -> str:
+def _particles_in(loop: ClosingLoop, start: float, told: float | None) -> str:
     """What the particles did in a loop, as a sentence; empty where it is unknown."""
     if loop.particles == 1:
         return " With a single particle there is no choice between histories."
-    words = deaths_in_words(loop, start)
+    words = deaths_in_words(loop, start, told)
     if not words:
         return ""
     text = f" {words[0].upper()}{words[1:]}"

@@ -47,7 +47,7 @@ def view(
     A dataset or log is shown as a drive: the robot and its scans, laid out by the truth and by the odometry. Several
     paths, or the runs in the folder `worst` of a sweep, are shown side by side under one time cursor, each from its
     first scan on. A run that went wrong opens where its report names the moment. Without a display: --serve, --events,
-    or pictures of moments: `testbed view RUN --time 5,60 --save moment.png`.
+    or pictures of moments: `testbed view RUN --time 5,60 --save moment.png`. docs/views.md says what they show.
 
     Parameters
     ----------

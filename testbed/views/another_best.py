@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+from eval.wording import length
 from slam.step.step_report import StepReport
 
 MIN_JUMP_M = 0.03
@@ -22,3 +23,11 @@ def moved_by_another_best(best_before: int | None, step: StepReport) -> float:
     if best_before == step.best:
         return 0.0
     return math.dist(step.proposed.pose[best_before][:2], step.pose[:2])
+
+
+def errors_in_words(before: float, now: float) -> str:
+    """Say whether the reported pose came closer to the truth, by its position errors at the update before and now
+    [m]."""
+    if length(before) == length(now):
+        return f"as far from the truth as before ({length(now)} off)"
+    return f"{'away from' if now > before else 'closer to'} the truth ({length(before)} to {length(now)} off)"

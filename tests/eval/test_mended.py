@@ -49,7 +49,7 @@ def test_the_moment_is_that_of_the_pose_while_driving(tmp_path: Path) -> None:
     judged = verdict(read_run(run))
     assert judged.lead.startswith("The final path is OK: trajectory error ")
     assert "While driving it was not: broken loop, most of all from " in judged.lead
-    assert f"come from one time, which began at {found.time_to_watch:.1f} s: " in " ".join(judged.sentences)
+    assert f"While driving it went wrong at {found.time_to_watch:.1f} s: " in " ".join(judged.sentences)
     page = write_report(run).read_text()
     assert "<h2>Where it went wrong while driving, before the final pass mended it</h2>" in page
     assert page.index("<summary>The worst metre of the path: no failure") > page.index(found.driving.evidence)

@@ -15,7 +15,7 @@ from rich.table import Table
 from eval.files.failure_json import read_failure
 from eval.files.run_reader import read_steps
 from eval.files.tum import read_tum
-from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop
+from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop, longer_in_words, times_of_loop
 from eval.filter.step_table import column
 from eval.first_failure import Failure
 from eval.loss_watch import spells
@@ -79,7 +79,7 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
         table.add_row("outcome while driving", f"{_value(metrics, 'outcome_online')}")
     loop = _largest_loop(run)
     if loop is not None:
-        table.add_row("largest loop", _loop_in_words(*loop))
+        table.add_row("largest loop", _loop_in_words(*loop, told=None if mended is None else mended.stamp))
     if _value(metrics, "self_check.verdict") is not None:
         # its time is that of what the filter saw itself, not the moment of the loss
         table.add_row("self-check, without truth", self_check_sentence(metrics["self_check"], run))
@@ -156,14 +156,12 @@ def _largest_loop(run: Path | None) -> tuple[ClosingLoop, float] | None:
     return None if loop is None else (loop, float(column(steps, "stamp")[0]))
 
 
-def _loop_in_words(loop: ClosingLoop, start: float) -> str:
-    deaths = deaths_in_words(loop, start)
+def _loop_in_words(loop: ClosingLoop, start: float, told: float | None) -> str:
+    """Describe the largest loop, since a start [s]; told: the stamp of the moment that stands in another row."""
+    deaths, longer = deaths_in_words(loop, start, told), longer_in_words(loop, start)
     deaths = f"; {deaths}" if deaths else ""
-    times = f"at {at_time(loop.stamp - start)}"
-    if loop.began < loop.stamp:
-        times = f"from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
-    longer = "" if loop.longer is None else f" (a longer one, {loop.longer:.0f} m, decided nothing)"
-    return f"{loop.metres:.0f} m of driving, old walls in view again {times}{deaths}{longer}"
+    longer = f" ({longer})" if longer else ""
+    return f"{loop.metres:.0f} m of driving, old walls in view again {times_of_loop(loop, start)}{deaths}{longer}"
 
 
 def _failure_of(metrics: Mapping[str, Any], run: Path | None) -> tuple[Failure, NDArray[np.float64]] | None:

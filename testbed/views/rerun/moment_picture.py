@@ -73,6 +73,8 @@ MAX_PRIOR_REACH = 8.0
 """Where the prior lies far away, it is shown up to so many times what the samples take."""
 MARGIN = 1.25
 """Both show so much more than what has to be seen."""
+BAR = 0.015
+"""Height of the scale's bar as part of that."""
 POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
 """Of several events at one time the one of the highest level is printed, a change of the best particle last."""
@@ -654,13 +656,20 @@ def _in_view(line: NDArray[np.float64], centre: NDArray[np.float64], reach: floa
 def _frame(axes: Axes, centre: NDArray[np.float64], reach: float, wide: float = WIDE) -> None:
     """Show so much above and below a place [m], and `wide` times as much beside it, with a scale in the corner instead
     of coordinates."""
+    from matplotlib.offsetbox import AnchoredOffsetbox, AuxTransformBox, TextArea, VPacker
+    from matplotlib.patches import Rectangle
+
     axes.spines[:].set_visible(True)
     x, y = centre.tolist()
     axes.set(xlim=(x - wide * reach, x + wide * reach), ylim=(y - reach, y + reach), xticks=[], yticks=[])
     scale = 10.0 ** math.floor(math.log10(reach))
     scale *= 5.0 if reach / scale >= 5.0 else 2.0 if reach / scale >= 2.0 else 1.0
-    left, low = x - (wide - 0.1) * reach, y - 0.9 * reach
-    axes.plot([left, left + scale], [low, low], color="black", lw=2.5, zorder=9, solid_capstyle="butt")
     name = f"{scale:g} m" if scale >= 1.0 else f"{100.0 * scale:g} cm"
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-    axes.text(left, low + 0.06 * reach, name, va="bottom", fontsize=8.5, zorder=9, bbox=box)
+    bar = AuxTransformBox(axes.transData)
+    bar.add_artist(Rectangle((0.0, 0.0), scale, BAR * reach, color="black", lw=0.0))
+    label = TextArea(name, textprops={"fontsize": 8.5})
+    packed = VPacker(children=[label, bar], align="center", pad=0.0, sep=3.0)
+    box = AnchoredOffsetbox("lower left", child=packed, pad=0.3, borderpad=0.5)
+    box.patch.set(facecolor="white", edgecolor="none", alpha=0.85)  # walls below are black too
+    box.set_zorder(10.0)
+    axes.add_artist(box)

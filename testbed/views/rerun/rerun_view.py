@@ -27,7 +27,7 @@ from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
-from testbed.views.another_best import MIN_JUMP_M, moved_by_another_best
+from testbed.views.another_best import MIN_JUMP_M, errors_in_words, moved_by_another_best
 from testbed.views.live.viewers import LiveViewer, start_viewers
 from testbed.views.rerun import columns, drawing, entities
 from testbed.views.rerun.archetypes import grid_map, lines, pose_transform, square_frame
@@ -351,10 +351,13 @@ class RerunView:
         if not moved > MIN_JUMP_M:
             return
         self._jumped = True
-        self._columns.add_event(f"{entities.ANOTHER_BEST_EVENT}: the reported pose moved by {length(moved)}", "INFO")
-        if snapshot.truth is not None:
-            row = snapshot.truth, snapshot.estimate, snapshot.odometry
-            self._columns.add(entities.ANOTHER_BEST, *row, build=self._errors[0].estimates)
+        words = f"{entities.ANOTHER_BEST_EVENT}: the reported pose moved by {length(moved)}"
+        if snapshot.truth is not None and before.truth is not None:
+            rows = [(shown.truth, shown.estimate, shown.odometry) for shown in (before, snapshot)]
+            errors = self._errors[0].of(rows)[:, 0].tolist()
+            words += f", {errors_in_words(*errors)}"
+            self._columns.add(entities.ANOTHER_BEST, *rows[1], build=self._errors[0].estimates)
+        self._columns.add_event(words, "INFO")
 
     def _add_filter(self, step: StepReport) -> None:
         """Add what the filter says of itself."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eval.filter.closing_loop import deaths_in_words, largest_closing_loop
+from eval.filter.closing_loop import deaths_in_words, largest_closing_loop, longer_in_words
 
 
 def steps(loops: dict[int, float], died: dict[int, int], particles: int = 10) -> dict[str, np.ndarray]:
@@ -67,7 +67,7 @@ def with_spread(fall: dict[int, float]) -> dict[str, np.ndarray]:
 def test_a_loop_that_decides_comes_before_a_longer_one() -> None:
     loop = largest_closing_loop(with_spread({40: 0.009, 70: 0.011, 90: 0.04}))
     assert loop is not None
-    assert (loop.metres, loop.died, loop.longer) == (30.0, 0, 60.0)
+    assert (loop.metres, loop.died, [other.metres for other in loop.longer]) == (30.0, 0, [60.0])
     assert loop.jump == (0.28, 1071.0)
     assert loop.jump_errors == (0.1, 0.1)
     assert loop.to_watch == 1071.0
@@ -77,8 +77,30 @@ def test_a_loop_that_decides_comes_before_a_longer_one() -> None:
     for fall in ({}, {40: 0.02, 90: 0.04}):  # none decides; the longest does
         loop = largest_closing_loop(with_spread(fall))
         assert loop is not None
-        assert (loop.metres, loop.longer, loop.jump) == (60.0, None, None)
+        assert (loop.metres, loop.longer, loop.jump) == (60.0, (), None)
         assert deaths_in_words(loop, 1000.0) == "3 of 10 particles died at 42.0 s"
+
+
+def test_of_longer_loops_those_are_named_in_which_particles_died() -> None:
+    """30 m decide. In 70 m at 10 s and 60 m at 25 s nobody dies, in 50 m at 40 s three do; the spread stays."""
+    table = steps({10: 70.0, 25: 60.0, 40: 50.0, 70: 30.0}, {41: 2, 43: 1})
+    spread = np.full(200, 0.05)
+    spread[2 * 73 : 2 * 90] = 0.02
+    loop = largest_closing_loop(table | {"spread_m": spread})
+    assert loop is not None
+    assert loop.metres == 30.0
+    assert [other.metres for other in loop.longer] == [70.0, 60.0, 50.0]
+    assert longer_in_words(loop, 1000.0).replace("\N{NO-BREAK SPACE}", " ") == (
+        "longer ones made the spread fall by less than 1 cm: 70 m at 10.0 s, no particle died, spread 5.0 cm to 5.0 "
+        "cm; 50 m at 40.0 s, 2 of 10 particles died at 41.0 s (3 in 2 resamplings), spread 5.0 cm to 5.0 cm; 1 more"
+    )
+
+
+def test_how_far_the_pose_moved_is_not_said_again() -> None:
+    loop = largest_closing_loop(with_spread({70: 0.04}))
+    assert loop is not None
+    assert deaths_in_words(loop, 1000.0, told=1071.0) == "no particle died, and another became the best at 71.0 s"
+    assert deaths_in_words(loop, 1000.0, told=1070.0) == deaths_in_words(loop, 1000.0)
 
 
 def test_deaths_of_several_resamplings_are_no_deaths_of_one() -> None:

@@ -219,6 +219,16 @@ class Recorded:
         return room()
 
 
+def test_the_first_sign_of_the_self_check_is_marked_on_the_paths(runs, texts, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(runs["broken"], folder)
+    metrics = json.loads((folder / "metrics.json").read_text())
+    check = {"verdict": "lost", "reason": "because", "stamp": 1040.0, "time_s": 40.0, "place": [1.0, 2.0, 0.0]}
+    (folder / "metrics.json").write_text(json.dumps(metrics | {"self_check": check}))
+    assert "first sign" in drawn(write_report(folder).read_text(), "Trajectories")
+    assert "first sign" not in drawn(texts["broken"], "Trajectories")
+
+
 def test_where_another_particle_became_the_best_is_marked(runs, texts, tmp_path):
     folder = tmp_path / "run"
     shutil.copytree(runs["good"], folder)

@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from eval.files.run_reader import read_run
-from eval.report.verdict import verdict
+from eval.report.report_context import ReportContext
+from eval.report.verdict import _loop, verdict
 from tests.eval.synthetic_run import write_run
 
 
@@ -72,6 +73,19 @@ def test_a_jump_to_another_particle_in_a_loop_is_said(tmp_path):
     assert "was 26\u00a0cm at 30.0 s, and went from 26\u00a0cm to 50\u00a0cm at 30.5 s, as another particle" in said
     assert "No particle died" in said
     assert "their spread, in which each counts by its weight, went from" in said
+
+
+def test_what_the_headline_tells_is_not_told_again(tmp_path):
+    """The jump at 30.5 s is the moment that the report has described before."""
+    run = write_run(tmp_path / "run")
+    n = len(read_run(run).steps["scan"])
+    lengths, moved, error = np.zeros(n), np.zeros(n), np.full(n, 0.26)
+    lengths[300], moved[305], error[305:] = 40.0, 0.28, 0.5
+    columns = {"loop_length": lengths, "particles_died": np.zeros(n, np.int64), "spread_m": np.linspace(0.9, 0.1, n)}
+    files = with_steps(run, **columns, best_moved_m=moved, error_m=error)
+    said = _loop(ReportContext.of(files), told=files.steps["stamp"][305]).sentence
+    assert "another became the best at 30.5 s, and their spread" in said
+    assert said.endswith("was 26\u00a0cm before old walls came into view and was 26\u00a0cm at 30.0 s.")
 
 
 def test_the_errors_in_a_loop_are_said_in_the_order_of_time(tmp_path):
@@ -198,6 +212,24 @@ def test_the_check_and_the_headline_tell_one_story(tmp_path):
     assert f"is at {first:.1f} s, at ({x:.1f}, {y:.1f}) m in the plots below, 1.5 s before the truth shows" in sentence
     assert f"while driving the check was certain from {moment + 2.0:.1f} s on" in sentence
     assert sentence.endswith("it said lost from 10.0 s to 15.0 s and was doubtful from 15.0 s on.")
+
+
+def test_a_sign_at_a_right_pose_is_explained_by_the_bent_map(tmp_path):
+    """The pose is 45 cm off from 20 s to 25 s, and right at the sign at 40 s; without the drift nothing is said."""
+    run = write_run(tmp_path / "run")
+    metrics = json.loads((run / "metrics.json").read_text())
+    check = {"verdict": "lost", "reason": "because", "stamp": 1040.0, "time_s": 40.0, "place": [1.0, 2.0, 0.0]}
+    (run / "metrics.json").write_text(json.dumps(metrics | {"self_check": check}))
+    n = len(read_run(run).steps["scan"])
+    assert "bent" not in verdict(with_steps(run, error_m=np.zeros(n))).sentences[0]
+    x, off = np.array(read_run(run).steps["true_x"]), np.zeros(n)
+    off[200:250] = 0.45
+    found = with_steps(run, x=x + off, y=read_run(run).steps["true_y"], error_m=np.where(off > 0.0, off, 0.041))
+    said = verdict(found).sentences[0]
+    assert said.endswith(
+        " At 40.0 s the pose was only 4.1\u00a0cm off, but it had drifted before: a map that is bent may contradict "
+        "the scans also where the pose is right."
+    )
 
 
 def test_a_doubt_has_the_time_of_its_first_sign_too(tmp_path):

@@ -14,6 +14,7 @@ from slam import se2
 from slam.config import MotionConfig
 from slam.occupancy import OccupancyGrid
 from testbed.views import FinalLoop, NullView, ViewOptions, open_run, open_view
+from testbed.views.another_best import errors_in_words
 from testbed.views.rerun import drawing, entities
 from tests.testbed.views.conftest import Recorded
 from tests.testbed.views.shown_map import rows
@@ -259,6 +260,19 @@ def test_another_best_particle_is_marked_where_it_moves_the_estimate(recorded: R
     said = [(at, text[0]) for at, text in rows(recorded.path, entities.EVENTS, "TextLog:text") if "became" in text[0]]
     assert [at for at, _ in said] == pytest.approx(expected)  # scans come each tenth of a second, as lines
     assert all(text.startswith("another particle became the best: the reported pose moved by ") for _, text in said)
+    updates = [shown.stamp for shown in recorded.snapshots if shown.step is not None and shown.step.updated]
+    for at, text in said:
+        now = updates.index(min(updates, key=lambda stamp: abs(stamp - at)))
+        off = [min(errors.items(), key=lambda row: abs(row[0] - updates[k]))[1][0] for k in (now - 1, now)]
+        assert text.endswith(f", {errors_in_words(*off)}")
+
+
+def test_a_change_of_the_best_particle_is_towards_the_truth_or_away_from_it() -> None:
+    assert (
+        errors_in_words(0.077, 0.011) == "closer to the truth (7.7\N{NO-BREAK SPACE}cm to 1.1\N{NO-BREAK SPACE}cm off)"
+    )
+    assert errors_in_words(0.26, 0.5) == "away from the truth (26\N{NO-BREAK SPACE}cm to 50\N{NO-BREAK SPACE}cm off)"
+    assert errors_in_words(0.2601, 0.2602) == "as far from the truth as before (26\N{NO-BREAK SPACE}cm off)"
 
 
 def test_collisions_and_notes_are_in_the_event_log(tmp_path: Path) -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -18,7 +20,7 @@ from slam.se2 import transform_points
 from testbed.views import moments_of
 from testbed.views.map_cells import grey_levels, probability_of_greys
 from testbed.views.rerun import entities
-from testbed.views.rerun.moment_picture import MAX_SCAN_REACH, PAIR_WIDE, SCAN_SHARE, MomentPictures, _weight
+from testbed.views.rerun.moment_picture import MAX_SCAN_REACH, PAIR_WIDE, SCAN_SHARE, MomentPictures, _frame, _weight
 from testbed.views.rerun.recorded import Event, points
 from testbed.views.rerun.recorded import Recorded as Reader
 from testbed.views.rerun.scene import styles
@@ -85,6 +87,23 @@ def test_two_pictures_to_compare_show_the_same_places(recorded: Recorded) -> Non
     for time in (5.0, 6.0):
         assert np.hypot(*(pictures._robot(time)[:2] - centre)) < reach
     assert reach > pictures._frame_around(5.0, [5.0])[1]
+
+
+def test_the_scale_is_seen_on_a_black_wall() -> None:
+    """At 100 pixels a metre: the bar of 2 m lies in a light box."""
+    figure = Figure(figsize=(6.4, 4.0), dpi=100)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="black")
+    _frame(axes, np.array([3.0, 7.0]), 2.0)
+    axes.set(xlim=(-0.2, 6.2), ylim=(5.0, 9.0))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    dark = np.asarray(canvas.buffer_rgba())[..., :3].max(axis=2) < 60
+    rows, columns = np.nonzero(~dark)
+    box = dark[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    assert (~box[0]).all()
+    assert (~box[-1]).all()
+    bar = box.sum(axis=1).max()
+    assert bar == pytest.approx(200, abs=3)
 
 
 def test_pictures_of_places_far_apart_have_one_scale(recorded: Recorded) -> None:
