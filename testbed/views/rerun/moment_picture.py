@@ -73,7 +73,7 @@ MAX_PRIOR_REACH = 8.0
 """Where the prior lies far away, it is shown up to so many times what the samples take."""
 MARGIN = 1.25
 """Both show so much more than what has to be seen."""
-BAR = 0.015
+BAR = 0.02
 """Height of the scale's bar as part of that."""
 POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
