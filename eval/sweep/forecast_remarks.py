@@ -100,7 +100,7 @@ def _worse_so_far(summary: SweepSummary, place: str, c: int) -> str:
     if difference.count < min_values(table.level):
         return f"{said}, but {counted(difference.count, 'seed')} cannot tell"
     if difference.contains(0.0):
-        return f"{said}, which chance explains"
+        return f"{said}, which chance may explain"
     return f"{said}, which is not shown to be more than the margin"
 
 

@@ -33,6 +33,6 @@ def say_look(
     soon, most = f", in about {soon}" if soon else "", f" and about {most}" if most else ""
     console.print(
         f"Next look with {next_look} seeds, {len(cells)} jobs{soon}; at most {len(rest)} jobs{most} in all. "
-        "Ctrl-C ends the sweep here and keeps the page.",
+        "Ctrl-C ends the sweep here, keeps the page, and says how to go on without worlds that will stay open.",
         soft_wrap=True,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eval.sweep.answer_words import particles
-from eval.sweep.needed_count import of_ten, shipped_model
+from eval.sweep.needed_count import MAX_RATIO, of_ten, shipped_model
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.sweep.errors import SweepError
 from testbed.sweep.suggest import (
@@ -50,11 +50,12 @@ def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
 
 
 def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion) -> str:
-    """The sweep that checks a suggestion for a world: half of the count of the middle one, it, the count to start with,
-    and as many as it is compared with."""
+    """The sweep that checks a suggestion for a world by the same margin: half of the count of the middle one, it, the
+    count to start with, and as many as it is compared with."""
     count = suggestion.needed or suggestion.largest
     counts = sorted({max(1, count // 2), count, suggestion.start, max(suggestion.largest, 2 * count)})
     words = ["testbed", "sweep", "--worlds", name, "--particles", ",".join(map(str, counts)), "--until", "decided"]
+    words += ["--margin", f"{100.0 * (MAX_RATIO - 1.0):.0f}%"]
     for key, value in settings.items():
         words += ["--route", str(value)] if key == "route" else ["--set", f"{key}={value}"]
     return shlex.join(words)
@@ -78,7 +79,8 @@ def sentences(suggestion: Suggestion) -> list[str]:
             f"{100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}.)",
             "This is a forecast from other worlds"
             + (f": {suggestion.record}" if suggestion.record else "")
-            + ". A sweep measures here and asks for proof, so it may want more, or leave open what is forecast.",
+            + ". A sweep measures here and asks for proof, so it may want more, or leave open what is forecast; with "
+            "its usual margin, the larger of 10 % and 5 mm, it may want less where errors are small.",
         ]
         if suggestion.largest_holds < MOSTLY_HOLDS:
             lines.append(f"More than {largest} were not tested and would probably help.")

@@ -70,7 +70,7 @@ def test_runs_that_show_nothing_do_not_contradict_the_forecast(checked):
 
     assert rest(checked(lambda s: 0.072, seeds=3)) == "but 3 seeds cannot tell."
     assert rest(checked(lambda s: 0.072 + (-0.02, -0.02, -0.01, 0.0, 0.0, 0.01, 0.02, 0.02)[s])) == (
-        "which chance explains."
+        "which chance may explain."
     )
     assert rest(checked(lambda s: 0.072 + 0.002 * (-4, -3, -2, 0, 0, 1, 2, 3)[s])) == (
         "which is not shown to be more than the margin."

@@ -115,8 +115,8 @@ def test_the_command_checks_the_suggestion_from_both_sides():
     found = suggest("office", EASY | {"longest_unknown_m": 256.0}, model())
     command = check_command("office", {"lidar": "lds01"}, found)
     assert f"--particles {found.needed // 2},{found.needed},{found.start},64 --until decided" in command
-    assert command.endswith("--until decided --set lidar=lds01")
-    assert check_command("office", {"route": "fixed"}, found).endswith("--until decided --route fixed")
+    assert command.endswith("--until decided --margin 10% --set lidar=lds01")
+    assert check_command("office", {"route": "fixed"}, found).endswith("--until decided --margin 10% --route fixed")
 
 
 def test_the_name_says_whether_it_is_a_world_or_a_log(tmp_path):
