@@ -69,7 +69,7 @@ def compare_scan(
     predicted = se2.compose(before, step.motion)
     (beams, normals), displacement = check_scan(maps, particle, pose, rays), se2.between(predicted, pose)
     innovation = float(pose[0] - predicted[0]), float(pose[1] - predicted[1])
-    variance = 1.0 / float(step.prior.precision[0, 0])
+    variance = 1.0 / max(float(step.prior.precision[0, 0]), float(np.finfo(np.float64).tiny))
     hold = Hold(normals, innovation, variance, float(before[2]), step.news)
     if is_jump(displacement) and is_needless(check_scan(maps, particle, predicted, rays)[0]):
         return ScanEvidence(beams, displacement, hold)
