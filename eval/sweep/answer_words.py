@@ -79,7 +79,7 @@ def why_medians_differ(case: Case, count: int) -> str:
     own, largest = (round(factor * case.median(n), 2) for n in (count, case.largest))  # as they are shown
     if difference.count < min_values() or (own - largest) * round(factor * difference.value, 2) >= 0.0:
         return ""
-    return "; the pairs of runs decide, and their median difference is not that of the medians"
+    return "; not these medians decide, but the differences within pairs of runs"
 
 
 def reversal(case: Case) -> str:

@@ -30,7 +30,7 @@ from eval.sweep.answer_words import (
 from eval.sweep.decision import Decision, Kind, State, median_over_last
 from eval.sweep.final_pass import after_the_final_pass
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import Interval, paired_difference
+from eval.sweep.statistics import Interval, min_values, paired_difference
 from eval.sweep.summary import SweepSummary
 
 MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
@@ -263,12 +263,17 @@ def _final_pass(
     conclusions: dict[State, str] = {
         "good": f"{does} within the margin of {margin}",
         "worse": "the count still matters",
-        "open": f"it is not shown whether {does}",
+        "open": f"it is not shown whether {does}{_too_few(difference, table)}",
     }
     return (
         f"if you keep the final pass, the default of testbed run, {conclusions[decision.states[0]]}: {shown[0]} with "
         f"{counts[0]}, {shown[1]} with {counts[-1]} ({runs}; paired difference: {difference_words(difference, unit)})"
     )
+
+
+def _too_few(difference: Interval, table: SweepTable) -> str:
+    """That there are too few runs to show anything; empty where there are enough."""
+    return "" if difference.count >= min_values(table.level) else f", for which {difference.count} runs are too few"
 
 
 def _caution(summary: SweepSummary, places: Sequence[str], line: str) -> str:

@@ -33,14 +33,12 @@ def announce_compilation() -> None:
     """Compile the kernels if they are not compiled yet, and say so, because it takes a while."""
     if is_compiled():
         return
-    words = "Compiling the kernels: once per version, about half a minute on two free cores"
     started = said = time.perf_counter()
     before = 0
-    if not console.is_terminal:
-        console.print(f"{words} …")
+    console.print("Compiling the kernels: once per version, about half a minute on two free cores …")
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(words, total=None)
+        task = progress.add_task("kernels compiled: none yet", total=None)
 
         def show(done: int, total: int) -> None:
             nonlocal said, started, before
@@ -52,7 +50,7 @@ def announce_compilation() -> None:
             before = done
             left = (now - started) * (total - done) / max(done, 1)
             state = f"{done} of {total}" + (f", about {left:.0f} s left" if done >= MIN_COMPILED else "")
-            progress.update(task, description=f"{words}: {state}")
+            progress.update(task, description=f"kernels compiled: {state}")
             if not console.is_terminal and now - said > COMPILATION_PERIOD:
                 said = now
                 console.print(f"kernels compiled: {state}")

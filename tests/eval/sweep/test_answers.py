@@ -309,7 +309,8 @@ def test_what_the_final_pass_leaves_gets_a_conclusion_where_it_is_shown(tmp_path
 
     shown = conclusions("shown", seeds=8)
     assert shown == ["the count still matters", "1 does as well within the margin of 0.5 cm"]
-    assert conclusions("few", seeds=3) == ["it is not shown whether 1 does as well"] * 2
+    too_few = "it is not shown whether 1 does as well, for which 3 runs are too few"
+    assert conclusions("few", seeds=3) == [too_few] * 2
     wide = conclusions("wide", seeds=8, about={"margin": "1cm"})
     assert wide == ["1 does as well within the margin of 1 cm"] * 2
 
@@ -333,7 +334,7 @@ def test_medians_that_contradict_the_pairs_say_why(tmp_path):
 
     write_sweep(tmp_path, error, seeds=9)
     hall, cave = answers(summarise(read_sweep(tmp_path)), "improved")
-    why = "; the pairs of runs decide, and their median difference is not that of the medians"
+    why = "; not these medians decide, but the differences within pairs of runs"
     assert hall.detail == f"1.76 cm; 20 give 1.77 cm{why}"
     assert hall.lines[0].endswith(f"1 particle is enough ({hall.detail}).")
     assert hall.lines[1].startswith("  1 particle is 0.14 cm worse than 20 in the median pair of runs [")
