@@ -6,8 +6,6 @@ It shows what the viewer shows at that time, and needs no display.
 
 from __future__ import annotations
 
-import io
-import itertools
 import math
 import textwrap
 from collections.abc import Sequence
@@ -24,11 +22,23 @@ from slam.se2 import Pose
 from testbed.views.map_cells import OCCUPIED_TO, probability_of_greys
 from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.drawing import ELLIPSE_SIGMAS
+from testbed.views.rerun.figure_parts import (
+    DOT,
+    as_png,
+    draw_dots,
+    draw_ellipse,
+    draw_lines,
+    legend_mark,
+    passes_through,
+    rgb,
+    seen_from,
+    show_around,
+    title_left,
+)
 from testbed.views.rerun.now import MIN_DEVIATION, in_words
 from testbed.views.rerun.other_particles import OtherParticle, first_comparison, map_at, other_particles
 from testbed.views.rerun.recorded import (
     TIME,
-    Ellipse,
     Event,
     GridImage,
     Recorded,
@@ -43,20 +53,17 @@ from testbed.views.rerun.scene import styles
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-    from matplotlib.lines import Line2D
 
-WIDTH, DOTS_PER_INCH = 13.0, 100
-"""Width [inch] and resolution."""
-DOT = 2.6
-"""Size of an end point of a scan [pt]."""
+WIDTH = 13.0
+"""Width [inch]."""
 MAPS_HEIGHT, OTHERS_HEIGHT, CURVES_HEIGHT = 6.2, 3.4, 1.5
 """Heights of the map with the close views, of the maps of other particles, and of the curves [inch]."""
 WORDS_HEIGHT = 0.35
 """Height of a line that stands for the maps of other particles before their first comparison [inch]."""
 PAIR_HEIGHT = 5.6
 """Height of two moments side by side [inch]."""
-WIDE, PAIR_WIDE = 1.6, 1.3
-"""Width of the close views, and of each of two moments side by side, as part of their height."""
+PAIR_WIDE = 1.3
+"""Width of each of two moments side by side, as part of its height."""
 MARGIN_HEIGHT = 1.5
 """Height of headline and legend [inch]."""
 MIN_REACH, MAX_REACH = 0.3, 4.0
@@ -73,8 +80,6 @@ MAX_PRIOR_REACH = 8.0
 """Where the prior lies far away, it is shown up to so many times what the samples take."""
 MARGIN = 1.25
 """Both show so much more than what has to be seen."""
-BAR = 0.02
-"""Height of the scale's bar as part of that."""
 POSITION_ERROR = "Position error"
 LEVELS = ("INFO", "WARN", "ERROR")
 """Of several events at one time the one of the highest level is printed, a change of the best particle last."""
@@ -141,7 +146,7 @@ class MomentPictures:
                 self._draw_others(parts[1], others)
             elif words:
                 parts[1].suptitle(words, x=0.01, ha="left", fontsize=10.0, color="grey")
-            return _png(figure)
+            return as_png(figure)
 
     def side_by_side(self, before: float, at: float) -> bytes:
         """Draw two moments as one PNG: map, paths, robots and scan, around the same place on one scale, wide enough for
@@ -158,10 +163,10 @@ class MomentPictures:
                 error = self._recorded.latest(entities.POSITION_ERROR, time)
                 off = "" if error is None else f": the estimate is {length(error['Scalars:scalars'].as_py()[0])} off"
                 axes.set(title=f"{time:.1f} s{off}", aspect="equal", facecolor=UNSEEN)
-                _title_left(axes)
+                title_left(axes)
                 self._draw_map(axes, map_at(self._recorded, entities.MAP, time))
                 self._draw_world(axes, time, self._robot(time), PAIR_WIDE * reach, odometry=False, dot=2.0 * DOT)
-                _frame(axes, centre, reach, PAIR_WIDE)
+                show_around(axes, centre, reach, PAIR_WIDE)
             handles, labels = axes_of[0].get_legend_handles_labels()
             named = dict(zip(labels, handles, strict=True))
             figure.legend(
@@ -173,7 +178,7 @@ class MomentPictures:
                 fontsize=8.5,
                 markerscale=2,
             )
-            return _png(figure)
+            return as_png(figure)
 
     def map_at(self, time: float) -> OccupancyGrid | None:
         """The best particle's map at a time, in the map's frame; None before the first one."""
@@ -210,7 +215,7 @@ class MomentPictures:
             (close, "The proposal of the best particle"),
         ):
             axes.set(title=title, aspect="equal", facecolor=UNSEEN)
-            _title_left(axes)
+            title_left(axes)
             self._draw_map(axes, shown)
         self._draw_world(overview, time, robot)
         self._draw_around(around, time, *self._frame_around(time, framed))
@@ -221,9 +226,9 @@ class MomentPictures:
             handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
         for label, style in (("particles: light blue to red, the heaviest", ">"), ("samples, by weight", "o")):
             if label in handles:  # whose own mark has the weight of one of them
-                handles[label] = tuple(_mark(style, colour) for colour in (drawing.LIGHT, drawing.HEAVY))
+                handles[label] = tuple(legend_mark(style, colour) for colour in (drawing.LIGHT, drawing.HEAVY))
         if len(self.another_best):
-            handles["another particle became the best (in the position error)"] = _mark("D", styles.PROPOSAL)
+            handles["another particle became the best (in the position error)"] = legend_mark("D", styles.PROPOSAL)
         figure.legend(
             handles.values(),
             handles.keys(),
@@ -247,12 +252,12 @@ class MomentPictures:
             axes = part.add_subplot(1, len(others), number + 1)
             axes.set_title(other.title, fontsize=9.0)
             axes.set(aspect="equal", facecolor=UNSEEN)
-            _title_left(axes)
+            title_left(axes)
             self._draw_map(axes, other.map)
             rows, columns = np.nonzero(other.elsewhere)
             places = np.column_stack([columns + 0.5, other.map.image.shape[0] - rows - 0.5]) * other.map.cell
             places = se2.transform_points(se2.compose(self._T_world_map, other.map.pose), places)
-            axes.plot(*places.T, "s", ms=2.0, color=_rgb(styles.RED), mew=0.0, zorder=4)
+            axes.plot(*places.T, "s", ms=2.0, color=rgb(styles.RED), mew=0.0, zorder=4)
             self._show_all_of_the_map(axes, other.map)
             axes.set(xlabel="", ylabel="", xticks=[], yticks=[])
 
@@ -264,7 +269,7 @@ class MomentPictures:
             axes.plot(times, values, color=colour, lw=1.1)
             if name == POSITION_ERROR and len(jumps := self.another_best):
                 at = np.searchsorted(times, jumps - 1e-3).clip(max=len(times) - 1)
-                axes.plot(times[at], values[at], "D", ms=3.5, mew=0.0, color=_rgb(styles.PROPOSAL))
+                axes.plot(times[at], values[at], "D", ms=3.5, mew=0.0, color=rgb(styles.PROPOSAL))
             axes.axvline(time, color="black", lw=1.0, ls=(0, (4, 2)))
             reach = f", up to {np.nanmax(values):.3g}{f' {unit}' if unit else ''}" if len(values) else ""
             axes.set(title=f"{name}{reach}; line: now", xlim=(0.0, self.end), ylim=(0.0, None))
@@ -325,7 +330,7 @@ class MomentPictures:
         spread, within = self._recorded.latest(entities.COVARIANCE, time), None
         then = None if spread is None else self._recorded.latest(entities.TRUE_ROBOT, spread[TIME])
         if spread is not None and then is not None:
-            shape = _moved(self._T_world_map, ellipse(spread))
+            shape = seen_from(self._T_world_map, ellipse(spread))
             off = se2.transform_points(se2.inverse([*shape.centre, shape.angle]), [pose(then)[:2]])[0]
             within = bool(np.hypot(*(off / np.maximum(shape.half, ELLIPSE_SIGMAS * MIN_DEVIATION))) <= 1.0)
         age = 0.0 if spread is None else float(robot[TIME] - spread[TIME])
@@ -346,7 +351,7 @@ class MomentPictures:
             small = unit == "m" and len(values) > 0 and float(values.max()) < 1.0
             if len(times) and not single:
                 shown = ("cm", times, 100.0 * values) if small else (unit, times, values)
-                found.append((name, *shown, _rgb(colour)))
+                found.append((name, *shown, rgb(colour)))
         return found[:3]
 
     # --- what is on the maps
@@ -363,7 +368,7 @@ class MomentPictures:
             image.set_transform(Affine2D().rotate(theta).translate(x, y) + axes.transData)
         walls = self._recorded.fixed(entities.TRUE_WALLS)
         if walls:
-            _lines(axes, strips(walls["LineStrips3D:strips"]), styles.TRUTH, 0.6)
+            draw_lines(axes, strips(walls["LineStrips3D:strips"]), styles.TRUTH, 0.6)
 
     def _draw_world(
         self, axes: Axes, time: float, robot: Pose, reach: float = math.inf, *, odometry: bool = True, dot: float = DOT
@@ -382,7 +387,7 @@ class MomentPictures:
                 row = self._recorded.latest(name, time)
                 assert row is not None
                 parts = [se2.transform_points(T, strip) for strip in strips(row["LineStrips3D:strips"]) if len(strip)]
-                _lines(axes, parts, styles.PATHS[entity][0], width, label)
+                draw_lines(axes, parts, styles.PATHS[entity][0], width, label)
         true = self._recorded.latest(entities.TRUE_ROBOT, time)
         if true is not None:
             self._draw_robot(axes, entities.TRUE_ROBOT, pose(true), styles.TRUTH)
@@ -391,7 +396,7 @@ class MomentPictures:
         if scan is not None:
             ends = se2.transform_points(robot, points(scan["Points3D:positions"]))
             near = np.hypot(*(ends - robot[:2]).T) <= 2.0 * reach
-            _dots(axes, ends[near], styles.SCAN, "scan, from the estimated pose", dot)
+            draw_dots(axes, ends[near], styles.SCAN, "scan, from the estimated pose", dot)
 
     def _draw_robot(self, axes: Axes, entity: str, at: Pose, colour: tuple[int, int, int]) -> None:
         """Draw the footprint of a robot at a pose (3,)."""
@@ -399,7 +404,7 @@ class MomentPictures:
             shape = self._recorded.fixed(f"{entity}/{part}")
             if shape:
                 lines = [se2.transform_points(at, line) for line in strips(shape["LineStrips3D:strips"])]
-                _lines(axes, lines, colour, 1.6)
+                draw_lines(axes, lines, colour, 1.6)
 
     def _robot(self, time: float) -> Pose:
         """The estimated pose of the robot in the world's frame, (3,)."""
@@ -478,19 +483,19 @@ class MomentPictures:
                 (dead, styles.DEAD, 3.0, "histories that ended at the last resampling"),
                 (self._histories(time), styles.FAN, 0.8, "histories of the particles"),
             ):
-                seen = any(_in_view(line, centre, reach) for line in lines)
-                _lines(axes, lines, colour, width, label if seen else None)
+                seen = any(passes_through(line, centre, reach) for line in lines)
+                draw_lines(axes, lines, colour, width, label if seen else None)
         self._draw_world(axes, time, robot, reach)
         spread = self._recorded.latest(entities.COVARIANCE, time)
         if spread is not None:
-            own = _moved(T, ellipse(spread))  # about the best particle
-            _ellipse(axes, own, styles.COVARIANCE, OWN_COVARIANCE)
+            own = seen_from(T, ellipse(spread))  # about the best particle
+            draw_ellipse(axes, own, styles.COVARIANCE, OWN_COVARIANCE)
             if len(origins) > 1:
                 axes.plot(*own.centre, "o", ms=9.0, mfc="none", mec="black", mew=1.4, ls="", zorder=8, label=BEST)
             then = self._recorded.latest(entities.TRUE_ROBOT, spread[TIME])
             if then is not None:
                 axes.plot(
-                    *pose(then)[:2], "P", color=_rgb(styles.TRUTH), ms=7.0, mec="white", zorder=9, label=TRUTH_THEN
+                    *pose(then)[:2], "P", color=rgb(styles.TRUTH), ms=7.0, mec="white", zorder=9, label=TRUTH_THEN
                 )
         if particles is not None:
             turned = se2.transform_points([0.0, 0.0, T[2]], points(particles["Arrows3D:vectors"]))
@@ -508,7 +513,7 @@ class MomentPictures:
                 label="particles: light blue to red, the heaviest",
             )
             axes.scatter(origins[:, 0], origins[:, 1], s=12, color=shades, zorder=7)
-        _frame(axes, centre, reach)
+        show_around(axes, centre, reach)
 
     def _reach_of_proposal(self, time: float) -> float:
         """How far the view of the proposal has to reach around the fitted Gaussian [m]: to all samples, and to the
@@ -540,21 +545,21 @@ class MomentPictures:
             axes.set_axis_off()
             axes.text(0.5, 0.5, "no proposal at this time", ha="center", va="center", transform=axes.transAxes)
             return
-        fitted, found = _moved(T, ellipse(gaussian)), se2.transform_points(T, found)
+        fitted, found = seen_from(T, ellipse(gaussian)), se2.transform_points(T, found)
         if scan is not None and optimum is not None:
             ends = se2.transform_points(se2.compose(T, pose(optimum)), points(scan["Points3D:positions"]))
-            _dots(axes, ends, styles.SCAN)
+            draw_dots(axes, ends, styles.SCAN)
         shades = colours(samples["Points3D:colors"])
         axes.scatter(found[:, 0], found[:, 1], s=26, color=shades, zorder=6, label="samples, by weight")
-        _ellipse(axes, fitted, styles.PROPOSAL, "Gaussian fitted to the samples, 95 %")
+        draw_ellipse(axes, fitted, styles.PROPOSAL, "Gaussian fitted to the samples, 95 %")
         if prior is not None:
-            around = _moved(T, ellipse(prior))
-            _ellipse(axes, around, styles.ODOMETRY, "prior: odometry's prediction, 95 %")
+            around = seen_from(T, ellipse(prior))
+            draw_ellipse(axes, around, styles.ODOMETRY, "prior: odometry's prediction, 95 %")
             off = float(np.hypot(*(around.centre - fitted.centre)))
             if MARGIN * (off + float(around.half.max())) > reach + 1e-9:
                 words = f"the prior lies {length(off)} away"
-                axes.text(0.02, 0.96, words, va="top", transform=axes.transAxes, color=_rgb(styles.ODOMETRY))
-        _frame(axes, fitted.centre, reach)
+                axes.text(0.02, 0.96, words, va="top", transform=axes.transAxes, color=rgb(styles.ODOMETRY))
+        show_around(axes, fitted.centre, reach)
 
     def _show_all_of_the_map(self, axes: Axes, shown: GridImage | None) -> None:
         """Show the whole extent of the true walls and of those of the map, or of the whole path, whatever the time."""
@@ -578,98 +583,3 @@ class MomentPictures:
             ends = np.concatenate([ends - 5.0, ends + 5.0])
         (left, low), (right, high) = ends.min(axis=0) - 0.6, ends.max(axis=0) + 0.6
         axes.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
-
-
-def _png(figure: Figure) -> bytes:
-    """A figure as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    out = io.BytesIO()
-    FigureCanvasAgg(figure).print_figure(out, dpi=DOTS_PER_INCH, format="png")
-    return _with_palette(out.getvalue())
-
-
-def _with_palette(png: bytes) -> bytes:
-    """The same picture in a third of the bytes."""
-    from PIL import Image
-
-    out = io.BytesIO()
-    Image.open(io.BytesIO(png)).convert("RGB").quantize(256, kmeans=2, dither=Image.Dither.NONE).save(
-        out, "png", optimize=True
-    )
-    return out.getvalue()
-
-
-def _rgb(colour: tuple[int, int, int]) -> tuple[float, float, float]:
-    red, green, blue = (part / 255.0 for part in colour)
-    return red, green, blue
-
-
-def _mark(style: str, colour: tuple[int, int, int]) -> Line2D:
-    """A mark for the legend."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], ls="", marker=style, color=_rgb(colour))
-
-
-def _title_left(axes: Axes) -> None:
-    axes.title.set_horizontalalignment("left")
-    axes.title.set_x(0.0)
-
-
-def _moved(T: Pose, shape: Ellipse) -> Ellipse:
-    """An ellipse seen from another frame."""
-    return Ellipse(se2.transform_points(T, [shape.centre])[0], shape.half, shape.angle + float(T[2]))
-
-
-def _lines(
-    axes: Axes, lines: list[NDArray[np.float64]], colour: tuple[int, int, int], width: float, label: str | None = None
-) -> None:
-    """Draw lines (n, 2) as one curve, with the pen lifted between two of them."""
-    if not lines:
-        return
-    gap = np.full((1, 2), np.nan)
-    x, y = np.concatenate([part for line in lines for part in (line, gap)]).T
-    axes.plot(x, y, color=_rgb(colour), lw=width, label=label, solid_capstyle="round")
-
-
-def _dots(
-    axes: Axes, places: NDArray[np.float64], colour: tuple[int, int, int], label: str | None = None, size: float = DOT
-) -> None:
-    axes.plot(*places.T, ".", ms=size, color=_rgb(colour), label=label, zorder=5)
-
-
-def _ellipse(axes: Axes, shape: Ellipse, colour: tuple[int, int, int], label: str) -> None:
-    angles = np.linspace(0.0, 2.0 * np.pi, 65)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)]) * shape.half
-    x, y = se2.transform_points([*shape.centre, shape.angle], circle).T
-    axes.plot(x, y, color=_rgb(colour), lw=1.8, label=label, zorder=8)
-
-
-def _in_view(line: NDArray[np.float64], centre: NDArray[np.float64], reach: float) -> bool:
-    """Whether a line (n, 2) passes through what `_frame` shows."""
-    steps = [a + (b - a) * np.linspace(0.0, 1.0, 9)[:, None] for a, b in itertools.pairwise(line)]
-    off = np.abs(np.concatenate([line, *steps]) - centre)
-    return bool(((off[:, 0] < WIDE * reach) & (off[:, 1] < reach)).any())
-
-
-def _frame(axes: Axes, centre: NDArray[np.float64], reach: float, wide: float = WIDE) -> None:
-    """Show so much above and below a place [m], and `wide` times as much beside it, with a scale in the corner instead
-    of coordinates."""
-    from matplotlib.offsetbox import AnchoredOffsetbox, AuxTransformBox, TextArea, VPacker
-    from matplotlib.patches import Rectangle
-
-    axes.spines[:].set_visible(True)
-    x, y = centre.tolist()
-    axes.set(xlim=(x - wide * reach, x + wide * reach), ylim=(y - reach, y + reach), xticks=[], yticks=[])
-    scale = 10.0 ** math.floor(math.log10(reach))
-    scale *= 5.0 if reach / scale >= 5.0 else 2.0 if reach / scale >= 2.0 else 1.0
-    name = f"{scale:g} m" if scale >= 1.0 else f"{100.0 * scale:g} cm"
-    bar = AuxTransformBox(axes.transData)
-    bar.add_artist(Rectangle((0.0, 0.0), scale, BAR * reach, color="black", lw=0.0))
-    label = TextArea(name, textprops={"fontsize": 8.5})
-    packed = VPacker(children=[label, bar], align="center", pad=0.0, sep=3.0)
-    box = AnchoredOffsetbox("lower left", child=packed, pad=0.3, borderpad=0.5)
-    box.patch.set(facecolor="white", edgecolor="none", alpha=0.85)  # walls below are black too
-    box.set_zorder(10.0)
-    axes.add_artist(box)

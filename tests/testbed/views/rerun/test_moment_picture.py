@@ -20,7 +20,8 @@ from slam.se2 import transform_points
 from testbed.views import moments_of
 from testbed.views.map_cells import grey_levels, probability_of_greys
 from testbed.views.rerun import entities
-from testbed.views.rerun.moment_picture import MAX_SCAN_REACH, PAIR_WIDE, SCAN_SHARE, MomentPictures, _frame, _weight
+from testbed.views.rerun.figure_parts import show_around
+from testbed.views.rerun.moment_picture import MAX_SCAN_REACH, PAIR_WIDE, SCAN_SHARE, MomentPictures, _weight
 from testbed.views.rerun.recorded import Event, points
 from testbed.views.rerun.recorded import Recorded as Reader
 from testbed.views.rerun.scene import styles
@@ -93,7 +94,7 @@ def test_the_scale_is_seen_on_a_black_wall() -> None:
     """At 100 pixels a metre: the bar of 2 m lies in a light box."""
     figure = Figure(figsize=(6.4, 4.0), dpi=100)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="black")
-    _frame(axes, np.array([3.0, 7.0]), 2.0)
+    show_around(axes, np.array([3.0, 7.0]), 2.0)
     axes.set(xlim=(-0.2, 6.2), ylim=(5.0, 9.0))
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
