@@ -16,6 +16,8 @@ from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import Interval, min_values, wilson_interval
 
+ALONE = "with one particle there is one map and no choice between maps: it is scan matching"
+
 
 @dataclass(frozen=True)
 class Case:
@@ -37,8 +39,8 @@ class Case:
     """Whether these drives ask little of the number of particles, as `Answer` has it."""
     left_by_user: bool = False
     """Whether the user gave the world up, so that no more seeds are added."""
-    final_pass: str = ""
-    """What is left after the final pass, as `Answer` has it."""
+    final_pass: tuple[str, str] = ("", "")
+    """Whether the count matters after the final pass, and the figures."""
 
     @property
     def largest(self) -> int:
@@ -71,7 +73,7 @@ def compared_medians(case: Case, count: int) -> str:
 
 
 def why_medians_differ(case: Case, count: int) -> str:
-    """A half-sentence where the medians put a count on the other side of the largest one than the pairs of runs do.
+    """A clause where the medians put a count on the other side of the largest one than the pairs of runs do.
 
     The median of differences is not the difference of medians, and the former decides.
     """
@@ -79,7 +81,7 @@ def why_medians_differ(case: Case, count: int) -> str:
     own, largest = (round(factor * case.median(n), 2) for n in (count, case.largest))  # as they are shown
     if difference.count < min_values() or (own - largest) * round(factor * difference.value, 2) >= 0.0:
         return ""
-    return "; not these medians decide, but the differences within pairs of runs"
+    return "not these medians decide, but the differences within pairs of runs"
 
 
 def reversal(case: Case) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.answer_words import (
+    ALONE,
     Case,
     compared_medians,
     counted,
@@ -65,12 +66,18 @@ class Answer:
     """What to take as long as the answer is open: `take 30 for now`."""
     medians: str = ""
     """The medians so far, where the answer is open."""
+    decides: str = ""
+    """That not the medians decide, where they say something else than the pairs of runs."""
     caution: str = ""
     """Whether these drives ask little of the number of particles."""
     reversal: str = ""
     """Which smaller count looks better than a larger one by noise."""
+    alone: str = ""
+    """What one particle means, where it is enough."""
     final_pass: str = ""
-    """What the smallest and the largest count give after the final pass, which `testbed run` makes by default."""
+    """Whether the count matters after the final pass, which `testbed run` makes by default."""
+    final_pass_figures: str = ""
+    """What the smallest and the largest count give after it."""
 
     @property
     def mark(self) -> str:
@@ -89,7 +96,8 @@ class Answer:
         if self.kind == "undecided":
             first, others = f"{self._short_sentence}.", self._reasons
         else:
-            first = self._short_sentence + (f" ({self.detail})." if self.detail else ".")
+            detail = "; ".join(filter(None, (self.detail, self.decides)))
+            first = self._short_sentence + (f" ({detail})." if detail else ".")
             others = [self.difference, self.needs]
         others = [*others, self.caution]
         return [first, *(f"  {part[0].upper()}{part[1:]}." for part in others if part)]
@@ -165,12 +173,12 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
 
 def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
     decision, count, largest = case.decision, case.decision.count, case.largest
-    risk = difference = needs = panel = today = medians = ""
+    risk = difference = needs = panel = today = medians = decides = ""
     if decision.kind == "enough":
         assert count is not None
         short, are = str(count), "is" if count == 1 else "are"
         headline, panel = f"{particles(count)} {are} enough", f"{count} {are} enough"
-        detail = compared_medians(case, count) + why_medians_differ(case, count)
+        detail, decides = compared_medians(case, count), why_medians_differ(case, count)
         difference, needs = difference_to_largest(case, case.table.counts.index(count)), lower_counts(case)
         risk = failure_rate(*case.failed_of(count))
     elif decision.kind == "more":
@@ -190,7 +198,8 @@ def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
         if decision.largest_open is not None:
             difference = difference_to_largest(case, decision.largest_open)
             open_count = case.table.counts[decision.largest_open]
-            today, medians = until_known(case), medians_so_far(case) + why_medians_differ(case, open_count)
+            today, medians = until_known(case), medians_so_far(case)
+            decides = why_medians_differ(case, open_count)
     return Answer(
         place=place,
         line=line,
@@ -205,9 +214,12 @@ def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
         needs=needs,
         today=today,
         medians=medians,
+        decides=decides,
         caution=case.caution,
         reversal=reversal(case),
-        final_pass=case.final_pass,
+        alone=ALONE if count == 1 and decision.kind == "enough" else "",
+        final_pass=case.final_pass[0],
+        final_pass_figures=case.final_pass[1],
     )
 
 
@@ -240,9 +252,9 @@ def _interval(differences: NDArray[np.float64], table: SweepTable) -> Interval:
 
 def _final_pass(
     summary: SweepSummary, places: Sequence[str], line: str, decide: Callable[[SweepSummary], Decision]
-) -> str:
-    """`if you keep the final pass, the default of testbed run, 1 does as well within the margin of 0.5 cm: 0.27 cm with
-    1, 0.30 cm with 30 (8 runs each; paired difference: -0.01 cm [-0.21, +0.05])`; empty without one.
+) -> tuple[str, str]:
+    """`if you keep the final pass, the default of testbed run, 1 does as well within the margin of 0.5 cm` and `0.27 cm
+    with 1, 0.30 cm with 30 (8 runs each; paired difference: -0.01 cm [-0.21, +0.05])`; empty without one.
 
     decide: the decision of a summary on these places.
     """
@@ -252,7 +264,7 @@ def _final_pass(
     refined = np.where(np.isfinite(refined).all(axis=1, keepdims=True), refined, np.nan)  # the same drives
     difference = _interval(_units(refined[:, 0] - refined[:, 1]), table)
     if final is None or not difference.count:
-        return ""
+        return "", ""
     decision = decide(final)
     medians = [float(np.nanmedian(_units(refined[:, c]))) for c in range(2)]
     unit = table.measure.unit(max(medians))
@@ -266,8 +278,9 @@ def _final_pass(
         "open": f"it is not shown whether {does}{_too_few(difference, table)}",
     }
     return (
-        f"if you keep the final pass, the default of testbed run, {conclusions[decision.states[0]]}: {shown[0]} with "
-        f"{counts[0]}, {shown[1]} with {counts[-1]} ({runs}; paired difference: {difference_words(difference, unit)})"
+        f"if you keep the final pass, the default of testbed run, {conclusions[decision.states[0]]}",
+        f"{shown[0]} with {counts[0]}, {shown[1]} with {counts[-1]} ({runs}; paired difference: "
+        f"{difference_words(difference, unit)})",
     )
 
 

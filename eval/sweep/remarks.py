@@ -93,10 +93,9 @@ def overconfidence(summary: SweepSummary) -> str:
         where = f"{100.0 * min(low)[0]:.0f} to {100.0 * max(low)[0]:.0f} %, by world"
     places = [place for _, place, _ in low]
     of = f" in {_named(places)}" if len(low) < len(known) else ""
-    alone = " With one particle there is one map and no choice between maps: it is scan matching."
     return (
         f"The filter is overconfident{of}: at 95 % of the updates the true pose should lie inside its 95 % ellipsoid; "
-        f"it does at {where}.{alone if any(count == 1 for _, _, count in low) else ''}"
+        f"it does at {where}."
     )
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -177,7 +177,7 @@ class StressProgress:
         if not self._computed:
             return line
         seconds = self.left * self._seconds / self._computed / self._workers + REPORT_SECONDS
-        return f"{line}, {timedelta(seconds=round(seconds))} left"
+        return f"{line}, about {duration_words(seconds)} left"
 
 
 def _print_plan(spec: SweepSpec, chosen: list[Perturbation], out: Path | None, execution: Execution) -> None:

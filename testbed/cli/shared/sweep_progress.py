@@ -7,7 +7,6 @@ import time
 from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import timedelta
 from statistics import median
 from typing import Any
 
@@ -18,7 +17,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from eval.sweep.job_times import REPORT_SECONDS
+from eval.sweep.job_times import REPORT_SECONDS, duration_words
 from eval.sweep.measure import Measure, Unit
 from eval.sweep.results import SweepTable
 from testbed.cli.shared.console import console
@@ -148,7 +147,7 @@ class SweepProgress:
         if self._stage.worst:
             extra += 2.0 * min(self._bad, 2) * self._left.seconds_per_job
         seconds = self._left.seconds(extra)
-        left = "" if seconds is None else f", {timedelta(seconds=round(seconds))} left"
+        left = "" if seconds is None else f", about {duration_words(seconds)} left"
         closing = f"with report{' and worst runs' * (self._stage.worst and self._bad > 0)}"
         goal = f" {self._stage.goal}" if self._stage.goal else ""
         closing = "" if self._stage.goal or not left else f" ({closing})"

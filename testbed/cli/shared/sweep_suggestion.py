@@ -46,6 +46,7 @@ def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
     results.print(f"From {about['runs']} runs in {about['worlds']} worlds (docs/study.md).", soft_wrap=True)
     if is_world(name):
         results.print(f"To check it: {check_command(name, settings, suggestion)}", soft_wrap=True, markup=False)
+        results.print("The same with --plan says first what that costs and what it can tell.", soft_wrap=True)
     return 0
 
 
@@ -75,7 +76,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
             f"{suggestion.name}: start with {particles(start)}, enough in {of_ten(suggestion.chance)} worlds like it.",
             f"Of such worlds the middle one needs {suggestion.needed}; 95 % of them need between {low} and {high}.",
             f"Enough: an error at most 10 % above that with {suggestion.largest}, and at most 10 % more runs that end "
-            f"lost or with a broken loop. ({100.0 * suggestion.holds:.0f} % of the runs hold with {start}, "
+            f"lost or with a broken loop. ({100.0 * suggestion.holds:.0f} % of the runs keep to this with {start}, "
             f"{100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}.)",
             "This is a forecast from other worlds"
             + (f": {suggestion.record}" if suggestion.record else "")

@@ -282,19 +282,21 @@ def test_the_answer_after_the_final_pass_stands_on_the_card(tmp_path, monkeypatc
 
     write_sweep(tmp_path / "many", error, seeds=8, missing=frozenset({(0, 0, 2, 7)}))
     hall, cave = answers(summarise(read_sweep(tmp_path / "many")), "improved")
-    words = "if you keep the final pass, the default of testbed run, the count still matters: "
-    assert cave.final_pass == (
-        f"{words}1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference: +0.60 cm [+0.60, +0.60])"
-    )
-    assert hall.final_pass.startswith(f"{words}1.06 cm with 1, 0.46 cm with 20 (7 runs each; ")
-    assert f"I{cave.final_pass[1:]}" in write_sweep_report(tmp_path / "many").read_text()
+    assert cave.final_pass == f"{KEPT}the count still matters"
+    figures = "1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference: +0.60 cm [+0.60, +0.60])"
+    assert cave.final_pass_figures == figures
+    assert hall.final_pass_figures.startswith("1.06 cm with 1, 0.46 cm with 20 (7 runs each; ")
+    page = write_sweep_report(tmp_path / "many").read_text()
+    assert page.index(f"I{cave.final_pass[1:]}<") < page.index(f"After the final pass: {figures}")
     online = write_sweep(tmp_path / "online", measure="trajectory_online.ate_rmse_m")
     assert answers(summarise(read_sweep(online)), "improved")[0].final_pass == ""
     equal = write_sweep(tmp_path / "equal", lambda p, k, c, s: 0.02 - 1e-5 * (c == 0))
-    assert "difference: +0.00 cm [+0.00, +0.00]" in answers(summarise(read_sweep(equal)), "improved")[0].final_pass
+    assert (
+        "difference: +0.00 cm [+0.00, +0.00]" in answers(summarise(read_sweep(equal)), "improved")[0].final_pass_figures
+    )
     monkeypatch.setattr("tests.eval.synthetic_sweep.PLACES", ("rooms-0", "rooms-1"))
     (rooms,) = answers(summarise(read_sweep(write_sweep(tmp_path / "f", error, families=("rooms",) * 2))), "improved")
-    assert "(2 worlds; paired difference: +0.60 to +0.60 cm in 2 runs)" in rooms.final_pass
+    assert "(2 worlds; paired difference: +0.60 to +0.60 cm in 2 runs)" in rooms.final_pass_figures
 
 
 def test_what_the_final_pass_leaves_gets_a_conclusion_where_it_is_shown(tmp_path):
@@ -305,7 +307,7 @@ def test_what_the_final_pass_leaves_gets_a_conclusion_where_it_is_shown(tmp_path
 
     def conclusions(name, **options):
         found = answers(summarise(read_sweep(write_sweep(tmp_path / name, error, **options))), "improved")
-        return [answer.final_pass.partition(": ")[0].removeprefix(KEPT) for answer in found]
+        return [answer.final_pass.removeprefix(KEPT) for answer in found]
 
     shown = conclusions("shown", seeds=8)
     assert shown == ["the count still matters", "1 does as well within the margin of 0.5 cm"]
@@ -320,7 +322,7 @@ def test_failures_after_the_final_pass_forbid_the_conclusion(tmp_path):
     table = read_sweep(tmp_path)
     table.columns["outcome"][0, 0, 0, 2] = "lost"  # hall_a, improved, 1 particle
     hall, cave = answers(summarise(table), "improved")
-    assert hall.final_pass.startswith(f"{KEPT}it is not shown whether 1 does as well: ")
+    assert hall.final_pass == f"{KEPT}it is not shown whether 1 does as well"
     assert cave.final_pass.startswith(f"{KEPT}1 does as well ")
 
 
@@ -334,10 +336,19 @@ def test_medians_that_contradict_the_pairs_say_why(tmp_path):
 
     write_sweep(tmp_path, error, seeds=9)
     hall, cave = answers(summarise(read_sweep(tmp_path)), "improved")
-    why = "; not these medians decide, but the differences within pairs of runs"
-    assert hall.detail == f"1.76 cm; 20 give 1.77 cm{why}"
-    assert hall.lines[0].endswith(f"1 particle is enough ({hall.detail}).")
+    why = "not these medians decide, but the differences within pairs of runs"
+    assert (hall.detail, hall.decides) == ("1.76 cm; 20 give 1.77 cm", why)
+    assert hall.lines[0].endswith(f"1 particle is enough (1.76 cm; 20 give 1.77 cm; {why}).")
     assert hall.lines[1].startswith("  1 particle is 0.14 cm worse than 20 in the median pair of runs [")
-    assert why not in cave.detail
+    assert cave.decides == ""
     page = write_sweep_report(tmp_path).read_text()
-    assert page.index("1 particle is 0.14 cm worse than 20") < page.index("Medians: 1.76 cm; 20 give 1.77 cm")
+    assert page.index("1 particle is 0.14 cm worse than 20") < page.index("Median error 1.76 cm; 20 give 1.77 cm")
+    assert f"<strong>Median error {cave.detail}</strong>" in page
+
+
+def test_a_single_particle_is_called_scan_matching(tmp_path):
+    for name, errors in (("one", (0.02, 0.02, 0.02)), ("more", (0.2, 0.02, 0.02))):
+        hall, _ = answers(summarise(read_sweep(write_sweep(tmp_path / name, level(*errors), seeds=8))), "improved")
+        assert (hall.alone != "") == (name == "one")
+        page = write_sweep_report(tmp_path / name).read_text()
+        assert ("and no choice between maps: it is scan matching" in page) == (name == "one")

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The progress display of a sweep: time left follows the work, not the jobs, since jobs differ a hundredfold."""
 
-import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from eval.sweep.job_times import REPORT_SECONDS
+from eval.sweep.job_times import REPORT_SECONDS, duration_words
 from eval.sweep.measure import Measure
 from eval.sweep.results import read_sweep
 from testbed.cli.shared import sweep_progress, time_left
@@ -69,15 +68,17 @@ def test_time_left_follows_the_work_and_failures_are_named(cells, clock, capsys)
     line, _, running = shown(progress)[:3]
     # work of 100 took 60 s, but that of 50 has not ended after 60 s: it counts as if it ended now. That of 10 is left.
     scale = 120.0 / 150.0
-    left = round((0.05 * 50 * scale + 10 * scale) / 2 + REPORT_SECONDS)
-    assert line == f"1 of 3 jobs, 0:00:{left:02d} left (with report), 1 without a result"
+    left = duration_words((0.05 * 50 * scale + 10 * scale) / 2 + REPORT_SECONDS)
+    assert line == f"1 of 3 jobs, about {left} left (with report), 1 without a result"
     assert running.split("  ") == [str(cells[1]), "60 s"]
     assert f"failed: {cells[0]}: time limit of 60 s" in capsys.readouterr().err
 
 
 def test_the_time_left_begins_with_the_expected_times_and_counts_down(cells, clock):
-    progress = progress_of(cells, seconds={91: 100.0, 41: 60.0, 1: 40.0}, goal="to the look with 8 seeds")
-    assert shown(progress)[0] == f"0 of 3 jobs to the look with 8 seeds, 0:01:{40 + REPORT_SECONDS:.0f} left"
+    expected = {91: 100.0, 41: 60.0, 1: 40.0}
+    left = TimeLeft(cells, lambda cell: expected[cell.particles], 2, is_in_seconds=True)
+    progress = SweepProgress(cells, left, MEASURE, Stage("to the look with 8 seeds", worst=False))
+    assert shown(progress)[0] == "0 of 3 jobs to the look with 8 seeds, about 2 minutes left"
     progress.event(Started(cells[0]))
     progress.event(Started(cells[1]))
     seen = []
@@ -88,9 +89,10 @@ def test_the_time_left_begins_with_the_expected_times_and_counts_down(cells, clo
             progress.event(Started(cells[2]))
         if second == 110:
             progress.event(Finished(cells[0], result(0.1)))
-        hours, minutes, seconds = re.search(r"(\d+):(\d+):(\d+) left", shown(progress)[0]).groups()
-        seen.append(3600 * int(hours) + 60 * int(minutes) + int(seconds))
-    assert seen[0] == 107
+        seconds = left.seconds(REPORT_SECONDS)
+        assert f"about {duration_words(seconds)} left" in shown(progress)[0]
+        seen.append(seconds)
+    assert seen[0] == pytest.approx(99.0 + REPORT_SECONDS)
     assert all(later <= earlier for earlier, later in pairwise(seen))
     assert seen[-1] < 15
 
@@ -101,7 +103,7 @@ def test_the_start_of_a_worker_does_not_count_as_a_slow_job(cells, clock):
     clock[0] += 30.0
     outcome = CellResult({}, {}, {"cell_s": 10.0})  # it took 20 s until the worker was there
     progress.event(Finished(cells[0], outcome))
-    assert f"0:00:{10 + REPORT_SECONDS:.0f} left" in shown(progress)[0]
+    assert f"about {duration_words(10 + REPORT_SECONDS)} left" in shown(progress)[0]
 
 
 def test_on_a_cluster_the_time_left_follows_the_share_that_is_done(cells, clock):
@@ -118,8 +120,8 @@ def test_much_slower_jobs_than_expected_raise_the_time_left(cells, clock):
     progress.event(Started(cells[0]))
     clock[0] += 300.0
     progress.event(Finished(cells[0], result(0.1)))
-    assert "0:00:23 left" in before
-    assert "0:01:" in shown(progress)[0]
+    assert "about 30 s left" in before
+    assert "about 2 minutes left" in shown(progress)[0]
 
 
 def test_lost_runs_are_counted_and_their_repetition_takes_time(cells, clock):
@@ -131,8 +133,8 @@ def test_lost_runs_are_counted_and_their_repetition_takes_time(cells, clock):
         progress.event(Finished(cells[0], result(0.5, "lost")))
         lines[worst] = shown(progress)[0]
     # 0.6 s for each of 160, of which 60 are left for two workers; a repetition takes as long as two jobs
-    assert lines[False] == "1 of 3 jobs, 0:00:26 left (with report), 1 of them ended lost or broken"
-    assert lines[True] == "1 of 3 jobs, 0:01:30 left (with report and worst runs), 1 of them ended lost or broken"
+    assert lines[False] == "1 of 3 jobs, about 30 s left (with report), 1 of them ended lost or broken"
+    assert lines[True] == "1 of 3 jobs, about 90 s left (with report and worst runs), 1 of them ended lost or broken"
 
 
 def test_medians_so_far_stand_by_world_and_count(cells, clock):
