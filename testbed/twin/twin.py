@@ -24,6 +24,7 @@ from testbed.toml import dump_toml
 from testbed.twin.lidar import estimate_lidar
 from testbed.twin.odometry import estimate_odometry, find_lead
 from testbed.twin.reconstruction import Reconstruction
+from testbed.twin.relief import with_relief
 from testbed.twin.returns import compare_scans, measure_returns
 from testbed.twin.route import Route, fastest, follow
 from testbed.twin.walls import world_of
@@ -76,7 +77,8 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
         se2.compose(source.odometry, odometry_back), se2.compose(source.path, back), track=WIDTH
     )
     mount = lidar.mount.model_copy(update={"x": lidar.mount.x + odometry_lead, "offset_x": lead - odometry_lead})
-    world, notes = world_of(source.grid, path, to_name(name))
+    straight, notes = world_of(source.grid, path, to_name(name))
+    world = with_relief(straight, source.log.table, source.path, lidar.scans, path)
     robot = _robot(mount, *fastest(source.stamps, path))
     route = follow(world, robot, LIMITS, source.stamps, path)
     table, duration = source.log.table, len(route.commands) * CONTROL_PERIOD
