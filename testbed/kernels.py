@@ -297,7 +297,7 @@ def _explore(mapper: GMapping, scan: Scan) -> None:
 
 def _drive_through_a_room() -> None:
     """Simulate a quarter of a second in a small room that holds everything that a kernel is for, and without people."""
-    from testbed.simulation import SimulationConfig, simulate
+    from testbed.simulation import SimulationConfig, SurfaceConfig, simulate
     from worlds import Door, Person, Start, Tour, Wall, World
 
     room = World(
@@ -310,7 +310,9 @@ def _drive_through_a_room() -> None:
     )
     deserted = room.model_copy(update={"people": [], "doors": []})  # several control periods are then one call
     for world in (room, deserted):
-        for _ in simulate(world, SimulationConfig(backend="fast", duration=0.25)):
+        for _ in simulate(
+            world, SimulationConfig(backend="fast", duration=0.25, surface=SurfaceConfig(roughness=0.01))
+        ):
             pass
 
 

@@ -38,6 +38,8 @@ class RunSeeds:
     """The route through the world, where it is random."""
     perturbation: Stream = field(compare=False, repr=False)
     """Perturbations of the recording (`testbed.stress.table`)."""
+    surface: Stream = field(compare=False, repr=False)
+    """Roughness of surfaces."""
 
     @classmethod
     def from_seed(cls, seed: int) -> RunSeeds:
@@ -47,7 +49,8 @@ class RunSeeds:
         """
         if seed < 0:
             raise ValueError(f"seed must not be negative, got {seed}")
-        world, start, odometry, lidar, movers, filter_, driver, route, perturbation = children(SeedSequence(seed), 9)
+        streams = children(SeedSequence(seed), 10)
+        world, start, odometry, lidar, movers, filter_, driver, route, perturbation, surface = streams
         return cls(
             seed=seed,
             world=world,
@@ -59,6 +62,7 @@ class RunSeeds:
             driver=driver,
             route=route,
             perturbation=perturbation,
+            surface=surface,
         )
 
 

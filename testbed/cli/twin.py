@@ -67,7 +67,7 @@ def _source(
 
 def _described(made: Twin) -> str:
     """Return what was estimated, in a few lines."""
-    odometry, lidar = made.odometry, made.lidar
+    odometry, lidar, surface = made.odometry, made.lidar, made.surface
     slips = f"{odometry.slip_rate:.3f} slips per m of {100.0 * odometry.slip_distance:.1f} cm"
     recovery = f", of which {odometry.recovered_share:.0%} comes back within {odometry.recovery_length:g} m"
     backward = "; driving backward counts as forward" if odometry.unsigned else ""
@@ -76,6 +76,8 @@ def _described(made: Twin) -> str:
         f"lidar: {lidar.beams} beams over {lidar.field_of_view_deg:g} degrees at {lidar.scan_rate:.2f} Hz, noise "
         f"{1000.0 * lidar.noise_floor:.1f} mm or {100.0 * lidar.noise_share:.2f} %; {lidar.short_return_rate:.4f} "
         f"readings per m in front of the walls, {lidar.dropout:.1%} lost\n"
+        f"surfaces: rough by {100.0 * surface.roughness:.1f} cm; {surface.scatter_share:.1%} of the readings scatter by "
+        f"{100.0 * surface.scatter:.1f} cm\n"
         f"odometry ({made.pieces} pieces): distance x {odometry.distance_scale:.4f}, turn x "
         f"{odometry.rotation_scale:.4f}, drift {math.degrees(odometry.drift):.3f} degrees per m; random "
         f"{odometry.random_translation:.4f} m and {math.degrees(odometry.random_rotation):.3f} degrees per root of m"

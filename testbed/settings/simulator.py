@@ -15,7 +15,7 @@ import worlds
 from testbed.presets import LidarPreset, load_lidar, load_robot
 from testbed.presets.models import MAX_BEAMS
 from testbed.seeds import RunSeeds
-from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig
+from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig, SurfaceConfig
 from testbed.simulation.config import BackendName, decided_backend
 from testbed.simulation.drivers.driver import Command
 from testbed.simulation.physics.pybullet import import_pybullet
@@ -68,6 +68,8 @@ class SimulatorOptions:
     """Errors of the wheel odometry."""
     layers: Annotated[LidarLayers, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=LidarLayers)
     """Imperfections of the lidar."""
+    surface: Annotated[SurfaceConfig, Parameter(group=SIMULATOR_GROUP)] = field(default_factory=SurfaceConfig)
+    """Roughness of what the lidars see."""
 
     def __post_init__(self) -> None:
         if (self.driver.kind == "recorded") != (self.commands is not None):
@@ -99,6 +101,7 @@ class SimulatorOptions:
             driver=self.driver,
             odometry=self.odometry,
             lidar_layers=self.layers,
+            surface=self.surface,
             off_wall=self._recorded_off_wall(),
             backend=self.backend,
             duration=DEFAULT.duration if self.duration is None else self.duration,

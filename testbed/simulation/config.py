@@ -14,6 +14,7 @@ from testbed.simulation.physics.pybullet import is_installed
 from testbed.simulation.robot.lidar import LidarLayers
 from testbed.simulation.robot.odometry import OdometryConfig
 from testbed.simulation.robot.off_wall import OffWallBeams
+from testbed.simulation.robot.surface import SurfaceConfig
 
 CONTROL_STEPS = 12
 """Steps of motion between two commands and two odometry readings (20 Hz)."""
@@ -51,6 +52,8 @@ class SimulationConfig:
     """Errors of the wheel odometry."""
     lidar_layers: LidarLayers = field(default_factory=LidarLayers)
     """Imperfections of the lidar."""
+    surface: SurfaceConfig = field(default_factory=SurfaceConfig)
+    """Roughness of what the lidars see."""
     off_wall: OffWallBeams | None = None
     """Beams of a recorded drive that did not end on a wall, which the main lidar sees, too."""
     backend: BackendName = "auto"

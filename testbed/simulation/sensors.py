@@ -24,6 +24,7 @@ from testbed.simulation.robot._lidar_kernels import place_beams
 from testbed.simulation.robot.lidar import Lidar
 from testbed.simulation.robot.odometry import Odometry
 from testbed.simulation.robot.off_wall import OffWallBeams
+from testbed.simulation.robot.surface import Surface
 
 _INSTANT = 1e-6
 """Duration of a scan whose beams are all fired at once [s]."""
@@ -87,6 +88,7 @@ class Sensors:
         self._backend, self._movers, self._off_wall = backend, movers, config.off_wall
         self._odometer = Odometry(config.robot, config.odometry, np.random.default_rng(config.seeds.odometry))
         self._devices = _devices(config)
+        self._surface = Surface(config.surface, len(self._devices), config.seeds.surface)
         start = backend.drive(0.0, 0.0, 1)  # one step at rest tells where the robot stands
         self.truth = History(start.poses[-1], 1.0 / STEP_RATE)
         self._odometry = History(self._odometer.advance(*start.wheels.tolist()), CONTROL_PERIOD)
@@ -213,6 +215,7 @@ class Sensors:
         origins, directions = place_beams(poses, positions, lidar.true_mount, sweep.true_angles)
         hits = self._backend.cast(origins, directions, device.preset.range_max, device.height)
         hits = self._movers.before(hits, origins, directions, times, 1 + periods)
+        hits = self._surface.over(hits, origins, directions, self._devices.index(device))
         starts = sweep.starts.tolist()
         if self._off_wall is not None and device is self._devices[0]:
             hits = self._with_off_wall(self._off_wall, hits, [d.stamp for d in due], starts, origins, directions)

@@ -55,6 +55,8 @@ class ComparedScan(NamedTuple):
     """What the log has [m], (beams,); inf = no return, NaN = lost."""
     due: Floats
     """Distances of the walls [m], (beams,); inf = none in reach."""
+    cosines: Floats
+    """Cosines of the angles of incidence on them, (beams,)."""
 
     def off_wall(self) -> NDArray[np.bool_]:
         """Tell which beams did not end on the wall that was due, (beams,)."""
@@ -72,10 +74,10 @@ def compare_scans(world: World, table: FrameTable, path: Pose, scans: NDArray[np
         directions = theta + np.asarray(scan.angles)
         low, high = table.range_limits[k].tolist()
         origins = np.full((directions.size, 2), (x, y))
-        distances, _ = cast_rays(walls, origins, directions, min(high, MAX_REACH))
+        distances, cosines = cast_rays(walls, origins, directions, min(high, MAX_REACH))
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         readings = np.where(ranges >= high, math.inf, np.where((ranges > 0.0) & (ranges >= low), ranges, math.nan))
-        yield ComparedScan(origins[0], directions, readings, distances)
+        yield ComparedScan(origins[0], directions, readings, distances, cosines)
 
 
 def measure_returns(compared: Iterator[ComparedScan], recorded: Floats, times: Floats) -> tuple[OffWallBeams, Returns]:

@@ -16,7 +16,7 @@ from testbed.formats.commands import write_commands
 from testbed.formats.off_wall import write_off_wall
 from testbed.presets import LidarPreset, Mount, RobotPreset
 from testbed.provenance import versions
-from testbed.simulation import OdometryConfig
+from testbed.simulation import OdometryConfig, SurfaceConfig
 from testbed.simulation.config import CONTROL_PERIOD
 from testbed.simulation.physics.backend import AccelerationLimits
 from testbed.simulation.robot.off_wall import OffWallBeams
@@ -27,6 +27,7 @@ from testbed.twin.reconstruction import Reconstruction
 from testbed.twin.relief import with_relief
 from testbed.twin.returns import compare_scans, measure_returns
 from testbed.twin.route import Route, fastest, follow
+from testbed.twin.surface import estimate_surface, thinned
 from testbed.twin.walls import world_of
 from worlds import World, dumps
 from worlds.file_names import to_name
@@ -51,6 +52,8 @@ class Twin:
     sweeps: bool
     """Whether beams are measured one after the other."""
     odometry: OdometryConfig
+    surface: SurfaceConfig
+    """How rough the surfaces are that it sees."""
     route: Route
     off_wall: OffWallBeams
     """What the lidar of the log saw that is no wall of the world."""
@@ -85,6 +88,8 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
     compared = compare_scans(world, table, source.path, lidar.scans)
     recorded = table.stamps[table.scan_rows[lidar.scans]] - source.stamps[0]
     off_wall, returns = measure_returns(compared, recorded, _scan_times(lidar.preset, duration))
+    noise = (lidar.preset.noise_floor, lidar.preset.noise_share, lidar.preset.range_step)
+    surface = estimate_surface(compare_scans(world, table, source.path, thinned(lidar.scans)), noise)
     preset = lidar.preset.model_copy(
         update={
             "short_return_rate": returns.short_rate,
@@ -98,6 +103,7 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
         lidar=preset,
         sweeps=lidar.sweeps,
         odometry=odometry,
+        surface=surface,
         route=route,
         off_wall=off_wall,
         pieces=pieces,
@@ -158,6 +164,7 @@ def _config(twin: Twin, out: Path, log: Path) -> dict[str, Any]:
         "duration": twin.duration,
         "driver": {"kind": "recorded", **LIMITS._asdict()},
         "odometry": asdict(twin.odometry),
+        "surface": asdict(twin.surface),
         # What these layers draw for each beam on its own is in off_wall.csv as it was.
         "layers": {"motion": twin.sweeps, "short_returns": False, "dropout": False},
     }

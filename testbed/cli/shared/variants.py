@@ -17,9 +17,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from testbed.presets import PresetError, load_lidar, load_robot
 from testbed.settings.simulator import SimulatorOptions
-from testbed.simulation import LidarLayers, OdometryConfig
+from testbed.simulation import LidarLayers, OdometryConfig, SurfaceConfig
 
-GROUPS = {"odometry": OdometryConfig, "layers": LidarLayers}
+GROUPS = {"odometry": OdometryConfig, "layers": LidarLayers, "surface": SurfaceConfig}
 KEYS = {
     **dict.fromkeys(("lidar", "beams", "noise", "clutter"), SimulatorOptions),
     **{f"{group}.{field.name}": owner for group, owner in GROUPS.items() for field in fields(owner)},

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from slam.se2 import between, compose, transform_points
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
-from testbed.simulation import LidarLayers, SimulationConfig, simulate, simulator
+from testbed.simulation import LidarLayers, SimulationConfig, SurfaceConfig, simulate, simulator
 from testbed.simulation.drivers.tour import TourDriver
 from testbed.simulation.physics.backend import STEP_RATE, AccelerationLimits
 from testbed.simulation.physics.fast import FastBackend
@@ -184,6 +184,7 @@ def crowded(**settings):
         lidar=load_lidar("rplidar_a2").model_copy(update=uneven),
         further_lidars=(load_lidar("lds01").model_copy(update={"beams": 30, "scan_rate": 40.0}),),
         duration=6.0,
+        surface=SurfaceConfig(roughness=0.02, scatter=0.05, scatter_share=0.1),
     )
     return world, dataclasses.replace(config, **settings)
 

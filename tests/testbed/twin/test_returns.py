@@ -45,7 +45,9 @@ def test_beams_without_a_wall_in_reach_do_not_count():
 
 def compared(readings, due):
     """A scan from the origin with beams to the left, (beams,) each."""
-    return ComparedScan(np.zeros(2), np.linspace(0.0, 1.0, len(due)), np.array(readings), np.array(due))
+    return ComparedScan(
+        np.zeros(2), np.linspace(0.0, 1.0, len(due)), np.array(readings), np.array(due), np.ones(len(due))
+    )
 
 
 def test_what_is_off_the_walls_is_kept():

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: MIT
+"""The roughness of surfaces, from readings of a log that met the same place from nearly the same view."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.simulation import SurfaceConfig
+from testbed.twin.returns import ComparedScan
+
+Floats = NDArray[np.float64]
+
+MAX_DEVIATION = 0.1
+"""Readings farther off the wall than this met an edge or something else [m]."""
+MIN_COSINE = 0.5
+"""Readings of beams that meet the wall at flatter angles tell more about the lidar's angle than about the wall."""
+SAME_PLACE = 0.03
+"""Readings in one cell of this side met the same place [m]."""
+SAME_VIEW = (math.radians(2.0), 0.2)
+"""Beams whose directions [rad] and lengths [m] differ by less have the same view."""
+MAX_SCANS = 3000
+"""Scans that the roughness is taken from, spread over the log."""
+MIN_PAIRS = 1000
+"""With fewer pairs nothing is said: surfaces are smooth."""
+
+
+def thinned(scans: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return at most about `MAX_SCANS` of the numbers of scans (m,), spread over the log."""
+    return scans[:: max(1, len(scans) // MAX_SCANS)]
+
+
+def estimate_surface(compared: Iterable[ComparedScan], noise: tuple[float, float, float]) -> SurfaceConfig:
+    """Estimate how rough surfaces are, from scans and the walls of the world.
+
+    noise: standard deviation of short ranges [m], of long ones as a share, and step of the ranges [m]
+
+    Two readings of one place from one view share what is rough there, so that the mean of their product is its
+    variance; what they do not share is noise and scatter. The fourth moment tells how few readings scatter how far.
+    """
+    one, other, ranges = _pairs(_readings(compared))
+    if len(one) < MIN_PAIRS:
+        return SurfaceConfig()
+    rough = max(float(np.mean(one * other)), 0.0)
+    floor, share, step = noise
+    own = float(np.mean(np.maximum(floor, share * ranges) ** 2)) + step**2 / 12.0
+    apart = (one - other) / math.sqrt(2.0)
+    scatter, scatter_share = _mixture(float(np.mean(apart**2)), float(np.mean(apart**4)), own)
+    return SurfaceConfig(
+        roughness=round(math.sqrt(rough), 5), scatter=round(scatter, 5), scatter_share=round(scatter_share, 4)
+    )
+
+
+def _readings(compared: Iterable[ComparedScan]) -> Floats:
+    """Return the readings that met a wall, (n, 6): how far off [m], place x, y [m], direction [rad], length [m],
+    scan."""
+    parts = [np.empty((0, 6))]
+    for number, scan in enumerate(compared):
+        with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
+            off = scan.readings - scan.due
+        kept = (np.abs(off) < MAX_DEVIATION) & (scan.cosines > MIN_COSINE)
+        directions, due = scan.directions[kept], scan.due[kept]
+        heading = np.column_stack([np.cos(directions), np.sin(directions)])
+        place = scan.origin + due[:, None] * heading
+        columns = [off[kept], *place.T, np.mod(directions, 2.0 * math.pi), due, np.full(kept.sum(), float(number))]
+        parts.append(np.column_stack(columns))
+    readings = np.concatenate(parts)
+    readings[:, 0] -= np.median(readings[:, 0]) if len(readings) else 0.0
+    return readings
+
+
+def _pairs(readings: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return deviations [m] of both readings of pairs of one place and view, of readings (n, 6), and their lengths [m],
+    (k,) each."""
+    cells = np.floor(readings[:, 1:3] / SAME_PLACE)
+    order = np.lexsort((readings[:, 3], cells[:, 1], cells[:, 0]))
+    a, b = readings[order[:-1]], readings[order[1:]]
+    same = (np.diff(cells[order], axis=0) == 0.0).all(axis=1) & (a[:, 5] != b[:, 5])
+    same &= (np.abs(a[:, 3] - b[:, 3]) < SAME_VIEW[0]) & (np.abs(a[:, 4] - b[:, 4]) < SAME_VIEW[1])
+    return a[same, 0], b[same, 0], a[same, 4]
+
+
+def _mixture(second: float, fourth: float, own: float) -> tuple[float, float]:
+    """Return size [m] and share of what scatters, from moments of half differences [m^2, m^4] and the noise's variance.
+
+    Readings are N(0, own), a share p of them N(0, own + s^2): their variance is own + p s^2, their fourth cumulant
+    3 p (1 - p) s^4, and that of a difference divided by sqrt(2) half of it.
+    """
+    variance = second - own
+    if variance <= 0.0:
+        return 0.0, 0.0
+    cumulant = max(2.0 * (fourth - 3.0 * second**2), 0.0)
+    share = 3.0 * variance**2 / (cumulant + 3.0 * variance**2)
+    return math.sqrt(variance / share), share

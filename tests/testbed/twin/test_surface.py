@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""How rough surfaces are is found in a drive where it is known."""
+
+import numpy as np
+import pytest
+
+from testbed.formats import Log
+from testbed.presets import load_lidar, load_robot
+from testbed.seeds import RunSeeds
+from testbed.simulation import LidarLayers, SimulationConfig, SurfaceConfig, simulate
+from testbed.twin.returns import compare_scans
+from testbed.twin.surface import _mixture, estimate_surface, thinned
+from worlds import load
+
+WORLD = load("apartment")
+LIDAR = load_lidar("lms200").model_copy(update={"scan_rate": 10.0})
+NOISE = (LIDAR.noise_floor, LIDAR.noise_share, LIDAR.range_step)
+
+
+def found(surface, *, seed=1, scans=None):
+    """What is estimated from a drive with that surface, and with the noise of the range alone."""
+    layers = LidarLayers(**{**vars(LidarLayers.none()), "range_noise": True, "rounding": True})
+    config = SimulationConfig(
+        robot=load_robot("create3"),
+        lidar=LIDAR,
+        backend="fast",
+        lidar_layers=layers,
+        surface=surface,
+        seeds=RunSeeds.from_seed(seed),
+    )
+    with simulate(WORLD, config) as simulation:
+        frames = [frame for block in simulation.blocks(512) for frame in block.frames() if frame.scan is not None]
+    table = Log.from_frames(frames, path="drive.log", format="made").table
+    path = np.array([frame.truth for frame in frames])
+    compared = compare_scans(WORLD, table, path, np.arange(len(frames))[:scans])
+    return estimate_surface(compared, NOISE)
+
+
+def test_roughness_and_scatter_are_told_apart():
+    """A drive shares the waves of one field, so that its roughness is that of the field to a fifth."""
+    estimate = found(SurfaceConfig(roughness=0.015, scatter=0.04, scatter_share=0.1))
+    assert estimate.roughness == pytest.approx(0.015, rel=0.2)
+    assert estimate.scatter == pytest.approx(0.04, rel=0.2)
+    assert estimate.scatter_share == pytest.approx(0.1, rel=0.3)
+
+
+def test_smooth_walls_are_found_smooth():
+    estimate = found(SurfaceConfig())
+    assert estimate.roughness < 0.003
+    assert estimate.scatter**2 * estimate.scatter_share < 0.003**2
+
+
+def test_of_too_few_scans_nothing_is_said():
+    assert found(SurfaceConfig(roughness=0.05), scans=3) == SurfaceConfig()
+    assert estimate_surface([], NOISE) == SurfaceConfig()
+
+
+def test_size_and_share_come_from_the_moments():
+    """N(0, own), a tenth of them N(0, own + s^2): differences of two, divided by sqrt(2)."""
+    rng = np.random.default_rng(3)
+    values = 0.005 * rng.standard_normal((2, 400_000))
+    values += np.where(rng.random(values.shape) < 0.1, 0.04, 0.0) * rng.standard_normal(values.shape)
+    apart = (values[0] - values[1]) / np.sqrt(2.0)
+    size, share = _mixture(np.mean(apart**2), np.mean(apart**4), 0.005**2)
+    assert size == pytest.approx(0.04, rel=0.03)
+    assert share == pytest.approx(0.1, rel=0.06)
+    assert _mixture(1e-5, 3e-10, 2e-5) == (0.0, 0.0)
+
+
+def test_scans_are_thinned_evenly():
+    assert thinned(np.arange(5)).tolist() == [0, 1, 2, 3, 4]
+    assert thinned(np.arange(9000)).tolist() == list(range(0, 9000, 3))
