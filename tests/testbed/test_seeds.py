@@ -13,7 +13,7 @@ from numpy.random import SeedSequence
 import testbed
 from testbed.seeds import RunSeeds, children
 
-ORDER = ("world", "start", "odometry", "lidar", "movers", "filter", "driver", "route", "perturbation")
+ORDER = ("world", "start", "odometry", "lidar", "movers", "filter", "driver", "route", "perturbation", "surface")
 """The streams in the order in which they were introduced, which decides the numbers of all earlier results."""
 SOURCES = Path(testbed.__file__).parent
 
