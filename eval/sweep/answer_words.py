@@ -16,7 +16,8 @@ from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import Interval, min_values, wilson_interval
 
-ALONE = "with one particle there is one map and no choice between maps: it is scan matching"
+MIN_INSIDE = 0.8
+"""A filter whose 95 % ellipsoid holds the truth in less than this share of the updates is called overconfident."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Case:
     decision: Decision
     median: Callable[[int], float]
     """Median error of a count."""
+    inside: Callable[[int], float]
+    """Median share of the updates with the truth inside the 95 % ellipsoid of a count, NaN where it is unknown."""
     failed_of: Callable[[int], tuple[int, int]]
     """Failed runs, and runs, of a count."""
     pair: Callable[[int, int], Interval]
@@ -57,6 +60,14 @@ class Case:
         value = self.median(count)
         unit = self.table.measure.unit(value)
         return f"{unit.text(value)} {unit.name}".strip() if math.isfinite(value) else "no result"
+
+
+def alone(inside: float) -> str:
+    """What a single particle means; inside: share of the updates with the truth inside its 95 % ellipsoid."""
+    words = "with one particle there is one map and no choice between maps: it is scan matching"
+    if not inside < MIN_INSIDE:
+        return words
+    return f"{words}, and far too sure: the truth is inside its 95 % ellipsoid at {100.0 * inside:.0f} % of the updates"
 
 
 def compared_medians(case: Case, count: int) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.answer_words import (
-    ALONE,
     Case,
+    alone,
     compared_medians,
     counted,
     difference_to_largest,
@@ -30,6 +30,7 @@ from eval.sweep.answer_words import (
 )
 from eval.sweep.decision import Decision, Kind, State, median_over_last
 from eval.sweep.final_pass import after_the_final_pass
+from eval.sweep.margin import share_words
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import Interval, min_values, paired_difference
 from eval.sweep.summary import SweepSummary
@@ -137,6 +138,7 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
         summary.table,
         summary.decision(place, line),
         lambda count: summary.group(place, line, count).median.value,
+        lambda count: summary.group(place, line, count).inside_share,
         failed_of,
         _pair(summary, [place], line),
         "seed",
@@ -161,6 +163,7 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
         table,
         summary.decision_of_family(family, line),
         lambda count: summary.median_of_family(family, line, count),
+        lambda count: float(np.median([summary.group(place, line, count).inside_share for place in worlds])),
         failed_of,
         _pair(summary, worlds, line),
         "world",
@@ -217,7 +220,7 @@ def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
         decides=decides,
         caution=case.caution,
         reversal=reversal(case),
-        alone=ALONE if count == 1 and decision.kind == "enough" else "",
+        alone=alone(case.inside(1)) if count == 1 and decision.kind == "enough" else "",
         final_pass=case.final_pass[0],
         final_pass_figures=case.final_pass[1],
     )
@@ -270,8 +273,11 @@ def _final_pass(
     unit = table.measure.unit(max(medians))
     shown = [f"{unit.factor * value:.2f} {unit.name}".rstrip() for value in medians]
     runs = counted(difference.count, "run" if len(places) == 1 else "world") + " each" * (len(places) == 1)
+    level = f"; {100.0 * table.level:.3g} % interval" if difference.count >= min_values() else ""
     does = f"{counts[0]} {'does' if counts[0] == 1 else 'do'} as well"
     margin = f"{unit.factor * decision.limit:.2g} {unit.name}".rstrip()
+    if share := share_words(decision.limit, medians[1]):
+        margin += f", {share} of the error there"
     conclusions: dict[State, str] = {
         "good": f"{does} within the margin of {margin}",
         "worse": "the count still matters",
@@ -280,7 +286,7 @@ def _final_pass(
     return (
         f"if you keep the final pass, the default of testbed run, {conclusions[decision.states[0]]}",
         f"{shown[0]} with {counts[0]}, {shown[1]} with {counts[-1]} ({runs}; paired difference: "
-        f"{difference_words(difference, unit)})",
+        f"{difference_words(difference, unit)}{level})",
     )
 
 

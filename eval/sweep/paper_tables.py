@@ -159,7 +159,7 @@ def figure_caption(summary: SweepSummary) -> str:
         else "their median. The runs are too few for intervals."
     )
     return (
-        f"{measure.words[0].upper()}{measure.words[1:]} of {measure.estimate_is}, less that with {largest} particles "
+        f"{measure.words[0].upper()}{measure.words[1:]} of {measure.estimate_is}, above that with {largest} particles "
         f"on the same data, by number of particles. Dots: runs; large marks: {what} Margin: {margin_words(summary)}."
     )
 
@@ -171,13 +171,19 @@ def _method(summary: SweepSummary) -> str:
     if table.family_names():
         sentences.append("For a kind of building they are over its worlds, each with the median of its seeds.")
     if summary.has_intervals:
-        sentences.append("Their intervals are bootstrapped.")
+        sentences.append(
+            "Intervals of medians, and of the median differences that decide, are from the expanded percentile "
+            "bootstrap (Hesterberg 2015)."
+        )
     if len(table.counts) > 1:
         if summary.has_intervals:
             sentences.append(
                 "What decides is the median of the paired differences with its interval, not those of the errors."
             )
-        sentences.append("A count is enough if all larger counts are enough too, and if it did not fail more often.")
+        sentences.append(
+            "A count is enough if all larger counts are enough too, and if it did not fail more often; that it fails "
+            "more often is shown by McNemar's exact test, one-sided."
+        )
     sentences.append(look_rule(table))
     if _fewest_units(summary) < min_values():
         fewest, unit = fewest_seeds_to_go_on(table.level), "worlds" if table.family_names() else "runs"

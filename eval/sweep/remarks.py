@@ -8,19 +8,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.sweep.answer_words import particles
+from eval.sweep.answer_words import MIN_INSIDE, difference_words, particles
 from eval.sweep.decision import State
 from eval.sweep.final_pass import after_the_final_pass
 from eval.sweep.margin import Margin, parse_margin, share_words
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import LEVEL
+from eval.sweep.statistics import LEVEL, Interval, min_values
 from eval.sweep.summary import SweepSummary
 
 SAME = "the same route, with other noise"
 MAX_NAMED = 3
 """At most so many worlds are named in a sentence."""
-MIN_INSIDE = 0.8
-"""A filter whose 95 % ellipsoid holds the truth in less than this share of the updates is called overconfident."""
 
 
 def seeds_change(table: SweepTable) -> str:
@@ -209,12 +207,14 @@ def after_final_pass(summary: SweepSummary) -> str:
     base, counts = table.lines.index(table.baseline), table.counts
     known: dict[str, tuple[float, float]] = {}
     states: dict[str, State] = {}
+    differences: dict[str, Interval] = {}
     for p, place in enumerate(table.places):
         few, many = table.refined[p, base, 0], table.refined[p, base, -1]
         both = np.isfinite(few) & np.isfinite(many)
         if final is not None and both.any():
             known[place] = float(np.median(few[both])), float(np.median(many[both]))
-            states[place] = final.decision(place, table.baseline).states[0]
+            decision = final.decision(place, table.baseline)
+            states[place], differences[place] = decision.states[0], decision.differences[0]
     if not known:
         return ""
     verdict = _final_verdict(states)
@@ -222,10 +222,13 @@ def after_final_pass(summary: SweepSummary) -> str:
     ends = f"{{}} with {particles(counts[0])}, {{}} with {counts[-1]}"
     if len(known) <= MAX_NAMED:
         of_places = [
-            f"{place} {ends.format(f'{unit.text(few)} {unit.name}'.strip(), unit.text(many))}"
+            f"{place} {ends.format(f'{unit.text(few)} {unit.name}'.strip(), unit.text(many))} (paired difference "
+            f"{difference_words(differences[place], unit)})"
             for place, (few, many) in known.items()
         ]
         medians = "; ".join(of_places)
+        if any(difference.count >= min_values() for difference in differences.values()):
+            medians += f"; {100.0 * table.level:.3g} % intervals"
     else:
         ranges = [
             f"{unit.text(min(column))} to {unit.text(max(column))} {unit.name}".strip()
@@ -237,7 +240,10 @@ def after_final_pass(summary: SweepSummary) -> str:
 
 def _final_verdict(states: Mapping[str, State]) -> str:
     """Whether the count matters after the final pass; states: of the smallest count there, by world."""
-    for state, words in (("worse", "the count still matters"), ("good", "the count hardly matters any more")):
+    for state, words in (
+        ("worse", "the count still matters"),
+        ("good", "the smallest count does as well within the margin"),
+    ):
         places = [place for place, own in states.items() if own == state]
         if places:
             return words + ("" if len(places) == len(states) else f" in {_named(places)}")

@@ -69,7 +69,9 @@ class SweepProgress:
     def begin(self) -> None:
         """Say where no live table is shown that the jobs begin, and how long they will take."""
         if not console.is_terminal:
-            console.print(self._line())
+            console.print(
+                f"{self._line()}; the longest jobs of a seed come first, so the first takes longest", soft_wrap=True
+            )
 
     def event(self, event: Event) -> None:
         """A cell was started, or is finished and on disk."""

@@ -76,8 +76,8 @@ def sentences(suggestion: Suggestion) -> list[str]:
             f"{suggestion.name}: start with {particles(start)}, enough in {of_ten(suggestion.chance)} worlds like it.",
             f"Of such worlds the middle one needs {suggestion.needed}; 95 % of them need between {low} and {high}.",
             f"Enough: an error at most 10 % above that with {suggestion.largest}, and at most 10 % more runs that end "
-            f"lost or with a broken loop. ({100.0 * suggestion.holds:.0f} % of the runs keep to this with {start}, "
-            f"{100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}.)",
+            f"lost or with a broken loop. (Expected to end neither lost nor so: {100.0 * suggestion.holds:.0f} % of "
+            f"the runs with {start}, {100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}.)",
             "This is a forecast from other worlds"
             + (f": {suggestion.record}" if suggestion.record else "")
             + ". A sweep measures here and asks for proof, so it may want more, or leave open what is forecast; with "

@@ -6,7 +6,7 @@ import re
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from eval.sweep.answer_words import likely_answer
+from eval.sweep.answer_words import alone, likely_answer
 from eval.sweep.answers import answers
 from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.report import write_sweep_report
@@ -283,7 +283,7 @@ def test_the_answer_after_the_final_pass_stands_on_the_card(tmp_path, monkeypatc
     write_sweep(tmp_path / "many", error, seeds=8, missing=frozenset({(0, 0, 2, 7)}))
     hall, cave = answers(summarise(read_sweep(tmp_path / "many")), "improved")
     assert cave.final_pass == f"{KEPT}the count still matters"
-    figures = "1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference: +0.60 cm [+0.60, +0.60])"
+    figures = "1.07 cm with 1, 0.47 cm with 20 (8 runs each; paired difference: +0.60 cm [+0.60, +0.60]; 95 % interval)"
     assert cave.final_pass_figures == figures
     assert hall.final_pass_figures.startswith("1.06 cm with 1, 0.46 cm with 20 (7 runs each; ")
     page = write_sweep_report(tmp_path / "many").read_text()
@@ -310,11 +310,14 @@ def test_what_the_final_pass_leaves_gets_a_conclusion_where_it_is_shown(tmp_path
         return [answer.final_pass.removeprefix(KEPT) for answer in found]
 
     shown = conclusions("shown", seeds=8)
-    assert shown == ["the count still matters", "1 does as well within the margin of 0.5 cm"]
+    assert shown == [
+        "the count still matters",
+        "1 does as well within the margin of 0.5 cm, 125 % of the error there",
+    ]
     too_few = "it is not shown whether 1 does as well, for which 3 runs are too few"
     assert conclusions("few", seeds=3) == [too_few] * 2
     wide = conclusions("wide", seeds=8, about={"margin": "1cm"})
-    assert wide == ["1 does as well within the margin of 1 cm"] * 2
+    assert [words.partition(",")[0] for words in wide] == ["1 does as well within the margin of 1 cm"] * 2
 
 
 def test_failures_after_the_final_pass_forbid_the_conclusion(tmp_path):
@@ -350,5 +353,11 @@ def test_a_single_particle_is_called_scan_matching(tmp_path):
     for name, errors in (("one", (0.02, 0.02, 0.02)), ("more", (0.2, 0.02, 0.02))):
         hall, _ = answers(summarise(read_sweep(write_sweep(tmp_path / name, level(*errors), seeds=8))), "improved")
         assert (hall.alone != "") == (name == "one")
+        assert hall.alone.endswith("scan matching") or not hall.alone  # 90 % of the truth is inside in these tables
         page = write_sweep_report(tmp_path / name).read_text()
         assert ("and no choice between maps: it is scan matching" in page) == (name == "one")
+
+
+def test_a_single_particle_that_is_too_sure_is_called_so():
+    assert alone(0.04).endswith("far too sure: the truth is inside its 95 % ellipsoid at 4 % of the updates")
+    assert alone(0.9) == alone(float("nan")) and alone(0.9).endswith("it is scan matching")

@@ -125,8 +125,9 @@ def test_the_final_pass_is_said_with_what_it_leaves(tmp_path):
     """In the tables it divides every error by five."""
     equal = write_sweep(tmp_path / "a", error=lambda p, k, c, s: 0.05 if c == 0 else 0.03 + 0.02 * p)
     assert after_final_pass(summarise(read_sweep(equal))) == (
-        "the count hardly matters any more: hall_a 1.0 cm with 1 particle, 0.60 with 20; cave 1.0 cm with 1 particle, "
-        "1.0 with 20."
+        "the smallest count does as well within the margin: hall_a 1.0 cm with 1 particle, 0.60 with 20 (paired "
+        "difference +0.40 cm [+0.40, +0.40]); cave 1.0 cm with 1 particle, 1.0 with 20 (paired difference +0.00 cm "
+        "[+0.00, +0.00]); 95 % intervals."
     )
     worse = write_sweep(tmp_path / "b", error=lambda p, k, c, s: 0.3 if (p, c) == (0, 0) else 0.03)
     assert after_final_pass(summarise(read_sweep(worse))).startswith("the count still matters in hall_a: hall_a 6.0 cm")

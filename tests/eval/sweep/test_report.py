@@ -185,7 +185,7 @@ def test_a_table_says_where_runs_are_too_few_and_under_what_conditions(tmp_path)
     assert "at most 2 mm (hall_a 10 %, cave 5 % of the error with 20) worse than 20 particles, with 95 %" in table
     assert "* Too few runs for an interval: smallest and largest run." in table
     assert "At least 8 runs are needed to show that a count is enough." in table
-    assert "After the final pass, which is no part of the filter, the count " in table
+    assert "After the final pass, which is no part of the filter, the smallest count " in table
     assert "Each seed drives another route through the whole world. Robot create3, lidar lds01." in table
     assert "Too few" not in markdown_table(summarise(read_sweep(write_sweep(tmp_path / "whole"))))
     none = missing | {(1, k, 1, s) for k in range(2) for s in range(10)}
