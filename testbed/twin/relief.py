@@ -29,6 +29,8 @@ MIN_COSINE = 0.5
 """Readings of beams that meet the wall at flatter angles tell more about the lidar's angle than about the wall."""
 MIN_READINGS = 5
 """Half pieces with fewer readings tell nothing."""
+NEAR = 0.3
+"""Readings farther than this from a wall tell nothing of it [m]."""
 MAX_MOVE = 0.1
 """Walls are moved by at most this [m]: what is farther off is on the map."""
 MAX_COSINE = 0.95
@@ -96,7 +98,8 @@ def _offsets(
     tree: cKDTree, begins: Floats, edges: Floats, normals: Floats, scan: ComparedScan
 ) -> tuple[NDArray[np.int64], Floats]:
     """Return the half pieces (k,) that the beams meet, and how far off they end along the normal [m], (k,)."""
-    on_wall = np.isfinite(scan.due) & np.isfinite(scan.readings) & ~scan.off_wall()
+    with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
+        on_wall = np.abs(scan.readings - scan.due) <= NEAR
     directions = np.column_stack([np.cos(scan.directions[on_wall]), np.sin(scan.directions[on_wall])])
     due = scan.due[on_wall]
     pieces, along = _nearest(tree, begins, edges, scan.origin + due[:, None] * directions)

@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.simulation import SurfaceConfig
-from testbed.twin.returns import ComparedScan
+from testbed.twin.returns import OFF_WALL, ComparedScan
 
 Floats = NDArray[np.float64]
 
-MAX_DEVIATION = 0.1
-"""Readings farther off the wall than this met an edge or something else [m]."""
 MIN_COSINE = 0.5
 """Readings of beams that meet the wall at flatter angles tell more about the lidar's angle than about the wall."""
 SAME_PLACE = 0.03
@@ -61,7 +59,7 @@ def _readings(compared: Iterable[ComparedScan]) -> Floats:
     for number, scan in enumerate(compared):
         with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
             off = scan.readings - scan.due
-        kept = (np.abs(off) < MAX_DEVIATION) & (scan.cosines > MIN_COSINE)
+        kept = (np.abs(off) < OFF_WALL) & (scan.cosines > MIN_COSINE)
         directions, due = scan.directions[kept], scan.due[kept]
         heading = np.column_stack([np.cos(directions), np.sin(directions)])
         place = scan.origin + due[:, None] * heading

@@ -52,7 +52,7 @@ def compared(readings, due):
 
 def test_what_is_off_the_walls_is_kept():
     """Near the wall, before it, beyond it, no return, lost; where no wall is due: nothing seen, and something."""
-    scan = compared([5.2, 4.6, 5.4, np.inf, np.nan, np.inf, 7.0], [5.0, 5.0, 5.0, 5.0, 5.0, np.inf, np.inf])
+    scan = compared([5.05, 4.6, 5.4, np.inf, np.nan, np.inf, 7.0], [5.0, 5.0, 5.0, 5.0, 5.0, np.inf, np.inf])
     beams, _ = measure_returns(iter([scan]), np.zeros(1), np.zeros(1))
     assert np.array_equal(beams.ranges, [4.6, 5.4, np.inf, np.nan, 7.0], equal_nan=True)
     assert np.array_equal(beams.directions, scan.directions[[1, 2, 3, 4, 6]])
@@ -68,6 +68,6 @@ def test_each_scan_of_the_twin_sees_what_was_seen_at_the_nearest_time():
 
 
 def test_a_scan_whose_beams_all_end_on_walls_has_none():
-    beams, rates = measure_returns(iter([compared([2.0, 2.0], [2.0, 2.1])]), np.zeros(1), np.zeros(1))
+    beams, rates = measure_returns(iter([compared([2.0, 2.0], [2.0, 2.05])]), np.zeros(1), np.zeros(1))
     assert len(beams.stamps) == 0
     assert rates == (0.0, 0.0)
