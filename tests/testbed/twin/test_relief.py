@@ -10,7 +10,8 @@ from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import OdometryConfig, SimulationConfig, simulate
 from testbed.simulation.robot.lidar import LidarLayers
-from testbed.twin.relief import MAX_MOVE, with_relief
+from testbed.twin.relief import MAX_MOVE, _moved, _moves, _pieces, with_relief
+from testbed.twin.returns import ComparedScan
 from testbed.twin.walls import CLEARED
 from worlds import Start, Tour, Wall, World
 
@@ -98,3 +99,31 @@ def test_walls_move_by_a_bounded_way(drive):
     far = [(-0.2, 0.0), (6.0, 0.0), (6.0, 4.0), (-0.2, 4.0)]
     made = with_relief(room(far), table, path, scans, path)
     assert max(x for x, y in made.walls[0].points if x < 1.0 and 1.0 < y < 3.0) == pytest.approx(-0.2 + MAX_MOVE)
+
+
+def test_a_corner_meets_both_of_its_walls_and_a_straight_wall_their_mean():
+    x, y, none = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]]), np.array([np.nan])
+    oblique = np.array([[np.cos(1.0), np.sin(1.0)]])
+    one, other = np.array([0.03]), np.array([-0.02])
+    corner = _moves(x, one, oblique, other)[0]
+    assert corner @ x[0] == pytest.approx(0.03)
+    assert corner @ oblique[0] == pytest.approx(-0.02)
+    assert _moves(x, one, x, other)[0] == pytest.approx([0.005, 0.0])
+    assert _moves(x, one, y, none)[0] == pytest.approx([0.03, 0.0])
+    assert _moves(x, none, y, other)[0] == pytest.approx([0.0, -0.02])
+    assert _moves(x, none, y, none)[0] == pytest.approx([0.0, 0.0])
+
+
+def test_a_step_stands_where_it_stood():
+    """Each point of a wall follows the readings of the halves of the pieces beside it, not those farther off."""
+    start = [(0.0, 0.0), (1.0, 0.0)]
+    ring = _pieces(np.array([*start, (1.0, 1.0), (0.0, 1.0)]))
+    along = np.linspace(0.0025, 0.9975, 400)
+    readings = np.where(along < 0.45, 2.0, 2.04)  # down onto the lower wall from many places, 4 cm deeper on the right
+    scans = [
+        ComparedScan(np.array([x, 2.0]), np.full(9, -np.pi / 2), np.full(9, r), np.full(9, 2.0), np.ones(9))
+        for x, r in zip(along, readings, strict=True)
+    ]
+    (moved,) = _moved([ring], scans)
+    lower = moved[ring[:, 1] == 0.0]
+    assert lower[:, 1] == pytest.approx(np.where(lower[:, 0] < 0.45, 0.0, -0.04), abs=1e-9)

@@ -9,7 +9,7 @@ from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, SimulationConfig, SurfaceConfig, simulate
 from testbed.twin.returns import compare_scans
-from testbed.twin.surface import _mixture, estimate_surface, thinned
+from testbed.twin.surface import _mixture, _pairs, estimate_surface, thinned
 from worlds import load
 
 WORLD = load("apartment")
@@ -70,3 +70,19 @@ def test_size_and_share_come_from_the_moments():
 def test_scans_are_thinned_evenly():
     assert thinned(np.arange(5)).tolist() == [0, 1, 2, 3, 4]
     assert thinned(np.arange(9000)).tolist() == list(range(0, 9000, 3))
+
+
+def test_pairs_are_of_one_place_one_view_and_two_scans():
+    """Columns: how far off, place x, y, direction, length, scan."""
+    first = [0.01, 1.0, 1.0, 0.5, 3.0, 0.0]
+    others = {
+        "same": [0.02, 1.005, 1.005, 0.51, 3.1, 1.0],
+        "place": [0.02, 1.1, 1.0, 0.51, 3.1, 1.0],
+        "direction": [0.02, 1.005, 1.005, 0.6, 3.1, 1.0],
+        "length": [0.02, 1.005, 1.005, 0.51, 3.5, 1.0],
+        "scan": [0.02, 1.005, 1.005, 0.51, 3.1, 0.0],
+    }
+    paired = {name: len(_pairs(np.array([first, other]))[0]) for name, other in others.items()}
+    assert paired == {"same": 1, "place": 0, "direction": 0, "length": 0, "scan": 0}
+    one, other, lengths = _pairs(np.array([first, others["same"]]))
+    assert (one.item(), other.item(), lengths.item()) == (0.01, 0.02, 3.0)
