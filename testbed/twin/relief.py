@@ -13,11 +13,11 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from slam.se2 import Pose
 from testbed.frame_table import FrameTable
 from testbed.twin.returns import ComparedScan, compare_scans
+from testbed.twin.wall_pieces import WallPieces
 from testbed.twin.walls import CLEARED
 from worlds import Wall, World
 
@@ -39,7 +39,6 @@ PASSES = 3
 """What a beam meets depends on where the walls stand: it is found anew so many times."""
 MAX_SCANS = 2000
 """Scans that the walls are moved to, spread over the log."""
-_NEIGHBOURS = 3
 
 
 def with_relief(world: World, table: FrameTable, path: Pose, scans: NDArray[np.int64], driven: Pose) -> World:
@@ -74,18 +73,14 @@ def _walls(walls: Iterable[Wall], rings: Iterable[Floats]) -> list[Wall]:
 def _moved(rings: list[Floats], compared: Iterable[ComparedScan]) -> list[Floats]:
     """Move the points of closed walls (n, 2) by the median distance of the readings beside them."""
     begins = np.concatenate(rings)
-    ends = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
-    edges = ends - begins
-    lengths = np.maximum(np.hypot(*edges.T), 1e-9)
-    normals = np.column_stack([-edges[:, 1], edges[:, 0]]) / lengths[:, None]
-    tree = cKDTree(begins + 0.5 * edges)
-    parts = [_offsets(tree, begins, edges, normals, scan) for scan in compared]
+    walls = WallPieces(begins, np.concatenate([np.roll(ring, -1, axis=0) for ring in rings]))
+    parts = [_offsets(walls, scan) for scan in compared]
     halves, offsets = (np.concatenate(part) for part in zip(*parts, strict=True))
     medians = _medians(halves, offsets, 2 * len(begins)).reshape(-1, 2)
     sizes = [len(ring) for ring in rings]
     before = np.concatenate([np.roll(np.arange(n), 1) + k for n, k in zip(sizes, _starts(sizes), strict=True)])
     # A point has the second half of the piece before it and the first half of its own beside it.
-    moves = _moves(normals[before], medians[before, 1], normals, medians[:, 0])
+    moves = _moves(walls.normals[before], medians[before, 1], walls.normals, medians[:, 0])
     return np.split(begins + moves, _starts(sizes)[1:])
 
 
@@ -94,31 +89,17 @@ def _starts(sizes: list[int]) -> list[int]:
     return [0, *itertools.accumulate(sizes[:-1])]
 
 
-def _offsets(
-    tree: cKDTree, begins: Floats, edges: Floats, normals: Floats, scan: ComparedScan
-) -> tuple[NDArray[np.int64], Floats]:
-    """Return the half pieces (k,) that the beams meet, and how far off they end along the normal [m], (k,)."""
+def _offsets(walls: WallPieces, scan: ComparedScan) -> tuple[NDArray[np.int64], Floats]:
+    """Return the half pieces (k,) that the beams meet, and by how much they end off along the normal [m], (k,)."""
     with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
         on_wall = np.abs(scan.readings - scan.due) <= NEAR
     directions = np.column_stack([np.cos(scan.directions[on_wall]), np.sin(scan.directions[on_wall])])
     due = scan.due[on_wall]
-    pieces, along = _nearest(tree, begins, edges, scan.origin + due[:, None] * directions)
-    cosines = np.sum(directions * normals[pieces], axis=1)
+    met = walls.nearest(scan.origin + due[:, None] * directions)
+    cosines = np.sum(directions * met.normals, axis=1)
     kept = np.abs(cosines) > MIN_COSINE
-    halves = 2 * pieces + (along >= 0.5)
+    halves = 2 * met.pieces + (met.along >= 0.5)
     return halves[kept], ((scan.readings[on_wall] - due) * cosines)[kept]
-
-
-def _nearest(tree: cKDTree, begins: Floats, edges: Floats, points: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Return the pieces nearest to points (k, 2), (k,), and the place along each, from 0 to 1, (k,)."""
-    count = min(_NEIGHBOURS, len(begins))
-    near: NDArray[np.int64] = np.asarray(tree.query(points, k=np.arange(1, count + 1))[1])
-    ahead = points[:, None] - begins[near]
-    squares = np.maximum(np.sum(edges**2, axis=1), 1e-18)
-    along = np.clip(np.sum(ahead * edges[near], axis=2) / squares[near], 0.0, 1.0)
-    away = np.sum((ahead - along[..., None] * edges[near]) ** 2, axis=2)
-    rows, best = np.arange(len(points)), np.argmin(away, axis=1)
-    return near[rows, best], along[rows, best]
 
 
 def _medians(groups: NDArray[np.int64], values: Floats, count: int) -> Floats:

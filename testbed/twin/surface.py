@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from testbed.simulation import SurfaceConfig
 from testbed.twin.returns import OFF_WALL, ComparedScan
+from testbed.twin.wall_pieces import WallPieces
 
 Floats = NDArray[np.float64]
 
+CUT = 0.02
+"""Readings farther off than this count less for the place of a scan [m]."""
 MIN_COSINE = 0.5
 """Readings of beams that meet the wall at flatter angles tell more about the lidar's angle than about the wall."""
 SAME_PLACE = 0.03
@@ -31,15 +34,19 @@ def thinned(scans: NDArray[np.int64]) -> NDArray[np.int64]:
     return scans[:: max(1, len(scans) // MAX_SCANS)]
 
 
-def estimate_surface(compared: Iterable[ComparedScan], noise: tuple[float, float, float]) -> SurfaceConfig:
+def estimate_surface(
+    compared: Iterable[ComparedScan], segments: Floats, noise: tuple[float, float, float]
+) -> SurfaceConfig:
     """Estimate how rough surfaces are, from scans and the walls of the world.
 
-    noise: standard deviation of short ranges [m], of long ones as a share, and step of the ranges [m]
+    segments (n, 4) [m]: pieces of walls; noise: standard deviation of short ranges [m], of long ones as a share, and
+    step of the ranges [m]
 
-    Two readings of one place from one view share what is rough there, so that the mean of their product is its
-    variance; what they do not share is noise and scatter. The fourth moment tells how few readings scatter how far.
+    Each scan is first moved to where it fits the walls best: an error of its pose is nothing rough. Two readings of one
+    place from one view share what is rough there, so that the mean of their product is its variance; what they do not
+    share is noise and scatter. The fourth moment tells how few readings scatter how far.
     """
-    one, other, ranges = _pairs(_readings(compared))
+    one, other, ranges = _pairs(_readings(compared, WallPieces(segments[:, :2], segments[:, 2:])))
     if len(one) < MIN_PAIRS:
         return SurfaceConfig()
     rough = max(float(np.mean(one * other)), 0.0)
@@ -52,7 +59,7 @@ def estimate_surface(compared: Iterable[ComparedScan], noise: tuple[float, float
     )
 
 
-def _readings(compared: Iterable[ComparedScan]) -> Floats:
+def _readings(compared: Iterable[ComparedScan], walls: WallPieces) -> Floats:
     """Return the readings that met a wall, (n, 6): how far off [m], place x, y [m], direction [rad], length [m],
     scan."""
     parts = [np.empty((0, 6))]
@@ -63,11 +70,26 @@ def _readings(compared: Iterable[ComparedScan]) -> Floats:
         directions, due = scan.directions[kept], scan.due[kept]
         heading = np.column_stack([np.cos(directions), np.sin(directions)])
         place = scan.origin + due[:, None] * heading
-        columns = [off[kept], *place.T, np.mod(directions, 2.0 * math.pi), due, np.full(kept.sum(), float(number))]
+        rough = _off_best_fit(off[kept], place - scan.origin, heading, walls.nearest(place).normals)
+        columns = [rough, *place.T, np.mod(directions, 2.0 * math.pi), due, np.full(kept.sum(), float(number))]
         parts.append(np.column_stack(columns))
     readings = np.concatenate(parts)
     readings[:, 0] -= np.median(readings[:, 0]) if len(readings) else 0.0
     return readings
+
+
+def _off_best_fit(off: Floats, ends: Floats, headings: Floats, normals: Floats) -> Floats:
+    """Return by how much readings (n,) [m] are off where their scan is moved to fit the walls, to first order.
+
+    ends, headings, normals (n, 2): ends of the beams, from the lidar [m], their directions, and normals of the walls
+    """
+    cosines = np.sum(headings * normals, axis=1)
+    lever = ends[:, 0] * normals[:, 1] - ends[:, 1] * normals[:, 0]
+    moves = np.column_stack([normals, lever]) / cosines[:, None]  # how a move (x, y, heading) changes the readings
+    weights = np.sqrt(CUT / np.maximum(np.abs(off), CUT))
+    move = np.linalg.lstsq(moves * weights[:, None], off * weights, rcond=1e-3)[0]
+    rest: Floats = off - moves @ move
+    return rest
 
 
 def _pairs(readings: Floats) -> tuple[Floats, Floats, Floats]:

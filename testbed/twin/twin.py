@@ -89,7 +89,8 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
     recorded = table.stamps[table.scan_rows[lidar.scans]] - source.stamps[0]
     off_wall, returns = measure_returns(compared, recorded, _scan_times(lidar.preset, duration))
     noise = (lidar.preset.noise_floor, lidar.preset.noise_share, lidar.preset.range_step)
-    surface = estimate_surface(compare_scans(world, table, source.path, thinned(lidar.scans)), noise)
+    seen = compare_scans(world, table, source.path, thinned(lidar.scans))
+    surface = estimate_surface(seen, world.boundary_segments(), noise)
     preset = lidar.preset.model_copy(
         update={
             "short_return_rate": returns.short_rate,

@@ -3,7 +3,9 @@
 
 import numpy as np
 import pytest
+import shapely
 
+from slam import se2
 from testbed.formats import Log
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
@@ -17,7 +19,14 @@ LIDAR = load_lidar("lms200").model_copy(update={"scan_rate": 10.0})
 NOISE = (LIDAR.noise_floor, LIDAR.noise_share, LIDAR.range_step)
 
 
-def found(surface, *, seed=1, scans=None):
+def pieces_of(world):
+    """The walls in pieces of a decimetre, as those of twins are, (n, 4)."""
+    lines = shapely.linestrings(world.boundary_segments().reshape(-1, 2, 2))
+    ends = [shapely.get_coordinates(line) for line in shapely.segmentize(lines, 0.1)]
+    return np.concatenate([np.column_stack([points[:-1], points[1:]]) for points in ends])
+
+
+def found(surface, *, seed=1, scans=None, off_path=lambda n: np.zeros((n, 3))):
     """What is estimated from a drive with that surface, and with the noise of the range alone."""
     layers = LidarLayers(**{**vars(LidarLayers.none()), "range_noise": True, "rounding": True})
     config = SimulationConfig(
@@ -31,17 +40,26 @@ def found(surface, *, seed=1, scans=None):
     with simulate(WORLD, config) as simulation:
         frames = [frame for block in simulation.blocks(512) for frame in block.frames() if frame.scan is not None]
     table = Log.from_frames(frames, path="drive.log", format="made").table
-    path = np.array([frame.truth for frame in frames])
+    path = se2.compose(np.array([frame.truth for frame in frames]), off_path(len(frames)))
     compared = compare_scans(WORLD, table, path, np.arange(len(frames))[:scans])
-    return estimate_surface(compared, NOISE)
+    return estimate_surface(compared, pieces_of(WORLD), NOISE)
 
 
 def test_roughness_and_scatter_are_told_apart():
     """A drive shares the waves of one field, so that its roughness is that of the field to a fifth."""
     estimate = found(SurfaceConfig(roughness=0.015, scatter=0.04, scatter_share=0.1))
     assert estimate.roughness == pytest.approx(0.015, rel=0.2)
-    assert estimate.scatter == pytest.approx(0.04, rel=0.2)
-    assert estimate.scatter_share == pytest.approx(0.1, rel=0.3)
+    assert estimate.scatter == pytest.approx(0.04, rel=0.25)
+    assert estimate.scatter**2 * estimate.scatter_share == pytest.approx(0.04**2 * 0.1, rel=0.25)
+
+
+def test_errors_of_the_path_are_nothing_rough():
+    def off_path(scans):
+        """A centimetre and a third of a degree, of another sign every 40 scans, so that neighbours share them."""
+        return np.where(np.arange(scans) // 40 % 2, 1.0, -1.0)[:, None] * [0.01, 0.01, 0.006]
+
+    estimate = found(SurfaceConfig(roughness=0.01), off_path=off_path)
+    assert estimate.roughness == pytest.approx(0.01, rel=0.25)
 
 
 def test_smooth_walls_are_found_smooth():
@@ -52,7 +70,7 @@ def test_smooth_walls_are_found_smooth():
 
 def test_of_too_few_scans_nothing_is_said():
     assert found(SurfaceConfig(roughness=0.05), scans=3) == SurfaceConfig()
-    assert estimate_surface([], NOISE) == SurfaceConfig()
+    assert estimate_surface([], pieces_of(WORLD), NOISE) == SurfaceConfig()
 
 
 def test_size_and_share_come_from_the_moments():

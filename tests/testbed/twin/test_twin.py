@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
 """A twin of a simulated drive has the walls, the drive and the sensors that were simulated, and is driven again."""
 
+import dataclasses
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from testbed.datasets import open_dataset
 from testbed.formats import Log
 from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
-from testbed.simulation import OdometryConfig, SimulationConfig, simulate
+from testbed.simulation import OdometryConfig, SimulationConfig, SurfaceConfig, simulate
 from testbed.twin.reconstruction import reconstruct
 from testbed.twin.twin import make_twin, write_twin
 from worlds import load
@@ -108,6 +110,12 @@ def test_sensors_are_those_that_were_simulated(made):
     assert made.odometry.rotation_scale == pytest.approx(ODOMETRY.rotation_scale, abs=0.01)
     assert made.odometry.random_translation == pytest.approx(ODOMETRY.random_translation, rel=0.5)
     assert made.odometry.random_rotation == pytest.approx(ODOMETRY.random_rotation, rel=0.5)
+
+
+def test_its_surfaces_are_those_that_were_estimated(made, written):
+    settings = tomllib.loads((written / "config.toml").read_text())["settings"]
+    assert settings["surface"] == dataclasses.asdict(made.surface)
+    assert made.surface != SurfaceConfig()  # mixed readings and grazing beams scatter
 
 
 def test_each_seed_drives_it_again_with_other_noise(made, written, tmp_path):

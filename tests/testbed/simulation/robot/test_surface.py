@@ -79,6 +79,9 @@ def test_all_lidars_see_the_same_at_any_time_and_scatter_on_their_own(places):
     assert all(np.array_equal(one, other) for one, other in pairwise(seen))
     surface = Surface(scattered, 2, SeedSequence(1))
     own = [off(scattered, places, np.zeros(N), lidar=k, surface=surface) - seen[0] for k in (0, 1, 0)]
+    fresh = Surface(scattered, 2, SeedSequence(1))
+    alone = off(scattered, places, np.zeros(N), lidar=1, surface=fresh) - seen[0]
+    assert np.array_equal(alone, own[1])  # whatever the other lidar has seen
     for part in own:
         moved = np.abs(part) > 1e-12
         assert moved.mean() == pytest.approx(0.3, abs=0.03)
