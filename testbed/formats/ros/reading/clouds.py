@@ -27,8 +27,8 @@ SAMPLE, MIN_AGREEMENT = 20, 0.9
 """So many clouds show whether a lidar has directions of its own: points lie in their middles, and the mean of unit
 vectors of their places within them is that long at least."""
 MIN_POINTS, PARTS, MIN_UNITY = 180, 60, 0.9
-"""Points of a cloud, cut into so many parts in their order: those of a part of a turn look the same way, and the mean of
-their unit vectors is that long at least."""
+"""Points of a cloud, cut into so many parts in their order: those of a part of a turn look the same way, the mean of
+their unit vectors being that long at least."""
 FULL = math.radians(300.0), math.radians(380.0)
 """A full turn, as the middles of the first and of the last part show it [rad]."""
 TIME_FIELDS = ("time", "t", "timestamp", "time_stamp", "offset_time")
