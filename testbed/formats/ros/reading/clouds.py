@@ -62,6 +62,7 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
             scan = slice_of(message, places[content.cloud_frames[topic]], content.heights, directions[topic])
         except (ValueError, TypeError) as error:
             raise LogError(f"{path}: cloud {number} ({connection.topic}): {error}") from None
+        scan = scan._replace(ranges=content.readings.keep(scan.ranges))
         content.scans[topic].append(scan)
         content.places[id(scan)] = f"cloud {number} ({topic})"
     known = sum(int(np.isfinite(scan.ranges).sum()) for scans in content.scans.values() for scan in scans)
