@@ -238,7 +238,8 @@ def points_of(message: Any) -> tuple[NDArray[np.float64], NDArray[np.float64] | 
     rows = data[: row_step * height].reshape(height, row_step)[:, : width * step]
     rows = rows.reshape(height, width, step).transpose(1, 0, 2).reshape(-1, step)
     order = ">" if message.is_bigendian else "<"
-    points = np.column_stack([_column(rows, fields[name], order).astype(np.float64) for name in "xyz"])
+    with np.errstate(invalid="ignore"):  # bytes may be a NaN that signals
+        points = np.column_stack([_column(rows, fields[name], order).astype(np.float64) for name in "xyz"])
     finite = np.isfinite(points).all(axis=1)
     clock = next((fields[name] for name in TIME_FIELDS if name in fields), None)
     times = None if clock is None else seconds_after(_column(rows, clock, order)[finite], stamp_of(message))
@@ -261,15 +262,15 @@ def seconds_after(times: NDArray[Any], stamp: float) -> NDArray[np.float64] | No
     Velodyne's `time` and Ouster's `t` count from the stamp, in seconds and nanoseconds; RoboSense's `timestamp` are
     seconds since 1970. The unit is the one in which the points of a cloud span between a millisecond and `MAX_TURN`.
     """
-    if not times.size or not np.isfinite(times.astype(np.float64)).all():
+    if not times.size or not np.isfinite(times).all():
         return None
     units = (1.0,) if times.dtype.kind == "f" and np.abs(times).max() < 1e3 else (1.0, 1e-3, 1e-6, 1e-9)
-    span = float(times.max() - times.min())
+    span = float(times.max()) - float(times.min())
     unit = next((unit for unit in units if MIN_TURN <= span * unit <= MAX_TURN), None)
     if unit is None:
         return None
     first = float(times.min()) * unit
-    relative = (times - times.min()).astype(np.float64) * unit
+    relative = (times - times.min()).astype(np.float64) * unit  # before it is a float: nanoseconds have 19 digits
     begin = first if abs(first) <= MAX_TURN else first - stamp  # by the clock of the stamps
     after: NDArray[np.float64] = relative + begin
     return after if abs(begin) <= MAX_TURN else None
