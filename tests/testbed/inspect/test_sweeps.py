@@ -6,8 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slam.config import FilterConfig
 from testbed.inspect.sweeps import with_beam_times
+from testbed.run.estimation import Estimation
 from tests.testbed.inspect.test_recording import drive, with_table
+from tests.testbed.run.test_starting_path import error_of
 
 
 def timeless(log, *, backward=False):
@@ -50,3 +53,21 @@ def test_stated_times_half_turns_and_robots_at_rest_are_left_alone():
     assert with_beam_times(rest) is rest
     slow = with_table(bare, stamps=10.0 * log.table.stamps)
     assert with_beam_times(slow) is slow
+
+
+@pytest.mark.slow
+def test_the_path_is_that_of_the_recording_with_its_times():
+    """In 40 s of office the error is 0.002 m with the times, stated or found, and 0.022 m without."""
+    log = drive("office")
+    bare = timeless(log)
+    stated, found, none = (path_error(one) for one in (log, with_beam_times(bare), bare))
+    assert found < 1.2 * stated
+    assert none > 5.0 * stated
+
+
+def path_error(log):
+    """Error of the path after the final pass [m]."""
+    estimation = Estimation(FilterConfig(particles=10), 1)
+    for frame in log.table.frames():
+        estimation.process(frame)
+    return error_of(estimation, estimation.refined(estimation.filtered()).dense.poses)
