@@ -60,12 +60,14 @@ class Limit:
     def broken_by(self, metrics: Mapping[str, Any]) -> str | None:
         """Return a sentence if the score breaks this limit, else None.
 
-        A measure that could not be computed breaks every limit on it. Raises LimitError if there is no such key, or
-        numbers are compared with words.
+        A measure that could not be computed breaks every limit on it, and so does one of a trajectory that is too short
+        to be judged. Raises LimitError if there is no such key, or numbers are compared with words.
         """
         value = _find(metrics, self.key)
         if value is None:
             return f"{self.text}: {self.key} could not be measured"
+        if metrics.get("outcome") == "unjudged" and self.key.split(".")[0].split("_")[0] == "trajectory":
+            return f"{self.text}: the trajectory is unjudged: {metrics.get('outcome_reason', 'no reason is given')}"
         if isinstance(value, str) != isinstance(self.bound, str) or not isinstance(value, str | int | float):
             raise LimitError(f"--fail-if {self.text!r}: {self.key} is {_kind(value)}, not {_kind(self.bound)}")
         if not _OPERATORS[self.comparison](value, self.bound):

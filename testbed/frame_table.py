@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.scan import Scan
 from testbed.frame import Frame
+from testbed.large_arrays import forget_pages
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -164,6 +166,32 @@ class FrameTable:
         """Tell which rows of a column such as `truth` are known, (n,)."""
         known: NDArray[np.bool_] = (~np.isnan(column)).any(axis=1).reshape(-1)
         return known
+
+
+class TableFrames(Sequence[Frame]):
+    """The frames of a table, made when they are asked for: not all are in memory at a time."""
+
+    def __init__(self, table: FrameTable) -> None:
+        self._table = table
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def __iter__(self) -> Iterator[Frame]:
+        for block in self._table.blocks():
+            yield from block.frames()
+            forget_pages(self._table.ranges)
+
+    @overload
+    def __getitem__(self, index: int) -> Frame: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Frame]: ...
+    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
+        numbers = range(len(self))[index]
+        return self._frame(numbers) if isinstance(numbers, int) else [self._frame(number) for number in numbers]
+
+    def _frame(self, number: int) -> Frame:
+        return self._table.rows(number, number + 1).frames()[0]
 
 
 def _rows(values: Sequence[Sequence[float] | Floats | None], width: int) -> Floats:

@@ -8,8 +8,9 @@
 | KITTI with stamps | `t` and the twelve numbers of `[R p]`, row by row |
 
 Numbers are separated by spaces, tabs, commas or semicolons; `#` starts a comment. Quaternions with w first, camera
-frames (x right, y down, z forward) and stamps in nano-, micro- or milliseconds since 1970 are recognised, because any
-other reading would not be planar or not be of this time. The plane is x, y: z is ignored.
+frames (x right, y down, z forward; of the poses, or of the camera alone, as in TUM's own files) and stamps in nano-,
+micro- or milliseconds since 1970 are recognised, because any other reading would not be planar or not be of this time.
+The plane is x, y: z is ignored.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ _UNITS = ((1e9, "nanoseconds"), (1e6, "microseconds"), (1e3, "milliseconds"))
 """Units of stamps since 1970, per second."""
 _YEARS = (1.0e9, 4.1e9)
 """Stamps since 1970 lie between 2001 and 2099 [s]."""
+_OF_CAMERA = "poses are read as those of a camera (z forward, y down) in a frame with z up"
 _MAX_STEP = 100.0
 """Poses are usually at most this far apart [s]."""
 _MIN_HEIGHT, _MIN_HEIGHT_SHARE = 0.5, 0.2
@@ -87,7 +89,7 @@ def _read_table(path: Path) -> tuple[Table, list[int], list[str]]:
     lines: list[int] = []
     rows: list[list[float]] = []
     notes: list[str] = []
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(file, start=1):
             fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
             if not fields:
@@ -169,12 +171,19 @@ def _planar(
             _from_camera(w_first),
             "poses are read in a camera frame (z forward, y down), quaternions with w first",
         ),
+        (positions, _of_body(quaternions), _OF_CAMERA),
+        (positions, _of_body(w_first), f"{_OF_CAMERA}, quaternions with w first"),
     ]
     tilts = [2.0 * np.arcsin(np.minimum(np.hypot(q[:, 0], q[:, 1]), 1.0)) for _, q, _ in readings]
     heights = [float(np.ptp(p[:, 2])) for p, _, _ in readings]
     most_lean = float(np.mean(tilts[0] > TILT_TOLERANCE)) > 0.5
-    allowed = (True, most_lean, heights[2] < heights[0], most_lean and heights[2] < heights[0])
-    planar = [(round(heights[k], 1), k) for k in range(4) if allowed[k] and float(tilts[k].max()) <= TILT_TOLERANCE]
+    less_high = heights[2] < heights[0]
+    allowed = (True, most_lean, less_high, most_lean and less_high, most_lean, most_lean)
+    planar = [
+        (round(heights[k], 1), k)
+        for k in range(len(readings))
+        if allowed[k] and float(tilts[k].max()) <= TILT_TOLERANCE
+    ]
     if not planar:
         first = int(np.argmax(tilts[0] > TILT_TOLERANCE))
         raise TumError(
@@ -185,6 +194,14 @@ def _planar(
     if note is not None:
         notes.append(f"{path}: {note}")
     return chosen, turned
+
+
+def _of_body(quaternions: Table) -> Table:
+    """Return quaternions (n, 4), w last, of the body (x forward, z up) that carries a camera with these."""
+    from scipy.spatial.transform import Rotation
+
+    camera_in_body = Rotation.from_quat([-0.5, 0.5, -0.5, 0.5])
+    return np.asarray((Rotation.from_quat(quaternions) * camera_in_body.inv()).as_quat())
 
 
 def _from_camera(values: Table) -> Table:

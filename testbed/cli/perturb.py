@@ -88,8 +88,8 @@ def perturb(
     if out.exists():  # complain before a large log is read
         raise ValueError(f"{out}: exists; choose another name")
     read = Reading(laser_offset=laser_offset, range_max=range_max).open(log)
-    frames = read.frames if truth is None else attach_truth(read.frames, read_tum(truth))
-    frames = perturbed(frames, chosen, seeds.perturbation)
+    table = read.table if truth is None else attach_truth(read.table, read_tum(truth))
+    frames = perturbed(table.frames(), chosen, seeds.perturbation)
     changed = Log.from_frames(
         frames, path=log, format=read.format, truth_map=read.truth_map, robot_urdf=read.robot_urdf
     )

@@ -22,6 +22,7 @@ from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
 from testbed.cli.shared.system_options import SYSTEMS, SystemOptions, compare_systems
 from testbed.datasets.truth import attach_truth
+from testbed.frame_table import TableFrames
 from testbed.inspect import AS_STATED, Reading, inspect_log, notes_of
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
@@ -106,7 +107,7 @@ def slam(
     truth_map = _truth_map(log)
     known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
-    frames = recording.frames if truth is None else attach_truth(recording.frames, read_tum(truth))
+    table = recording.table if truth is None else attach_truth(recording.table, read_tum(truth))
     settings = {
         "log": log.resolve(),
         "relations": relations and relations.resolve(),
@@ -126,9 +127,9 @@ def slam(
         for note in recording.notes:
             console.print(f"{log}: {note}", soft_wrap=True)
         reference = Reference(relations=known_relations, grid=truth_map, walls=truth_walls)
-        return compare_systems(entrants, Recorded.of(frames, estimator.seed, reference), document, name, output)
+        return compare_systems(entrants, Recorded.of(table.frames(), estimator.seed, reference), document, name, output)
     job = Job(
-        source=RecordedFrames(frames),
+        source=RecordedFrames(TableFrames(table)),
         document=document,
         seeds=RunSeeds.from_seed(estimator.seed),
         filter=filter_config,

@@ -11,6 +11,7 @@ from testbed.inspect.lidars import inspect_lidars
 from testbed.inspect.odometry import inspect_odometry
 from testbed.inspect.times import inspect_times
 from testbed.inspect.turns import compare_turns
+from testbed.large_arrays import forget_pages
 
 
 def inspect_log(log: Log) -> list[Finding]:
@@ -33,6 +34,7 @@ def inspect_log(log: Log) -> list[Finding]:
         findings += inspect_times(log.table)
         findings += inspect_lidars(log.table)
         findings += inspect_odometry(log.table, compare_turns(log.table))
+        forget_pages(log.table.ranges)
     known = log.table.known(log.table.truth)
     findings.append(Finding("truth", f"known at {np.mean(known):.0%} of the frames" if known.any() else "none"))
     return findings

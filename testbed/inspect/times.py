@@ -9,8 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from slam import se2
-from testbed.frame_table import FrameTable, Integers
+from testbed.frame_table import BLOCK_FRAMES, FrameTable, Integers
 from testbed.inspect.finding import Finding
+from testbed.large_arrays import forget_pages
 
 GAP_PERIODS, MIN_GAP = 5.0, 1.0
 """Scans are missing where the next one comes later than so many usual periods, and than this [s]."""
@@ -74,6 +75,8 @@ def _repeated(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding
     for k in np.flatnonzero(moves > STANDING).tolist():
         first, second = (table.ranges[starts[n] : starts[n + 1]] for n in (scans[k], scans[k + 1]))
         repeated += len(first) > 0 and np.array_equal(first, second, equal_nan=True)
+        if k % BLOCK_FRAMES == 0:
+            forget_pages(table.ranges)
     if repeated > REPEATED_SHARE * len(scans):
         found = f"{repeated} of {len(scans)} scans repeat the one before while the robot moves"
         yield Finding(f"scans of {name}", found, "doubtful", "used as they are: a lidar or driver that hangs?")

@@ -98,19 +98,19 @@ def compare_turns(table: FrameTable) -> Clock | None:
     for _ in range(2):  # the second time with the scale of the first
         best = min(coarse.tolist(), key=misfit)
         offset = min(np.arange(best - COARSE, best + COARSE + FINE, FINE).tolist(), key=misfit)
-        scale, _ = _scale(turns.seen, by_odometry(offset))
+        scale, _ = robust_scale(turns.seen, by_odometry(offset))
     expected = by_odometry(offset)
     slope = scale * (by_odometry(offset + COARSE) - by_odometry(offset - COARSE)) / (2.0 * COARSE)
     rest = turns.seen - scale * expected
     near = np.abs(rest) < CUT_TURN
     if near.sum() < MIN_PAIRS:
-        return Clock(0.0, math.inf, *_scale(turns.seen, by_odometry(0.0)))
+        return Clock(0.0, math.inf, *robust_scale(turns.seen, by_odometry(0.0)))
     spread = 1.4826 * float(np.median(np.abs(rest[near] - np.median(rest[near]))))
     by_noise = spread / max(math.sqrt(float((slope[near] ** 2).sum())), 1e-9)
-    return Clock(offset, math.hypot(by_noise, SYSTEMATIC), *_scale(turns.seen, expected))
+    return Clock(offset, math.hypot(by_noise, SYSTEMATIC), *robust_scale(turns.seen, expected))
 
 
-def _scale(seen: Floats, expected: Floats) -> tuple[float, float]:
+def robust_scale(seen: Floats, expected: Floats) -> tuple[float, float]:
     """Turns by the scans for those by odometry, through zero, without outliers; and its standard deviation."""
     chosen = np.ones(len(seen), dtype=bool)
     scale = rest = 0.0

@@ -33,6 +33,19 @@ def test_a_limit_is_broken_when_it_holds_or_is_not_measured(text, broken):
         assert text.strip() in sentences[0]
 
 
+def test_a_trajectory_that_is_unjudged_breaks_every_limit_on_it():
+    """Three poses, or a hundredth of the path, fit whatever the estimate is worth."""
+    unjudged = METRICS | {
+        "outcome": "unjudged",
+        "outcome_reason": "3 matched poses",
+        "map": {"iou": 0.9},
+        "wall_s": 2.0,
+    }
+    (sentence,) = check(unjudged, [Limit.parse("trajectory.ate_rmse_m > 0.05")])
+    assert sentence.endswith("the trajectory is unjudged: 3 matched poses")
+    assert check(unjudged, [Limit.parse("map.iou < 0.5"), Limit.parse("wall_s > 10")]) == []
+
+
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(allow_nan=False, allow_infinity=False))
 @settings(deadline=None)
 def test_comparisons_are_those_of_numbers(value, bound):

@@ -11,6 +11,7 @@ Source: the header that CARMEN's logger writes into each log (carmen.sourceforge
         laser_x laser_y laser_theta  robot_x robot_y robot_theta  tv rv forward_safety side_safety turn_axis
         ipc_time host logger_time
     ROBOTLASER2 … the same of the rear laser
+    RAWLASER1 … n r_1 … r_n  m s_1 … s_m  ipc_time host logger_time   as ROBOTLASER1, without poses; to RAWLASER5
     TRUEPOS true_x true_y true_theta  odom_x odom_y odom_theta  ipc_time host logger_time
     PARAM name value …
 """
@@ -24,7 +25,7 @@ import re
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,10 +35,13 @@ from slam import se2
 from slam.scan import MAX_MOUNT, Scan
 from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
+from testbed.formats.ros.reading.frames import interpolate
 from testbed.formats.stamps import NANOSECONDS_NOTE, StampUnit
 from testbed.frame import Frame
 
-LIDARS = {"FLASER": "laser", "RLASER": "rear_laser", "ROBOTLASER1": "laser", "ROBOTLASER2": "rear_laser"}
+RAW = {"RAWLASER1": "laser", "RAWLASER2": "rear_laser", **{f"RAWLASER{k}": f"laser_{k}" for k in (3, 4, 5)}}
+"""Messages with scans without a pose, and the name of the lidar that took them."""
+LIDARS = {"FLASER": "laser", "RLASER": "rear_laser", "ROBOTLASER1": "laser", "ROBOTLASER2": "rear_laser", **RAW}
 """Messages with scans, and the name of the lidar that took them."""
 MESSAGES = (*LIDARS, "ODOM", "PARAM", "TRUEPOS")
 """Messages that are read; all others are counted and skipped."""
@@ -65,8 +69,11 @@ FLASER_LAYOUTS = {
     682: (-340 * 360 / 1024, 360 / 1024),
 }
 
-OFFSETS = {"FLASER": "robot_frontlaser_offset", "RLASER": "robot_rearlaser_offset"}
+FRONT, REAR = "robot_frontlaser_offset", "robot_rearlaser_offset"
+OFFSETS = {"FLASER": FRONT, "RLASER": REAR, "RAWLASER1": FRONT, "RAWLASER2": REAR}
 """Parameters with the x of a laser [m]. The rear one faces backwards."""
+ODOMETRY_REACH = 0.2
+"""A scan without a pose may lie outside of the odometry's time by this much [s]."""
 MAXIMA = {"FLASER": "robot_front_laser_max", "RLASER": "robot_rear_laser_max"}
 """Parameters with the range from which on there is no return [m]."""
 
@@ -88,7 +95,8 @@ def read_carmen(path: str | Path, *, laser_offset: float | None = None, range_ma
     range_max     readings from here on are no returns [m]; None: what the log says (`ROBOTLASER1`, `PARAM
                   robot_front_laser_max`), else the no-return value found in the readings, see `no_return_from`
     Odometry of a frame is the robot's (`odom_*`, `robot_*`); stamps are the ipc clock. `TRUEPOS` becomes the truth of
-    the next frame with its stamp. Raises LogError, naming file and line, for anything that does not fit the format.
+    the next frame with its stamp. Scans without a pose (`RAWLASER1`) get that of `ODOM`, interpolated, unless others of
+    their lidar have one. Raises LogError, naming file and line, for anything that does not fit the format.
     """
     path = Path(path)
     content = _Content()
@@ -122,6 +130,10 @@ def no_return_from(ranges: NDArray[np.float64]) -> float | None:
     while first > 0 and values[first] - values[first - 1] <= NEXT_VALUE and counts[first - 1] > usual:
         first -= 1
     return float(values[first])
+
+
+UNKNOWN = np.full(3, np.nan)
+"""The odometry of a message that does not say it."""
 
 
 @dataclass
@@ -217,7 +229,7 @@ def _odom(rest: list[str]) -> _Message:
 
 def _scan(kind: str, text: str) -> _Message:
     """A message with a scan; text: its line behind the kind."""
-    return _flaser(kind, text) if kind in OFFSETS else _robotlaser(kind, text)
+    return _flaser(kind, text) if kind in MAXIMA else _robotlaser(kind, text)
 
 
 def _flaser(kind: str, text: str) -> _Message:
@@ -245,19 +257,28 @@ def _robotlaser(kind: str, text: str) -> _Message:
         raise ValueError(f"{kind} needs finite angles and a positive maximum_range, got {' '.join(rest[1:5])}")
     ranges, rest = _ranges(kind, rest[7])
     _, rest = _counted(kind, "remission", rest)
-    _expect(f"{kind} with {ranges.size} beams", rest, 14, after="after its remissions")
-    laser, robot = _pose("laser", rest[0:3]), _pose("robot", rest[3:6])
-    x, y, theta = se2.between(robot, laser)
-    if not max(abs(x), abs(y)) <= MAX_MOUNT:
-        raise ValueError(f"{kind}: laser {x:g}, {y:g} m from the robot, expected within {MAX_MOUNT:g} m")
-    return _Message(
+    _expect(f"{kind} with {ranges.size} beams", rest, 3 if kind in RAW else 14, after="after its remissions")
+    message = _Message(
         kind,
-        _stamp(rest[11]),
-        robot,
-        twist=_twist(_number("tv", rest[6]), _number("rv", rest[7])),
+        _stamp(rest[-3]),
+        UNKNOWN,
         ranges=ranges,
         angles=start + step * np.arange(ranges.size, dtype=np.float64),
         range_max=range_max,
+    )
+    return message if kind in RAW else _with_poses(message, rest)
+
+
+def _with_poses(message: _Message, rest: list[str]) -> _Message:
+    """The message with what follows the remissions: poses of laser and robot, velocities."""
+    laser, robot = _pose("laser", rest[0:3]), _pose("robot", rest[3:6])
+    x, y, theta = se2.between(robot, laser)
+    if not max(abs(x), abs(y)) <= MAX_MOUNT:
+        raise ValueError(f"{message.kind}: laser {x:g}, {y:g} m from the robot, expected within {MAX_MOUNT:g} m")
+    return replace(
+        message,
+        odometry=robot,
+        twist=_twist(_number("tv", rest[6]), _number("rv", rest[7])),
         mount=(round(float(x), 10), round(float(y), 10), round(float(theta), 10)),  # without what the two poses lose
     )
 
@@ -334,6 +355,7 @@ def _twist(tv: float, rv: float) -> Pose | None:
 
 def _assemble(path: Path, content: _Content, laser_offset: float | None, range_max: float | None) -> Log:
     """Frames, now that the whole file has been seen; the notes say what was found out."""
+    pose_notes = _give_poses(path, content)
     readings = np.concatenate([m.ranges for m in content.messages if m.ranges is not None] or [np.empty(0)])
     typical = np.median(readings[np.isfinite(readings)]) if np.any(np.isfinite(readings)) else 0.0
     if typical > MAX_MEDIAN_RANGE:
@@ -353,8 +375,42 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
         [_frame(message, offsets, no_returns) for message in content.messages],
         path=path,
         format="CARMEN log",
-        notes=tuple(note for note in (*range_notes, offset_note, skipped_note, unit_note) if note),
+        notes=tuple(note for note in (*pose_notes, *range_notes, offset_note, skipped_note, unit_note) if note),
     )
+
+
+def _give_poses(path: Path, content: _Content) -> list[str]:
+    """Give scans without a pose that of the `ODOM` messages, and leave those out that come with a pose, too; notes."""
+    posed = {LIDARS[m.kind] for m in content.messages if m.kind in LIDARS and m.kind not in RAW}
+    raw = [m for m in content.messages if m.kind in RAW]
+    if not raw:
+        return []
+    notes = []
+    if twice := [m for m in raw if LIDARS[m.kind] in posed]:
+        kinds = " and ".join(sorted({m.kind for m in twice}))
+        notes.append(f"{len(twice)} scans of {kinds} are left out: the log has those of this laser with a pose, too")
+    alone = [m for m in raw if LIDARS[m.kind] not in posed]
+    odometry = [m for m in content.messages if m.kind == "ODOM"]
+    if alone and not odometry:
+        raise LogError(
+            f"{path}: {alone[0].kind} messages have no pose, and there are no ODOM messages to give them one"
+        )
+    outside: list[_Message] = []
+    if alone:
+        stamps, rows = np.unique([m.stamp for m in odometry], return_index=True)
+        poses = np.array([odometry[row].odometry for row in rows.tolist()])
+        found = interpolate(stamps, poses, np.array([m.stamp for m in alone]))
+        for message, pose in zip(alone, found, strict=True):
+            message.odometry = pose
+            message.twist = odometry[rows[max(int(np.searchsorted(stamps, message.stamp, side="right")) - 1, 0)]].twist
+        first, last = stamps[0] - ODOMETRY_REACH, stamps[-1] + ODOMETRY_REACH
+        outside = [m for m in alone if not first <= m.stamp <= last]
+        notes.append("scans without a pose (RAWLASER) have that of the ODOM messages, interpolated")
+    if outside:
+        notes.append(f"{len(outside)} of {len(alone)} scans lie outside of the odometry's time and are left out")
+    left_out = {id(m) for m in (*twice, *outside)}
+    content.messages = [m for m in content.messages if id(m) not in left_out]
+    return notes
 
 
 def _resolve_no_returns(content: _Content, given: float | None) -> tuple[dict[str, float], list[str]]:
@@ -386,13 +442,12 @@ def _no_return_of(logged: float | None, name: str, ranges: list[NDArray[np.float
 
 def _resolve_offsets(content: _Content, given: float | None) -> tuple[dict[str, float], str]:
     """x of the lasers [m], by the kind of message, as far as the messages do not say so themselves; the note."""
-    front, rear = (content.parameters.get(OFFSETS[kind]) for kind in ("FLASER", "RLASER"))
-    offsets = {"RLASER": rear or 0.0}
+    front, rear = content.parameters.get(FRONT), content.parameters.get(REAR) or 0.0
+    offsets, ahead = {"RLASER": rear, "RAWLASER2": rear}, ("FLASER", "ROBOTLASER1", "RAWLASER1")
     if given is not None:
-        return offsets | {"FLASER": given, "ROBOTLASER1": given}, f"laser {given:+g} m along x (as given)"
+        return offsets | dict.fromkeys(ahead, given), f"laser {given:+g} m along x (as given)"
     if front is not None:
-        note = f"laser {front:+g} m along x (robot_frontlaser_offset in the log)"
-        return offsets | {"FLASER": front, "ROBOTLASER1": front}, note
+        return offsets | dict.fromkeys(ahead, front), f"laser {front:+g} m along x (robot_frontlaser_offset in the log)"
     return offsets, ""
 
 
@@ -401,7 +456,7 @@ def _frame(message: _Message, offsets: dict[str, float], no_returns: dict[str, f
     if message.ranges is not None and message.angles is not None:
         mount = message.mount or (0.0, 0.0, 0.0)
         if message.kind in offsets:
-            mount = (offsets[message.kind], 0.0, math.pi if message.kind == "RLASER" else 0.0)
+            mount = (offsets[message.kind], 0.0, math.pi if OFFSETS.get(message.kind) == REAR else 0.0)
         own_max = message.range_max if message.range_max is not None else math.inf
         scan = Scan(
             ranges=message.ranges,

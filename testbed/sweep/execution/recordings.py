@@ -141,7 +141,7 @@ def _logged(source: str, seeds: RunSeeds | None, perturb: str) -> Recording:
 def _log(source: str) -> tuple[list[Frame], Relations | None]:
     """The frames of a log, with the truth where it is known, and its relations."""
     log: Mapping[str, Any] = json.loads(source)
-    frames = Reading.from_settings(log).open(Path(log["log"])).frames
+    table = Reading.from_settings(log).open(Path(log["log"])).table
     if "truth" in log:
-        frames = attach_truth(frames, read_tum(log["truth"]))
-    return frames, read_relations(log["relations"]) if "relations" in log else None
+        table = attach_truth(table, read_tum(log["truth"]))
+    return table.frames(), read_relations(log["relations"]) if "relations" in log else None

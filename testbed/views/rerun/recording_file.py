@@ -16,6 +16,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
+from testbed.views.rerun.released_blueprint import released
+
 PIECE = 1 << 16
 """Bytes that are copied at a time: as much as a pipe holds."""
 
@@ -34,7 +36,8 @@ class RecordingFile:
         self._copy = Thread(target=self._copy_from, args=(source,), name=f"writes {path.name}", daemon=True)
         self._copy.start()
         try:
-            rec.set_sinks(rr.FileSink(f"/dev/fd/{sink}"), default_blueprint=blueprint)
+            with released(blueprint) as sent:
+                rec.set_sinks(rr.FileSink(f"/dev/fd/{sink}"), default_blueprint=sent)
         finally:
             os.close(sink)  # the stream has opened its own end
 

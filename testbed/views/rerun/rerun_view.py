@@ -42,6 +42,7 @@ from testbed.views.rerun.layers.path_blocks import GrowingPath, PathBlocks
 from testbed.views.rerun.layers.prediction import Predictions
 from testbed.views.rerun.now import NowColumns, within_ellipse
 from testbed.views.rerun.recording_file import RecordingFile
+from testbed.views.rerun.released_blueprint import released
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.scenery import Scenery
 from testbed.views.rerun.scene.styles import Z_ESTIMATE, Z_FAN
@@ -503,7 +504,8 @@ class RerunView:
         """Once all is known, let a viewer that opens the file see all of it, on axes that fit."""
         self._send()
         scenery = self._scenery(drawing.extent_of(grid, self._T_world_map))
-        self._rec.send_blueprint(blueprint(scenery), make_active=False, make_default=True)
+        with released(blueprint(scenery)) as sent:
+            self._rec.send_blueprint(sent, make_active=False, make_default=True)
 
 
 def _spread_of(snapshot: Snapshot) -> float | None:

@@ -66,6 +66,19 @@ def test_a_camera_frame_with_w_first_is_recognised(tmp_path):
     check(read(tmp_path, CAMERA[:, [0, 1, 2, 3, 7, 4, 5, 6]]), "camera frame (z forward, y down), quaternions with w")
 
 
+@pytest.mark.parametrize("w_first", [False, True])
+def test_a_camera_in_a_frame_with_z_up_is_recognised(tmp_path, w_first):
+    """As in TUM's own files: the product of (0, 0, sin, cos) with the camera's (-1, 1, -1, 1) / 2."""
+    turned = 0.5 * np.column_stack([-COS - SIN, COS - SIN, SIN - COS, SIN + COS])
+    table = np.column_stack([T, X, Y, ZERO, turned])[:, [0, 1, 2, 3, 7, 4, 5, 6] if w_first else slice(None)]
+    notes = "a camera (z forward, y down) in a frame with z up" + (", quaternions with w first" if w_first else "")
+    check(read(tmp_path, table), notes)
+
+
+def test_a_byte_order_mark_is_skipped(tmp_path):
+    check(read(tmp_path, PLAIN, header="\ufeff# t x y z"))
+
+
 def test_a_camera_that_drives_ahead_is_recognised(tmp_path):
     ahead = np.column_stack([T, ZERO, ZERO, 0.1 * T, ZERO, ZERO, ZERO, ZERO + 1.0])
     trajectory, notes = read(tmp_path, ahead)

@@ -278,3 +278,48 @@ def test_real_logs_match_their_description(name, frames, scans, no_return, offse
     scan = next(frame.scan for frame in log.frames if frame.scan is not None)
     assert (scan.range_max, scan.mount, scan.angles.size) == (no_return, (offset, 0.0, 0.0), beams)
     assert scan.angles[0] == -np.pi / 2
+
+
+RAW_SCAN = "RAWLASER1 0 -1.57 3.14 0.785 80 0.01 0 5 1.0 2.0 3.0 2.0 1.0 0 {stamp} host {stamp}"
+ODOM_LINE = "ODOM {x} 0 0 0.5 0 0 {stamp} host {stamp}"
+
+
+def test_scans_without_a_pose_get_that_of_odometry(tmp_path):
+    path = tmp_path / "a.log"
+    lines = [ODOM_LINE.format(x=k, stamp=2.0 * k) for k in range(3)]
+    lines += [RAW_SCAN.format(stamp=stamp) for stamp in (-9.0, 1.0, 2.5, 4.1)]
+    path.write_text("\n".join(["PARAM robot_frontlaser_offset 0.2", *lines]))
+    log = open_log(path)
+    table = log.table
+    np.testing.assert_allclose(table.odometry[table.scan_rows, 0], [0.5, 1.25, 2.0])
+    np.testing.assert_allclose(table.mounts, [[0.2, 0.0, 0.0]] * 3)
+    np.testing.assert_allclose(table.twist[table.scan_rows, 0], 0.5)
+    np.testing.assert_allclose(table.patterns[0].angles, -1.57 + 0.785 * np.arange(5))
+    assert log.notes[0].startswith("scans without a pose (RAWLASER) have that of the ODOM messages")
+    assert log.notes[1].startswith("1 of 4 scans lie outside")
+
+
+def test_scans_without_a_pose_are_left_out_where_they_come_with_one_too(tmp_path):
+    path, plain = tmp_path / "a.log", tmp_path / "plain.log"
+    scan = "ROBOTLASER1 0 -1.57 3.14 0.785 80 0.01 0 5 1 2 3 2 1 0 0 0 0 0 0 0 0 0 0 0 0 1.0 host 1.0"
+    lines = [ODOM_LINE.format(x=0, stamp=0.5), scan]
+    plain.write_text("\n".join(lines))
+    path.write_text("\n".join([*lines, RAW_SCAN.format(stamp=1.0)]))
+    assert open_log(path).scan_count == open_log(plain).scan_count == 1
+    assert "1 scans of RAWLASER1 are left out" in open_log(path).notes[0]
+
+
+def test_scans_without_any_pose_are_refused(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_text(RAW_SCAN.format(stamp=1.0))
+    with pytest.raises(LogError, match="RAWLASER1 messages have no pose, and there are no ODOM messages"):
+        open_log(path)
+
+
+def test_the_rear_laser_without_a_pose_faces_backwards(tmp_path):
+    path = tmp_path / "a.log"
+    lines = [ODOM_LINE.format(x=0, stamp=1.0), RAW_SCAN.format(stamp=1.0).replace("RAWLASER1", "RAWLASER2")]
+    path.write_text("\n".join(["PARAM robot_rearlaser_offset -0.3", *lines]))
+    table = open_log(path).table
+    np.testing.assert_allclose(table.mounts, [[-0.3, 0.0, math.pi]])
+    assert table.lidars == ("rear_laser",)

@@ -74,10 +74,9 @@ def test_the_estimate_is_no_worse_than_odometry(name):
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", WEAK)
 def test_it_is_no_worse_over_ten_seeds(name):
-    """A reach of 1 m may be worse with one of them: nothing in its scans tells 8 from 5 cm."""
     shares = [share_of_odometrys_error(name, seed) for seed in range(10)]
-    assert sum(share > TOLERATED for share in shares) <= (name == "short_reach"), np.round(shares, 2)
-    assert np.mean(shares) < 0.85
+    assert max(shares) < TOLERATED, np.round(shares, 2)
+    assert np.mean(shares) < 0.5
 
 
 def test_an_odometry_that_fails_is_not_preferred():

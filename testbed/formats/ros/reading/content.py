@@ -13,6 +13,7 @@ from slam.occupancy import OccupancyGrid
 from testbed.formats.log import Topic
 from testbed.formats.ros.reading.decode import NO_TRACK, RawScan, Track
 from testbed.formats.ros.reading.transforms import Moving, Transforms
+from testbed.large_arrays import ReadingsStore
 
 Heights = tuple[float, float]
 """Lowest and highest point of a slice, above the robot's frame [m]."""
@@ -40,6 +41,8 @@ class BagContent:
     """Topics that are left out, as the user reads them."""
     scans: dict[str, list[RawScan]] = field(default_factory=dict)
     """The scans of each topic."""
+    readings: ReadingsStore = field(default_factory=ReadingsStore)
+    """Where their readings are kept."""
     places: dict[int, str] = field(default_factory=dict)
     """Number and topic of each scan in the bag, by its `id`, for messages to the user."""
     odometry: Track = NO_TRACK
@@ -66,3 +69,13 @@ class RawMessage(NamedTuple):
     time: int
     """Time of the bag [ns]."""
     data: bytes
+
+
+class ReadScan(NamedTuple):
+    """A scan, as it comes in the bag."""
+
+    number: int
+    """Counts the messages that are read, from 1."""
+    time: int
+    """Time of the bag [ns]."""
+    scan: RawScan

@@ -16,6 +16,7 @@ from testbed.formats.ros.reading.decode import RawScan, Track
 from testbed.formats.ros.reading.repairs import bridged, with_sound_twists
 from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar
 from testbed.frame_table import FrameTable
+from testbed.large_arrays import joined
 
 MAX_GAP, GAP_PERIODS = 1.0, 3.0
 """Scans between two odometry messages that are further apart than this [s], and than some usual periods, are noted."""
@@ -121,7 +122,7 @@ def _table(path: Path, content: BagContent, track: Track, scans: list[RawScan], 
         scan_lidars=np.array(seen.lidar_of, dtype=np.int64),
         scan_patterns=np.array(seen.pattern_of, dtype=np.int64),
         scan_starts=np.cumsum([0, *(scan.ranges.size for scan in scans)], dtype=np.int64),
-        ranges=np.concatenate([scan.ranges for scan in scans]) if scans else np.empty(0, dtype=np.float32),
+        ranges=joined([scan.ranges for scan in scans]),
         range_limits=np.array(seen.limits).reshape(-1, 2),
         mounts=np.array(seen.mounts).reshape(-1, 3),
         lidars=tuple(seen.lidars),

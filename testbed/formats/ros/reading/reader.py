@@ -22,9 +22,10 @@ from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
 from testbed.formats.log import Log, LogError, shortened
 from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.reading.clouds import peek_clouds, read_clouds
-from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage
+from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage, ReadScan
 from testbed.formats.ros.reading.decode import (
     BadMessageError,
+    RawScan,
     decode_commands,
     decode_echoes,
     decode_odometry,
@@ -105,6 +106,7 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
         wanted = [connection for connection in wanted if connection not in clouds]
         sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
         raws: dict[str, tuple[Any, list[RawMessage]]] = {}
+        scans: dict[str, list[ReadScan]] = {}
         for connection, time, raw in reader.messages(connections=reader.connections if sealed else wanted):
             if connection.topic == SEAL_TOPIC:
                 seal = str(getattr(reader.deserialize(raw, connection.msgtype), "data", ""))
@@ -114,6 +116,10 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
             if connection not in wanted:
                 continue
             content.messages += 1
+            if connection.topic in content.scans:  # the larger part of a bag: its messages are not kept
+                scan = _read_scan(content, connection, raw, reader)
+                scans.setdefault(connection.topic, []).append(ReadScan(content.messages, time, scan))
+                continue
             raws.setdefault(connection.topic, (connection, []))[1].append(RawMessage(content.messages, time, raw))
         if sealed and seal != total.text:
             raise LogError(f"{path}: damaged bag: its messages differ from the SHA-256 in {SEAL_TOPIC}")
@@ -124,6 +130,13 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
                 _decode(content, connection, messages, reader)
             except BadMessageError as error:
                 raise LogError(f"{path}: message {messages[error.number].number} ({topic}): {error}") from None
+        for topic, read in scans.items():
+            content.scans[topic], kept = in_one_pass(content, [r.time for r in read], [r.scan for r in read])
+            numbers = [read[row].number for row in kept.tolist()]
+            content.places |= {
+                id(scan): f"message {number} ({topic})"
+                for scan, number in zip(content.scans[topic], numbers, strict=True)
+            }
         peek_clouds(content, reader, clouds)
         try:
             complete_transforms(path, content, raws, reader)
@@ -133,8 +146,21 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
             raise error if isinstance(error, LogError) else LogError(f"{path}: /tf: {error}") from None
 
 
+def _read_scan(content: BagContent, connection: Any, raw: bytes, reader: Any) -> RawScan:
+    """Decode a scan, whose readings go to the store."""
+
+    def deserialise(raw: bytes) -> Any:
+        return reader.deserialize(raw, connection.msgtype)
+
+    if connection.msgtype == ECHO_TYPE:
+        scan = decode_echoes(raw, deserialise)
+    else:
+        scan = decode_scan(raw, "cdr" if reader.is2 else "ros1", deserialise)
+    return scan._replace(ranges=content.readings.keep(scan.ranges))
+
+
 def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader: Any) -> None:
-    """Decode all messages of a topic; BadMessageError where one makes no sense."""
+    """Decode all messages of a topic without scans; BadMessageError where one makes no sense."""
     topic, topics = connection.topic, content.topics
     encoding: Encoding = "cdr" if reader.is2 else "ros1"
     data = [raw.data for raw in raws]
@@ -147,16 +173,6 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
             _one_by_one(data, lambda raw: content.transforms.add(deserialise(raw)))
     elif topic == DESCRIPTION:
         content.robot_urdf = deserialise(data[-1]).data
-    elif topic in content.scans:
-        if connection.msgtype == ECHO_TYPE:
-            decoded = [decode_echoes(raw, deserialise) for raw in data]
-        else:
-            decoded = [decode_scan(raw, encoding, deserialise) for raw in data]
-        scans, kept = in_one_pass(content, raws, decoded)
-        content.scans[topic] = scans
-        content.places |= {
-            id(scan): f"message {raws[row].number} ({topic})" for scan, row in zip(scans, kept.tolist(), strict=True)
-        }
     elif topic == topics.get("commands"):
         content.commands = decode_commands(data, [raw.time for raw in raws], encoding, deserialise)
     elif topic == topics.get("map"):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam.motion.continuous_odometry import MAX_SPEED, MAX_TURN_RATE, has_jumped
-from testbed.formats.ros.reading.content import BagContent, RawMessage
+from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan, Track, seconds
 
 Floats = NDArray[np.float64]
@@ -238,12 +238,15 @@ def one_clock(content: BagContent, times: NDArray[np.float64], track: Track) -> 
 
 
 def in_one_pass(
-    content: BagContent, raws: list[RawMessage], scans: list[RawScan]
+    content: BagContent, nanoseconds: list[int], scans: list[RawScan]
 ) -> tuple[list[RawScan], NDArray[np.int64]]:
     """Scans of a topic without repeated passes, by the times of the bag where all of their stamps are equal; and which
-    of the messages they are."""
+    of the messages they are.
+
+    nanoseconds: times of the bag [ns]
+    """
     stamps = np.array([scan.stamp for scan in scans])
-    times = np.array([seconds(raw.time) for raw in raws])
+    times = np.array([seconds(time) for time in nanoseconds])
     mended = bag_time(stamps, times, content.clock_offset)
     if mended is not None:
         content.notes.append(f"{_useless(stamps, 'the scans')}: the bag's own times are used")

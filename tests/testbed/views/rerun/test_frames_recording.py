@@ -53,3 +53,15 @@ def test_without_truth_only_the_odometry_is_shown(tmp_path: Path) -> None:
 def test_a_drive_without_scans_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no scan in it"):
         record_frames(tmp_path / "none.rrd", [replace(f, scan=None) for f in frames()], scene())
+
+
+def test_recordings_leave_no_threads_behind(tmp_path: Path) -> None:
+    """Rerun keeps the stream of a blueprint, with two threads, unless it is disconnected."""
+    tasks = Path("/proc/self/task")
+    if not tasks.exists():
+        pytest.skip("threads are counted in /proc")
+    counts = []
+    for k in range(8):
+        record_frames(tmp_path / f"{k}.rrd", frames()[:3], scene())
+        counts.append(len(list(tasks.iterdir())))
+    assert counts[-1] <= counts[1] + 2

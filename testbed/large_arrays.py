@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""Readings of recordings of any length: those beyond a limit lie in temporary files without a name, which the system
+takes out of memory where it needs the room, and which are gone with the arrays."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import tempfile
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+IN_MEMORY = 100_000_000
+"""Readings of so many bytes stay in memory: half an hour of 360 beams at 40 Hz."""
+SEGMENT = 32_000_000
+"""Bytes of a file's piece, and of what is copied at a time."""
+
+Ranges = NDArray[np.float32]
+
+
+class ReadingsStore:
+    """Keeps the readings of scans, which come one after the other."""
+
+    def __init__(self, in_memory: int = IN_MEMORY) -> None:
+        """in_memory: bytes that stay in memory"""
+        self._left = in_memory
+        self._segment = np.empty(0, dtype=np.float32)
+        self._used = 0
+
+    def keep(self, ranges: Ranges) -> Ranges:
+        """The same readings (n,), in memory or in a file; a message that they are a part of can be forgotten."""
+        if ranges.nbytes <= self._left:
+            self._left -= ranges.nbytes
+            return ranges.copy()
+        if self._used + ranges.size > self._segment.size:
+            forget_pages(self._segment)
+            self._segment, self._used = in_file(max(SEGMENT // ranges.itemsize, ranges.size)), 0
+        kept = self._segment[self._used : self._used + ranges.size]
+        kept[:] = ranges
+        self._used += ranges.size
+        return kept
+
+
+def joined(parts: Sequence[Ranges], in_memory: int = IN_MEMORY) -> Ranges:
+    """Readings one after the other, (readings,); in a file where they are many."""
+    count = sum(part.size for part in parts)
+    if 4 * count <= in_memory:
+        return np.concatenate(parts) if parts else np.empty(0, dtype=np.float32)
+    whole, at, since = in_file(count), 0, 0
+    for part in parts:
+        whole[at : at + part.size] = part
+        at += part.size
+        if at - since > SEGMENT // 4:
+            since = at
+            forget_pages(whole)
+            forget_pages(part)
+    forget_pages(whole)
+    return whole
+
+
+def in_file(count: int) -> Ranges:
+    """Zeros (count,) in a temporary file. Raises OSError, naming the temporary folder, where there is no room."""
+    size = 4 * count
+    with tempfile.TemporaryFile() as file:
+        try:
+            if hasattr(os, "posix_fallocate"):  # else a write into the array would end the process on a full disk
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                file.truncate(size)
+        except OSError as error:
+            reason = f"{error.strerror}, for the scans of a long recording"
+            raise OSError(error.errno, reason, tempfile.gettempdir()) from None
+        return np.frombuffer(mmap.mmap(file.fileno(), size), dtype=np.float32)
+
+
+def forget_pages(array: NDArray[np.generic]) -> None:
+    """Let go of the memory of an array that lies in a file; it is read again when it is needed."""
+    base = array
+    while isinstance(base, np.ndarray) and base.base is not None:
+        base = base.base
+    mapped = base.obj if isinstance(base, memoryview) else base
+    if isinstance(mapped, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        mapped.madvise(mmap.MADV_DONTNEED)
