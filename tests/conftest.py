@@ -6,6 +6,7 @@ Laws are tried on 50 examples unless a test says otherwise; `make nightly` tries
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 
 import pytest
@@ -16,6 +17,12 @@ from tests.cheaper import computed_here, undrawn
 settings.register_profile("fast", max_examples=50)
 settings.register_profile("deep", max_examples=1000)
 settings.load_profile("fast")
+
+
+def pytest_collection_finish() -> None:
+    """Leave modules and tests out of garbage collection, which would look through all of them again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture
