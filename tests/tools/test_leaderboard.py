@@ -6,6 +6,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ def test_tables_of_a_small_leaderboard_are_written(tmp_path: Path, monkeypatch) 
     page = tmp_path / "leaderboard.md"
     page.write_text(Path(leaderboard.PAGE).read_text(encoding="utf-8"))
     monkeypatch.setattr(leaderboard, "PAGE", page)
-    monkeypatch.setattr(leaderboard.subprocess, "run", _here)
+    monkeypatch.setattr(leaderboard, "subprocess", SimpleNamespace(run=_here))
     whole = leaderboard.parts
     monkeypatch.setattr(leaderboard, "parts", lambda *given: [_short(part) for part in whole(*given)])
     arguments = [str(tmp_path / "out"), "--systems", "odometry", "--worlds", "office", "--logs", "none", "--seeds", "2"]
