@@ -115,6 +115,7 @@ def test_the_error_decides_where_all_runs_hold():
         assert model(always, np.array([g, 0.0, 0.0, 0.0])).needed(np.zeros(3)) == expected
 
 
+@pytest.mark.slow
 def test_worlds_are_predicted_by_the_others():
     runs = experiment(12, drives=20)
     found = predict_held_out(runs, [f"world {k}" for k in range(12)])

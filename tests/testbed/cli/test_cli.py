@@ -224,6 +224,7 @@ main(["slam", "room.log", "--particles", "3", "--out", "run"])
 """
 
 
+@pytest.mark.slow
 def test_a_run_killed_during_its_report_gets_it_later(here, capsys):
     room_log(here / "room.log")
     killed = subprocess.run(
@@ -403,7 +404,10 @@ def test_presets_are_listed_shown_and_driven_round_the_square(capsys):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(b"dr\xc3\xbcben", marks=pytest.mark.slow, id="umlaut"), pytest.param(b"x\xffy", id="no UTF-8")],
+    [
+        pytest.param(b"dr\xc3\xbcben", marks=pytest.mark.slow, id="umlaut"),
+        pytest.param(b"x\xffy", marks=pytest.mark.slow, id="no UTF-8"),
+    ],
 )
 def test_any_file_name_works_under_an_ascii_locale(tmp_path, name):
     folder = tmp_path / os.fsdecode(name)

@@ -91,6 +91,7 @@ def stopped_after(runs: int):
     return compute_some
 
 
+@pytest.mark.slow
 def test_the_known_threshold_of_a_toy_lies_in_its_interval(toys: str, tmp_path: Path) -> None:
     assert call("stress", toys, *OPTIONS, *LONG, "--out", "out") == 0
     found = thresholds(read_runs("out"))
