@@ -4,13 +4,17 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
+# Byte code is kept, else each of the many processes of the tests would translate all packages again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test lint bench fuzz mutation nightly clean help
 
 run: $(VENV)/.run  ## install, then simulate, map and score a run; the last line is the path of the report
 	$(BIN)/testbed run office
 
-test: $(VENV)/.test  ## install with the test dependencies, then run the fast tests on all cores
-	$(BIN)/python -m pytest -n auto
+test: $(VENV)/.test  ## install with the test dependencies, compile the kernels, then run the fast tests on all cores
+	$(BIN)/testbed warmup
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/.lint  ## check style, types and import rules
 	$(BIN)/ruff check
@@ -29,9 +33,10 @@ fuzz: $(VENV)/.test $(VENV)/.nightly  ## fuzz all readers for a minute (FUZZ_SEC
 mutation: $(VENV)/.test $(VENV)/.nightly  ## change the code in one place at a time; list the changes that no test notices (hours)
 	$(BIN)/python -m tools.measure.mutation runs/mutation
 
-nightly: $(VENV)/.test $(VENV)/.nightly  ## what takes a night: an hour of fuzzing, soak tests, mutation testing
+nightly: $(VENV)/.test $(VENV)/.nightly  ## what takes a night: an hour of fuzzing, soak tests, laws on many examples, mutation testing
 	$(BIN)/python -m tests.fuzz --seconds 3600 --corpus runs/fuzz
 	$(BIN)/python -m pytest -m nightly
+	$(BIN)/python -m pytest -n auto --dist worksteal --timeout 3600 --hypothesis-profile deep
 	$(BIN)/python -m tools.measure.mutation runs/mutation
 
 clean:  ## remove the environment, all runs and built packages

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import itertools
 import json
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -63,8 +65,24 @@ def write_run(
     truth: path and map are known. relations: scored against relations, as a recorded log. broken: the estimate turns
     wrongly at scan `BREAK`.
     """
-    rng = np.random.default_rng(seed)
     folder.mkdir(parents=True)
+    for name, content in _files(truth, relations, broken, seed).items():
+        (folder / name).write_bytes(content)
+    return folder
+
+
+@cache
+def _files(truth: bool, relations: bool, broken: bool, seed: int) -> dict[str, bytes]:
+    """The files of such a run, which many tests change one by one: to score it takes most of the time."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        _compute(folder, truth, relations, broken, seed)
+        return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def _compute(folder: Path, truth: bool, relations: bool, broken: bool, seed: int) -> None:
+    """Compute such a run and write its files; see `write_run`."""
+    rng = np.random.default_rng(seed)
     poses = drive()
     n = len(poses)
     stamps = 1000.0 + 0.1 * np.arange(n)
@@ -113,7 +131,6 @@ def write_run(
         )
         write_failure(folder / "finding.json", failure, transform_points(inverse(poses[failure.scan]), seen))
     (folder / "metrics.json").write_text(json.dumps(metrics, allow_nan=False))
-    return folder
 
 
 def _relations(stamps: Any, poses: Pose) -> Relations:

@@ -36,6 +36,7 @@ def mended_run(folder: Path, outcome: str) -> Path:
     return run
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_moment_is_that_of_the_pose_while_driving(tmp_path: Path) -> None:
     run = mended_run(tmp_path, "broken loop")
     metrics = json.loads((run / "metrics.json").read_text())
@@ -58,6 +59,7 @@ def test_the_moment_is_that_of_the_pose_while_driving(tmp_path: Path) -> None:
     assert find_mended(metrics | {"outcome": "lost"}, run) is None  # nothing was mended
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_report_draws_the_moment_and_the_update_before_it(tmp_path: Path) -> None:
     run = mended_run(tmp_path, "broken loop")
     found = find_mended(json.loads((run / "metrics.json").read_text()), run)

@@ -54,6 +54,7 @@ def left(disk: Path) -> list[str]:
     return [str(path.relative_to(disk)) for path in disk.rglob("*")]
 
 
+@pytest.mark.slow
 def test_opening_a_recording_on_a_full_disk_never_hangs(tmp_path):
     """50 tries; rerun's own file sink hung in two of five."""
     if not Path("/dev/full").exists():

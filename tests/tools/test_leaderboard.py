@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ import pytest
 from eval.files.tum import read_tum
 from testbed.formats import open_log
 from testbed.sweep.spec.spec import parse_spec
+from tests.shell import call
 from tools.measure import leaderboard
 from tools.measure.leaderboard import parts, source_of
 from tools.measure.real_logs import CASES, Case
@@ -45,10 +49,12 @@ def test_only_systems_that_draw_numbers_get_several_seeds_on_logs(log: str, tmp_
     assert [part.name for part in parts(tmp_path, ["odometry"], [], [log], 5)] == ["logs"]
 
 
+@pytest.mark.usefixtures("in_this_process", "without_pictures")
 def test_tables_of_a_small_leaderboard_are_written(tmp_path: Path, monkeypatch) -> None:
     page = tmp_path / "leaderboard.md"
     page.write_text(Path(leaderboard.PAGE).read_text(encoding="utf-8"))
     monkeypatch.setattr(leaderboard, "PAGE", page)
+    monkeypatch.setattr(leaderboard, "subprocess", SimpleNamespace(run=_here))
     whole = leaderboard.parts
     monkeypatch.setattr(leaderboard, "parts", lambda *given: [_short(part) for part in whole(*given)])
     arguments = [str(tmp_path / "out"), "--systems", "odometry", "--worlds", "office", "--logs", "none", "--seeds", "2"]
@@ -57,6 +63,13 @@ def test_tables_of_a_small_leaderboard_are_written(tmp_path: Path, monkeypatch) 
     row = next(line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| odometry |"))
     assert "0 of 2 (0% to 66%)" in row
     assert "–" in row  # odometry has no map
+
+
+def _here(command: list[str], check: bool) -> subprocess.CompletedProcess:
+    """Run `testbed` in this process."""
+    program, *words = command
+    assert Path(program) == Path(sys.executable).with_name("testbed")
+    return subprocess.CompletedProcess(command, call(*words))
 
 
 def _short(part: leaderboard.Part) -> leaderboard.Part:

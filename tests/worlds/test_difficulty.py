@@ -27,7 +27,13 @@ def test_observability_does_not_depend_on_the_worlds_direction():
     assert observability(turned, np.zeros(2)) == pytest.approx(observability(segments, np.zeros(2)), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", worlds.catalogue())
+LARGE = ("campus", "park")
+"""Worlds that take as long to measure as all others together."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LARGE)) for name in worlds.catalogue()]
+)
 def test_the_catalogue_stores_what_is_measured(name):
     world = worlds.load(name)
     measured = worlds.measure_difficulty(world)

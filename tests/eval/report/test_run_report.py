@@ -123,6 +123,7 @@ def loop(stamp, gap, errors=None):
 
 
 @pytest.mark.parametrize("truth", [True, False])
+@pytest.mark.usefixtures("without_pictures")
 def test_the_table_of_loops_tells_whose_error_it_is(runs, tmp_path, truth):
     """A match that differs from the filter's path by 17 cm may be wrong itself: with truth, both errors are there."""
     folder = tmp_path / "run"
@@ -141,6 +142,7 @@ def test_the_table_of_loops_tells_whose_error_it_is(runs, tmp_path, truth):
     assert ("error of the filter's path" in heads) == truth
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_passing_errors_are_ordered_by_the_measure_that_is_shown(runs, tmp_path):
     folder = tmp_path / "run"
     shutil.copytree(runs["broken"], folder)
@@ -157,6 +159,7 @@ def test_passing_errors_are_ordered_by_the_measure_that_is_shown(runs, tmp_path)
 
 
 @pytest.mark.parametrize(("broken", "lead"), [(False, "OK: relation error"), (True, "The map is broken")])
+@pytest.mark.usefixtures("without_pictures")
 def test_a_recorded_log_is_judged_by_its_relations(tmp_path, broken, lead):
     folder = write_run(tmp_path / "intel", truth=False, relations=True, broken=broken)
     page = Page(write_report(folder).read_text())
@@ -176,6 +179,7 @@ def test_a_broken_run_is_called_so_and_its_moment_is_named(texts):
     assert "Where it went wrong" not in Page(texts["good"]).headings
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_report_says_when_the_recording_calls_it_lost(runs, texts, tmp_path):
     """The estimate that turns by 12 degrees at one scan has a broken loop; one that turns by 90 is lost there."""
     assert "does not call it lost at any time" in Page(texts["broken"]).text
@@ -239,6 +243,7 @@ def test_where_another_particle_became_the_best_is_marked(runs, texts, tmp_path)
     assert "jumps to its history" not in texts["good"]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_moment_that_is_named_twice_is_drawn_once(runs, tmp_path):
     """The largest error is where the largest loop has its full length; the final pass had found that loop left open."""
     folder = tmp_path / "run"
@@ -334,6 +339,7 @@ def test_what_comes_from_files_is_escaped(texts):
 
 
 @pytest.mark.parametrize("missing", ["steps.parquet", "estimate.tum", "map.yaml"])
+@pytest.mark.usefixtures("without_pictures")
 def test_a_run_that_lost_a_file_still_has_a_report(runs, tmp_path, missing):
     folder = tmp_path / "run"
     shutil.copytree(runs["broken"], folder)

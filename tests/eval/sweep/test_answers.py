@@ -5,6 +5,7 @@ import re
 
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+import pytest
 
 from eval.sweep.answer_words import alone, likely_answer
 from eval.sweep.answers import answers
@@ -14,6 +15,7 @@ from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
 KEPT = "if you keep the final pass, the default of testbed run, "
 """Beginning of the line about the final pass."""
 

@@ -72,6 +72,7 @@ def test_failed_and_missing_runs_are_counted_separately(tmp_path):
     assert group.failure_interval[0] < 0.25 < group.failure_interval[1]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_sweep_with_few_results_has_a_report(tmp_path):
     there = {(0, 0, 0, 0), (1, 1, 2, 3)}
     everything = set(np.ndindex(len(PLACES), len(LINES), len(COUNTS), 10))
@@ -160,6 +161,7 @@ def test_a_single_line_has_errors_and_differences_side_by_side(tmp_path, monkeyp
     assert "looked at" not in caption
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_margin_that_was_chosen_after_a_look_is_said(tmp_path):
     change = {"before": "", "margin": "13mm", "seeds": 8}
     facts = {"level": 0.99, "margin": "13mm", "margin_changes": [change]}
@@ -296,6 +298,7 @@ def noise(spread, gain=0.0):
     return lambda p, k, c, s: (0.5, 0.02 + gain + spread * ((5 * s) % 8 - 3.5) / 3.5, 0.02)[c]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_few_seeds_are_followed_by_a_sweep_that_stops_by_itself(tmp_path):
     (more,) = advised(tmp_path, error=noise(0.003), seeds=3)
     assert more.command == "testbed sweep --out OUT --until decided"  # the default bound is 40
@@ -341,6 +344,7 @@ def test_a_margin_within_which_a_count_is_hardly_as_good_is_not_offered(tmp_path
     assert not any("Or report" in item.text for item in found)  # the margin would be half of the error
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_nothing_is_advised_where_all_is_decided(tmp_path):
     assert advised(tmp_path, error=lambda p, k, c, s: 0.02) == []
     assert "What to do next" not in write_sweep_report(tmp_path).read_text()
@@ -441,6 +445,7 @@ def test_no_legend_is_cut_or_covers_a_panel(tmp_path, monkeypatch, places, lines
             assert box.y0 >= max(titles), drawing.name
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_answers_rest_on_complete_seeds_up_to_the_last_look(tmp_path):
     """Seed 3 lacks one count; of a sweep with looks after 8 and 16 seeds 11 are complete."""
     write_sweep(tmp_path / "once", missing=frozenset({(0, 0, 1, 3)}))

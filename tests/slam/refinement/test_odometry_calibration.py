@@ -109,6 +109,7 @@ def test_the_length_of_a_blind_corridor_is_that_of_calibrated_odometry():
     assert 20.0 * sigma < error < 30.0 * sigma  # of 28 m the scans see the ends: it is mostly the calibration's
 
 
+@pytest.mark.slow
 def test_corrections_are_within_what_they_are_said_to_err_by():
     errors = np.array([-0.02, 0.03, 0.01])
     expected = np.array([1.0 / 0.98 - 1.0, 1.0 / 1.03 - 1.0, -0.01 / (0.98 * 1.03)])

@@ -21,9 +21,12 @@ from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.run.run_directory import RUN_FILES, RunDirectory
 from testbed.settings.simulator import SimulatorOptions
+from tests.cheaper import undrawn
 from tests.shell import TESTBED, assert_refused, call
 from tests.testbed.recordings import write_frames
 from worlds import catalogue, load
+
+pytestmark = pytest.mark.usefixtures("without_pictures")
 
 
 def room_log(path: Path, scans: int = 5) -> Path:
@@ -202,7 +205,8 @@ def mapped(tmp_path_factory) -> Path:
     """A folder with room.log and the run `a` that `testbed slam` made of it."""
     folder = tmp_path_factory.mktemp("mapped")
     room_log(folder / "room.log")
-    assert call("slam", folder / "room.log", "--particles", "3", "--seed", "7", "--out", folder / "a") == 0
+    with undrawn():
+        assert call("slam", folder / "room.log", "--particles", "3", "--seed", "7", "--out", folder / "a") == 0
     return folder
 
 
@@ -220,6 +224,7 @@ main(["slam", "room.log", "--particles", "3", "--out", "run"])
 """
 
 
+@pytest.mark.slow
 def test_a_run_killed_during_its_report_gets_it_later(here, capsys):
     room_log(here / "room.log")
     killed = subprocess.run(
@@ -397,7 +402,13 @@ def test_presets_are_listed_shown_and_driven_round_the_square(capsys):
     assert call("presets", "umbmark", "burger", "--runs", "0") == 2
 
 
-@pytest.mark.parametrize("name", [b"dr\xc3\xbcben", b"x\xffy"], ids=["umlaut", "no UTF-8"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(b"dr\xc3\xbcben", marks=pytest.mark.slow, id="umlaut"),
+        pytest.param(b"x\xffy", marks=pytest.mark.slow, id="no UTF-8"),
+    ],
+)
 def test_any_file_name_works_under_an_ascii_locale(tmp_path, name):
     folder = tmp_path / os.fsdecode(name)
     folder.mkdir()

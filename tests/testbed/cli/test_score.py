@@ -15,6 +15,7 @@ from tests.eval.synthetic_run import write_run
 from tests.shell import call
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_moment_and_a_report_are_written(tmp_path: Path) -> None:
     run, out = write_run(tmp_path / "run"), tmp_path / "scored"
     good = read_tum(run / "estimate.tum")

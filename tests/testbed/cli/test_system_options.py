@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from eval.files.tum import read_tum
+from tests.cheaper import undrawn
 from tests.shell import assert_refused, call
 from tests.testbed.cli.test_cli import room_log
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
 SYSTEM = """
 class Base:
     name, version = "mine", "1"
@@ -34,8 +36,9 @@ def metrics_of(path):
 def compared(tmp_path_factory):
     """A run without --system, and the same drive with three systems."""
     out = tmp_path_factory.mktemp("compared")
-    assert call(*DRIVE, "--out", out / "default") == 0
-    assert call(*DRIVE, "--system", "gmapping,odometry,scan-matching", "--out", out / "all") == 0
+    with undrawn():
+        assert call(*DRIVE, "--out", out / "default") == 0
+        assert call(*DRIVE, "--system", "gmapping,odometry,scan-matching", "--out", out / "all") == 0
     return out
 
 

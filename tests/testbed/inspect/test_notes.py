@@ -34,6 +34,7 @@ def run_of(late, out, *options):
     return json.loads((out / "metrics.json").read_text())
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_an_offset_is_noted_and_taken_back(late, tmp_path):
     noted = run_of(late, tmp_path / "noted")
     (note,) = (note for note in noted["notes"] if note.startswith("clocks: "))

@@ -2,6 +2,7 @@
 """A run tells its three estimates apart: in its files, and by the same measures in metrics.json."""
 
 import json
+import shutil
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -54,28 +55,42 @@ def carried_out(frames, folder, *, refine):
     return json.loads((folder / "metrics.json").read_text()), reported.poses
 
 
+@pytest.fixture(scope="module")
+def refined(frames, tmp_path_factory):
+    """The directory of a run with the final pass, its metrics and the poses that it reported; to be read only."""
+    folder = tmp_path_factory.mktemp("refined") / "run"
+    return folder, *carried_out(frames, folder, refine=True)
+
+
+@pytest.fixture(scope="module")
+def filtered(frames, tmp_path_factory):
+    """The directory of a run without the final pass, and its metrics; to be read only."""
+    folder = tmp_path_factory.mktemp("filtered") / "run"
+    return folder, carried_out(frames, folder, refine=False)[0]
+
+
 def keys_of(metrics):
     return {key: keys_of(value) if isinstance(value, dict) else None for key, value in metrics.items()}
 
 
-def test_the_three_estimates_are_written_and_scored_alike(frames, tmp_path):
-    metrics, reported = carried_out(frames, tmp_path / "run", refine=True)
+def test_the_three_estimates_are_written_and_scored_alike(refined):
+    run, metrics, reported = refined
     assert metrics["refined"] is True
     expected = keys_of(metrics["trajectory"])
     del expected["odometry"]
     assert keys_of(metrics["trajectory_online"]) == keys_of(metrics["trajectory_filter"]) == expected
     assert keys_of(metrics["map_filter"]) == keys_of(metrics["map"])
-    np.testing.assert_allclose(read_tum(tmp_path / "run" / "online.tum").poses, reported, atol=1e-6)
-    truth = read_tum(tmp_path / "run" / "truth.tum")
+    np.testing.assert_allclose(read_tum(run / "online.tum").poses, reported, atol=1e-6)
+    truth = read_tum(run / "truth.tum")
     for name, file in (("trajectory_online", "online"), ("trajectory_filter", "filter"), ("trajectory", "estimate")):
-        again = score(read_tum(tmp_path / "run" / f"{file}.tum"), reference=Reference(trajectory=truth))
+        again = score(read_tum(run / f"{file}.tum"), reference=Reference(trajectory=truth))
         assert metrics[name]["ate_rmse_m"] == pytest.approx(again["trajectory"]["ate_rmse_m"], rel=1e-3)
     errors = [metrics[name]["ate_rmse_m"] for name in ("trajectory_online", "trajectory_filter", "trajectory")]
     assert len(set(errors)) == 3
 
 
-def test_without_a_final_pass_the_estimate_is_the_filters(frames, tmp_path):
-    metrics, _ = carried_out(frames, tmp_path / "run", refine=False)
+def test_without_a_final_pass_the_estimate_is_the_filters(filtered):
+    _, metrics = filtered
     assert metrics["refined"] is False
     assert metrics["map_filter"] == metrics["map"]
     assert metrics["outcome_filter"] == metrics["outcome"]
@@ -83,9 +98,11 @@ def test_without_a_final_pass_the_estimate_is_the_filters(frames, tmp_path):
     assert metrics["trajectory_online"]["ate_rmse_m"] != metrics["trajectory"]["ate_rmse_m"]
 
 
-def test_covariances_have_a_row_for_each_pose_and_are_judged_by_the_truth(frames, tmp_path):
-    metrics, _ = carried_out(frames, tmp_path / "run", refine=True)
-    run = read_run(tmp_path / "run")
+@pytest.mark.usefixtures("without_pictures")
+def test_covariances_have_a_row_for_each_pose_and_are_judged_by_the_truth(refined, tmp_path):
+    folder, metrics, _ = refined
+    shutil.copytree(folder, tmp_path / "run")
+    run = read_run(folder)
     assert run.covariances.shape == (len(run.estimate.stamps), 3, 3)
     largest = np.sqrt(np.linalg.eigvalsh(run.covariances[:, :2, :2])[:, -1].max())
     assert metrics["covariance"]["sigma_position_max_m"] == pytest.approx(largest, rel=0.02)  # that is of all frames
@@ -95,14 +112,14 @@ def test_covariances_have_a_row_for_each_pose_and_are_judged_by_the_truth(frames
     assert "How far the final path may err" in (tmp_path / "run" / "report.html").read_text()
 
 
-def test_without_a_final_pass_there_are_no_covariances(frames, tmp_path):
-    metrics, _ = carried_out(frames, tmp_path / "run", refine=False)
+def test_without_a_final_pass_there_are_no_covariances(filtered):
+    folder, metrics = filtered
     assert "covariance" not in metrics
-    assert read_run(tmp_path / "run").covariances is None
+    assert read_run(folder).covariances is None
 
 
-def test_a_table_of_covariances_without_a_column_is_named(frames, tmp_path):
-    carried_out(frames, tmp_path / "run", refine=True)
+def test_a_table_of_covariances_without_a_column_is_named(refined, tmp_path):
+    shutil.copytree(refined[0], tmp_path / "run")
     path = tmp_path / "run" / "estimate_covariance.parquet"
     pq.write_table(pq.read_table(path).drop_columns(["cov_xt"]), path)
     with pytest.raises(RunFilesError, match=r"estimate_covariance\.parquet: expected a column 'cov_xt'"):

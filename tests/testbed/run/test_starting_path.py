@@ -24,6 +24,7 @@ from testbed.simulation.robot.odometry import OdometryConfig
 from tests.shell import call
 from worlds import load
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
 COMMON = {"source": "assumed", "scan_rate": 10.0, "range_min": 0.05, "noise_floor": 0.01, "noise_share": 0.01}
 WEAK = {
     "depth_camera": {"beams": 320, "field_of_view_deg": 58.0, "range_max": 4.0},

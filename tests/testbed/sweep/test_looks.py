@@ -79,6 +79,7 @@ def test_a_world_that_cannot_be_decided_gets_no_more_seeds(tmp_path):
     assert look_at(directory).given_up == {("loop", "default")}
 
 
+@pytest.mark.slow
 def test_giving_up_takes_hardly_any_answers_away():
     """Of sweeps that all seeds would decide, few are given up at a look before."""
     rng = np.random.default_rng(1)
@@ -188,6 +189,7 @@ def test_worlds_of_one_kind_are_decided_together(tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_looking_several_times_keeps_the_error_rate():
     """The smaller count is worse by exactly the limit: each look may find it enough by chance, all together rarely."""
     spec = parse_spec({"worlds": ["office"], "seeds": 40, "until": "decided"}, "x.toml", Path())

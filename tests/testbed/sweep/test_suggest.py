@@ -132,6 +132,7 @@ def test_features_of_a_world_depend_on_the_settings():
         features_of_world("apartment", {"odometri.grade": "good"})
 
 
+@pytest.mark.slow
 def test_a_log_gives_the_features_of_its_drive(tmp_path):
     # the log of a simulated drive: what the filter finds is what the truth says
     world = "generated:rooms:size=12x9:loops=1:clutter=0:1"

@@ -114,6 +114,7 @@ def test_all_counts_and_variants_of_a_seed_get_the_same_data(swept):
     assert odometry[0] != odometry[1]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_cell_gives_what_testbed_run_gives(swept, world, tmp_path):
     options = ["--backend", "fast", "--seed", "1", "--particles", "3", "--no-refine", "--route", "random"]
     assert call("run", world, *options, "--filter.proposal.kind", "motion", "--out", tmp_path / "run") == 0
@@ -127,6 +128,7 @@ def test_a_cell_gives_what_testbed_run_gives(swept, world, tmp_path):
     assert "map.best_rigid.iou" not in row  # left out of sweeps, since it would take most of the time of scoring
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_shards_give_the_bytes_of_the_single_sweep(swept, world, tmp_path, capsys):
     out = tmp_path / "sharded"
     assert call(*room_sweep(world), "--workers", "1", "--shard", "0/2", "--out", out) == 0
@@ -140,6 +142,7 @@ def test_shards_give_the_bytes_of_the_single_sweep(swept, world, tmp_path, capsy
     assert bytes_of(out) == bytes_of(swept)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_sweep_that_was_killed_goes_on_where_it_was(swept, copied, world):
     cells = sorted((copied / "cells").iterdir())
     shutil.rmtree(cells[0])
@@ -302,6 +305,7 @@ def test_a_larger_plan_is_measured(capsys):
     )
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_until_decided_stops_where_the_answer_is_known(world, tmp_path, capsys):
     out = tmp_path / "sweep"
     grid = ["--worlds", world, "--particles", "2,3", "--until", "decided", "--seeds", "16", "--refine", "none"]
@@ -315,6 +319,7 @@ def test_until_decided_stops_where_the_answer_is_known(world, tmp_path, capsys):
     assert "up to 16 seeds" in said
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_each_look_writes_the_page_and_says_what_it_has_shown(world, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("testbed.sweep.looks.MIN_CHANCE", 0.0)
     monkeypatch.setattr("eval.sweep.decision._state", lambda *_: "open")
@@ -448,6 +453,7 @@ def changed_grid(world: Path, **options: str) -> list[object]:
     return words
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_more_seeds_and_counts_extend_a_sweep(world, copied, capsys):
     before = {cell.name: (cell / "timing.json").read_bytes() for cell in (copied / "cells").iterdir()}
     larger = changed_grid(world, seeds="3", particles="1,2,3")
@@ -460,6 +466,7 @@ def test_more_seeds_and_counts_extend_a_sweep(world, copied, capsys):
     assert {row["seed"] for row in rows} == {0, 1, 2}
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_larger_count_repeats_no_run_with_the_final_pass(world, tmp_path, capsys):
     out = tmp_path / "sweep"
     assert call("sweep", "--worlds", world, "--particles", "1,2", "--seeds", "1", "--no-worst", "--out", out) == 0
@@ -476,6 +483,7 @@ def test_a_larger_count_repeats_no_run_with_the_final_pass(world, tmp_path, caps
     assert call(*larger, "--refine", "none", "--plan") == 2
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_directory_alone_says_which_sweep_gets_more_seeds(copied):
     assert call("sweep", "--out", copied, "--seeds", "3", "--no-worst") == 0
     rows = pq.read_table(copied / "sweep.parquet").to_pylist()

@@ -88,6 +88,8 @@ def test_the_page_compares_systems_with_the_first(swept):
     assert "| Moody | 1 of 3" in (swept / "table.md").read_text()
 
 
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.usefixtures("without_pictures")
 def test_the_same_sweep_in_pieces_gives_the_same_bytes(folder, swept):
     assert sweep_of(folder, "pieces", "--shard", "0/2") in (0, 1)
     directory = SweepDirectory.open(folder / "pieces")
@@ -118,6 +120,8 @@ def test_a_system_of_a_file_counts_by_content(folder, tmp_path):
     assert key(SYSTEM + "# changed\n", tmp_path / "a" / "mine.py") != first
 
 
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.usefixtures("without_pictures")
 def test_a_program_is_a_line(folder, tmp_path):
     script = tmp_path / "theirs.py"
     script.write_text("import sys; print('no licence'); sys.exit(4)")
@@ -133,6 +137,8 @@ def test_a_program_is_a_line(folder, tmp_path):
     assert "theirs: ended with exit status 4, expected status 0; its last lines: no licence" in rows[1]["reason"]
 
 
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.usefixtures("without_pictures")
 def test_a_worst_run_is_repeated_with_its_system(folder):
     out = folder / "worst"
     (world,) = folder.glob("*.toml")

@@ -5,11 +5,14 @@ import json
 import re
 from pathlib import Path
 
+import pytest
+
 from testbed.systems.check import check_system
 from testbed.systems.entrant import PythonSystem
 from testbed.systems.finding import BUILT_IN
 from tests.shell import call
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
 ROOT = Path(__file__).parents[3]
 EXAMPLE = f"{ROOT / 'examples' / 'my_slam.py'}:MySlam"
 PAGE = (ROOT / "docs" / "systems.md").read_text(encoding="utf-8")

@@ -147,6 +147,7 @@ def test_commands_that_cannot_run_are_refused(command, complaint):
         Program(command=command)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_program_and_a_class_are_compared(tmp_path):
     (tmp_path / "theirs.py").write_text(WHEELS)
     command = f"{shlex.quote(sys.executable)} {tmp_path / 'theirs.py'} {{dataset}} {{out}}"

@@ -22,11 +22,12 @@ def room(size: float, points: list[tuple[float, float]]) -> World:
     return World(name="room", start=Start(x=1.0, y=1.0), walls=[outline], tour=Tour(points=points))
 
 
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 5), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [name for name in worlds.catalogue() if worlds.load(name).tour is not None])
-def test_every_route_is_drivable_and_as_long_as_the_tour(name):
+def test_every_route_is_drivable_and_as_long_as_the_tour(name, seeds):
     world = worlds.load(name)
     length = shapely.LineString(world.path()).length
-    for seed in range(5):
+    for seed in seeds:
         drawn = route(world, seed)
         worlds.check_world(drawn, footprint_radius=ROBOT)
         assert shapely.LineString(drawn.path()).length == pytest.approx(length)

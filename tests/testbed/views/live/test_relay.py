@@ -146,7 +146,9 @@ def test_a_broken_viewer_neither_stops_nor_slows_the_run(listener, recorded: Rec
         assert written[entity] == expected[entity]
 
 
-def test_a_process_whose_viewer_hangs_ends_at_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_awaited", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_process_whose_viewer_hangs_ends_at_once(tmp_path: Path, is_awaited: bool) -> None:
+    """Its relay ends too, when the time for the last delivery is over, which is awaited in the slow case."""
     program = f"""
 from pathlib import Path
 from testbed.views import ViewOptions, open_view
@@ -162,20 +164,25 @@ print("done", flush=True)
         assert process.stdout is not None
         assert process.stdout.readline() == b"done\n"
         assert process.wait(timeout=3.0) == 0
+        left = relays_of(tmp_path)
+        assert len(left) == 1
         deadline = time.monotonic() + 2.0 * relay.LAST_DELIVERY
-        while relays_of(tmp_path) and time.monotonic() < deadline:
+        while is_awaited and relays_of(tmp_path) and time.monotonic() < deadline:
             time.sleep(0.2)
-        assert not relays_of(tmp_path)
+        if is_awaited:
+            assert not relays_of(tmp_path)
+        else:
+            os.kill(left[0], signal.SIGKILL)
 
 
-def relays_of(folder: Path) -> list[Path]:
+def relays_of(folder: Path) -> list[int]:
     """Processes that relay a recording in a folder."""
     found = []
     for process in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):  # it has ended
             command = process.read_bytes()
             if b"live.relay" in command and str(folder).encode() in command:
-                found.append(process)
+                found.append(int(process.parent.name))
     return found
 
 

@@ -182,6 +182,7 @@ def test_grey_levels_give_their_probabilities_back() -> None:
     assert probability_of_greys(grey_levels(probability)) == pytest.approx(probability, abs=0.02, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_a_time_beyond_the_run_shows_its_end(recorded: Recorded) -> None:
     end = recorded.snapshots[-1].stamp - recorded.snapshots[0].stamp
     assert (picture(recorded.path, np.inf) == picture(recorded.path, end)).all()

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: MIT
+"""What makes many tests cheaper: reports that are not drawn, cells of sweeps that need no process, fewer examples.
+
+Laws are tried on 50 examples unless a test says otherwise; `make nightly` tries 1000 (`--hypothesis-profile deep`).
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import settings
+
+from tests.cheaper import computed_here, undrawn
+
+settings.register_profile("fast", max_examples=50)
+settings.register_profile("deep", max_examples=1000)
+settings.load_profile("fast")
+
+
+def pytest_collection_finish() -> None:
+    """Leave modules and tests out of garbage collection, which would look through all of them again and again."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture
+def without_pictures() -> Iterator[None]:
+    """Reports have no pictures: to draw them takes most of the time of a short run."""
+    with undrawn():
+        yield
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps compute their cells here, one after the other, instead of in worker processes."""
+    monkeypatch.setattr("testbed.cli.shared.sweep_options.run_locally", computed_here)
