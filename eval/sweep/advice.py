@@ -50,8 +50,19 @@ def advice(summary: SweepSummary, directory: str, workers: int) -> list[Advice]:
     if not open_answers:
         return []
     words = ["testbed", "sweep", "--out", directory]
-    found = _more_seeds(table, open_answers, words, workers)
-    return found + _ways_out(summary, open_answers, found)
+    own = {place: decision for place, decision in open_answers.items() if place not in table.left}
+    found = _more_seeds(table, own, words, workers) if own else []
+    ways = found + _ways_out(summary, open_answers, found)
+    return ways + _taken_up_again(table, [place for place in open_answers if place in table.left], words, workers)
+
+
+def _taken_up_again(table: SweepTable, places: list[str], words: list[str], workers: int) -> list[Advice]:
+    """How to go on with the worlds that the user gave up."""
+    if not places:
+        return []
+    number = [] if table.is_sequential else ["--until", "decided"]
+    text = _cost_of_looks(table, places, len(table.seeds) if table.is_sequential else MAX_SEEDS_UNTIL_DECIDED, workers)
+    return [Advice(f"Take {' and '.join(places)} up again", shlex.join([*words, *number, "--give-up", "none"]), text)]
 
 
 def chances(summary: SweepSummary, seeds: int) -> str:
@@ -149,7 +160,7 @@ def _chances(table: SweepTable, open_answers: dict[str, Decision], seeds: int) -
     ]
     sentences = [f"Chance of an answer with {seeds} seeds: {', '.join(words)}."] if words else []
     if few:
-        rule = rule_of_thumb(table.level, table.margin)
+        rule = rule_of_thumb(table.margin, seeds)
         of = f"{' and '.join(few)}: " if words else ""
         sentences.append(f"{of}{rule}." if of else f"{rule[0].upper()}{rule[1:]}.")
     return " ".join(sentences)

@@ -277,14 +277,14 @@ def seeds_needed(case: Case) -> str:
     decision = case.decision
     if decision.largest_open is None:
         return ""
-    if too_few(case):
-        return ""  # the headline says how many are needed
+    gave_up = f"you gave this world up after {counted(decision.units, case.unit)} (--give-up none takes it up again)"
+    if too_few(case):  # the headline says how many are needed
+        return gave_up if case.left_by_user else ""
     if decision.outlook is None:
         return "how many would tell cannot be said"
     words = _chance_of_more(case)
     if case.left_by_user:
-        units = counted(decision.units, case.unit)
-        return f"you gave this world up after {units} (--give-up none takes it up again); {words}"
+        return f"{gave_up}; {words}"
     return f"{words}, so no more are added" if case.given_up else words
 
 

@@ -18,7 +18,13 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri, ndtr, stdtrit
 
-from eval.sweep.look_schedule import ADDING_LEVEL, MAX_SEEDS_UNTIL_DECIDED, SEEDS_PER_LOOK
+from eval.sweep.look_schedule import (
+    ADDING_LEVEL,
+    MAX_SEEDS_UNTIL_DECIDED,
+    SEEDS_PER_LOOK,
+    level_of,
+    looks_for,
+)
 from eval.sweep.margin import MARGIN, Margin
 from eval.sweep.statistics import Interval, min_values, minimum_detectable_effect
 
@@ -144,15 +150,17 @@ def typical_outlook(*, level: float = ADDING_LEVEL, margin: Margin = MARGIN) -> 
     return Outlook(margin.of(TYPICAL_ERROR), deviation, TYPICAL_UNITS, max(level, ADDING_LEVEL), is_measured=False)
 
 
-def rule_of_thumb(level: float, margin: Margin) -> str:
-    """How likely the fewest and the most seeds of `--until decided` decide a world, before any measurement says so.
+def rule_of_thumb(margin: Margin, most: int = MAX_SEEDS_UNTIL_DECIDED) -> str:
+    """How likely the first and the last look of `--until decided` decide a world, before any measurement says so.
 
-    level: of the intervals so far.
+    most: seeds at the last look
     """
-    outlook = typical_outlook(level=max(level, ADDING_LEVEL), margin=margin)
-    fewest, most = min_values(outlook.level), MAX_SEEDS_UNTIL_DECIDED
-    first, last = (chance_words(outlook.chance(number)) for number in (fewest, most))
-    return f"{RULE} {fewest} seeds decide a world with a chance {_of(first)}, {most} with one {_of(last)}, {CONDITION}"
+    looks = looks_for(max(most, min_values(ADDING_LEVEL)))
+    outlook, level = typical_outlook(margin=margin), level_of(looks)
+    first, last = (_of(chance_words(outlook.chance(look, level=level))) for look in (looks[0], looks[-1]))
+    if len(looks) == 1:
+        return f"{RULE} {looks[0]} seeds decide a world with a chance {first}, {CONDITION}"
+    return f"{RULE} {looks[0]} seeds decide a world with a chance {first}, {looks[-1]} with one {last}, {CONDITION}"
 
 
 def _of(chance: str) -> str:

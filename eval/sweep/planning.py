@@ -38,7 +38,7 @@ def _too_few(units: int, unit: str, level: float, margin: Margin) -> str:
     few = f"Too few {unit}s ({units}) to tell how many particles are enough"
     if unit != "seed":
         return f"{few}: at least {fewest} are needed."
-    rule = rule_of_thumb(level, margin)
+    rule = rule_of_thumb(margin)
     return (
         f"{few}: at least {fewest} are needed. --until decided looks at the results then, and adds seeds where the "
         f"answer is open, up to {MAX_SEEDS_UNTIL_DECIDED}. {rule[0].upper()}{rule[1:]}. With {fewest} seeds or "

@@ -88,8 +88,7 @@ DRAWINGS = (
         "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
         "interval that decides. A count passes its own test (filled) where the whole interval lies in the green zone, "
         "below the dashed margin, and is shown to be worse (cross) where it lies above; otherwise it is open (hollow). "
-        "With few runs, as 8 at 99 %, the interval reaches from the smallest to the largest: all must lie below the "
-        "margin.",
+        "With as few as 8 runs the interval reaches nearly from the smallest to the largest.",
         "How much worse each count is than the largest one on the same data: dots for the runs, a circle for their "
         "median. Green zone: at most the margin worse. These runs are too few for the interval that decides: with "
         f"{fewest_seeds_to_go_on(LEVEL)} seeds it is drawn, and where it lies below the dashed margin the count is as "

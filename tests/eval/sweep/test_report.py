@@ -306,7 +306,7 @@ def test_few_seeds_are_followed_by_a_sweep_that_stops_by_itself(tmp_path):
     words = [duration_words(2 * 6.9 * seeds / 2 + REPORT_SECONDS) for seeds in (5, 37)]
     assert more.text.startswith(f"The next look, with 8 seeds, comes in about {words[0]}. ")
     assert f"up to 40 seeds (about {words[1]} at most)" in more.text
-    assert more.text.endswith(f" B{rule_of_thumb(0.99, MARGIN)[1:]}.")
+    assert more.text.endswith(f" B{rule_of_thumb(MARGIN)[1:]}.")
     page = write_sweep_report(tmp_path).read_text()
     assert f"testbed sweep --out {tmp_path} --until decided" in page
 
