@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.simulation import SurfaceConfig
-from testbed.twin.returns import OFF_WALL, ComparedScan
+from testbed.twin.returns import ComparedScan
 from testbed.twin.wall_pieces import WallPieces
 
 Floats = NDArray[np.float64]
 
+MAX_DEVIATION = 0.1
+"""Readings farther off the wall than this met an edge or something else [m]."""
 CUT = 0.02
 """Readings farther off than this count less for the place of a scan [m]."""
 MIN_COSINE = 0.5
@@ -66,7 +68,7 @@ def _readings(compared: Iterable[ComparedScan], walls: WallPieces) -> Floats:
     for number, scan in enumerate(compared):
         with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
             off = scan.readings - scan.due
-        kept = (np.abs(off) < OFF_WALL) & (scan.cosines > MIN_COSINE)
+        kept = (np.abs(off) < MAX_DEVIATION) & (scan.cosines > MIN_COSINE)
         directions, due = scan.directions[kept], scan.due[kept]
         heading = np.column_stack([np.cos(directions), np.sin(directions)])
         place = scan.origin + due[:, None] * heading
