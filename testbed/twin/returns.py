@@ -24,8 +24,8 @@ from worlds import World
 Floats = NDArray[np.float64]
 
 OFF_WALL = 0.3
-"""Readings farther than this from the wall are not of it [m]. With 0.1 m, walls that a scan sees where its pose is wrong
-would count, too: the twin of ACES then has walls at two places."""
+"""Readings farther than this from the wall are not of it [m]. With 0.1 m, walls that a scan sees where its pose is
+wrong would count, too: the twin of ACES then has walls at two places."""
 MAX_SCANS = 300
 """Scans that the rates are taken from, spread over the log."""
 MAX_RATE = 0.2
