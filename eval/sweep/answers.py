@@ -276,7 +276,9 @@ def _final_pass(
     level = f"; {100.0 * table.level:.3g} % interval" if difference.count >= min_values() else ""
     does = f"{counts[0]} {'does' if counts[0] == 1 else 'do'} as well"
     margin = f"{unit.factor * decision.limit:.2g} {unit.name}".rstrip()
-    if share := share_words(decision.limit, medians[1]):
+    if decision.limit > medians[1]:
+        margin += ", which is more than the whole error there"
+    elif share := share_words(decision.limit, medians[1]):
         margin += f", {share} of the error there"
     conclusions: dict[State, str] = {
         "good": f"{does} within the margin of {margin}",

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Answers in words."""
 
+import dataclasses
 import re
 
 import pyarrow.compute as pc
@@ -314,7 +315,7 @@ def test_what_the_final_pass_leaves_gets_a_conclusion_where_it_is_shown(tmp_path
     shown = conclusions("shown", seeds=8)
     assert shown == [
         "the count still matters",
-        "1 does as well within the margin of 0.5 cm, 125 % of the error there",
+        "1 does as well within the margin of 0.5 cm, which is more than the whole error there",
     ]
     too_few = "it is not shown whether 1 does as well, for which 3 runs are too few"
     assert conclusions("few", seeds=3) == [too_few] * 2
@@ -364,3 +365,16 @@ def test_a_single_particle_that_is_too_sure_is_called_so():
     assert alone(0.04).endswith("far too sure: the truth is inside its 95 % ellipsoid at 4 % of the updates")
     assert alone(0.9) == alone(float("nan"))
     assert alone(0.9).endswith("it is scan matching")
+
+
+def test_the_margin_after_the_final_pass_is_said_as_a_share_of_the_error_there(tmp_path):
+    """In the tables the final pass divides every error by five: 0.10 / 5 = 2 cm, of which 5 mm are a quarter."""
+    hall, _ = answers(summarise(read_sweep(write_sweep(tmp_path, level(0.10, 0.10, 0.10), seeds=8))), "improved")
+    assert hall.final_pass == f"{KEPT}1 does as well within the margin of 0.5 cm, 25 % of the error there"
+
+
+def test_a_world_that_was_given_up_says_so_also_with_too_few_seeds(tmp_path):
+    table = read_sweep(write_sweep(tmp_path, seeds=3))
+    hall, cave = answers(summarise(dataclasses.replace(table, left=("hall_a",))), "improved")
+    assert hall.needs == "you gave this world up after 3 seeds (--give-up none takes it up again)"
+    assert cave.needs == ""

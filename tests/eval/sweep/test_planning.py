@@ -4,7 +4,8 @@
 import pytest
 
 from eval.sweep.job_times import duration_words
-from eval.sweep.outlook import typical_outlook
+from eval.sweep.margin import MARGIN
+from eval.sweep.outlook import rule_of_thumb, typical_outlook
 from eval.sweep.planning import foresight
 from eval.sweep.statistics import min_values
 
@@ -41,3 +42,13 @@ def test_the_smallest_difference_that_seeds_show_is_said():
 
 def test_an_unknown_time_is_said():
     assert duration_words(float("nan")) == "an unknown time"
+
+
+def test_the_rule_of_thumb_follows_the_bound():
+    """One look with 8 seeds uses 95 % intervals and decides more often than the first of several looks."""
+    once, twice, usual = (rule_of_thumb(MARGIN, seeds) for seeds in (8, 16, 40))
+    assert "8 seeds decide a world with a chance of about 45 %" in once
+    assert "16 with one of about" in twice
+    assert usual == rule_of_thumb(MARGIN)
+    assert "8 seeds decide a world with a chance of about 20 %, 40 with one of about 75 %" in usual
+    assert rule_of_thumb(MARGIN, 3) == once

@@ -509,7 +509,23 @@ def test_a_sweep_that_will_stay_open_may_be_stopped(tmp_path):
     status = table.columns["status"].copy()
     status[0][status[0] == "missing"] = "given up"
     left = replace(table, left=("hall_a",), columns=table.columns | {"status": status})
-    assert advice(summarise(left), "OUT", 2)[1].command == "testbed sweep --out OUT --give-up hall_a,cave"
+    *_, stop, _, _, again = advice(summarise(left), "OUT", 2)
+    assert stop.command == "testbed sweep --out OUT --give-up hall_a,cave"
+    assert again.title == "Take hall_a up again"
+    assert again.command.startswith("testbed sweep --out OUT ")
+    assert again.command.endswith(" --give-up none")
+
+
+def test_where_all_open_worlds_were_given_up_the_page_says_how_to_take_them_up_again(tmp_path):
+    """The command that adds seeds would compute nothing."""
+    summary = summarise(read_sweep(write_sweep(tmp_path, seeds=3)).judged())
+    left = summarise(replace(summary.table, left=("hall_a", "cave")))
+    (again,) = advice(left, "OUT", 2)
+    assert (again.title, again.command) == (
+        "Take hall_a and cave up again",
+        "testbed sweep --out OUT --until decided --give-up none",
+    )
+    assert again.text.startswith("The next look, with 8 seeds, comes in about ")
 
 
 def test_drawn_worlds_with_a_seed_each_have_the_interval_that_decides(tmp_path, monkeypatch):
