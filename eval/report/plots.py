@@ -54,6 +54,7 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.4,
     "lines.solid_joinstyle": "round",
     "svg.fonttype": "none",
+    "pdf.fonttype": 42,  # TrueType: publishers refuse Type 3
     "svg.hashsalt": "slam-testbed",  # equal runs give equal bytes
     "figure.constrained_layout.use": True,
 }

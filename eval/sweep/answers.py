@@ -277,12 +277,13 @@ def _final_pass(
     does = f"{counts[0]} {'does' if counts[0] == 1 else 'do'} as well"
     margin = f"{unit.factor * decision.limit:.2g} {unit.name}".rstrip()
     if decision.limit > medians[1]:
-        margin += ", which is more than the whole error there"
+        margin += ", more than the whole error there"
     elif share := share_words(decision.limit, medians[1]):
         margin += f", {share} of the error there"
+    compared = f": {difference_words(difference, unit)}"
     conclusions: dict[State, str] = {
-        "good": f"{does} within the margin of {margin}",
-        "worse": "the count still matters",
+        "good": f"{does}{compared} (margin {margin})",
+        "worse": f"the count still matters{compared}",
         "open": f"it is not shown whether {does}{_too_few(difference, table)}",
     }
     return (

@@ -35,6 +35,8 @@ def level_of(looks: tuple[int, ...]) -> float:
     return 1.0 - (1.0 - LEVEL) / len(looks)
 
 
+MIN_CHANCE = 0.1
+"""Seeds are added where all seeds together would decide with at least this chance."""
 ADDING_LEVEL = level_of(looks_for(MAX_SEEDS_UNTIL_DECIDED))
 """Level of the intervals if seeds are added after looking at the results, up to the usual bound."""
 

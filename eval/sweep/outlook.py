@@ -160,7 +160,10 @@ def rule_of_thumb(margin: Margin, most: int = MAX_SEEDS_UNTIL_DECIDED) -> str:
     first, last = (_of(chance_words(outlook.chance(look, level=level))) for look in (looks[0], looks[-1]))
     if len(looks) == 1:
         return f"{RULE} {looks[0]} seeds decide a world with a chance {first}, {CONDITION}"
-    return f"{RULE} {looks[0]} seeds decide a world with a chance {first}, {looks[-1]} with one {last}, {CONDITION}"
+    return (
+        f"{RULE} {looks[0]} seeds decide a world with a chance {first}, {looks[-1]} with one {last} "
+        f"({len(looks)} looks, so {100.0 * level:.3g} % intervals), {CONDITION}"
+    )
 
 
 def _of(chance: str) -> str:

@@ -47,6 +47,8 @@ ZONE = "#d3f0d9"
 """Colour of the zone within the margin of the largest count."""
 MAX_MARGINS = 4.0
 """The axis of differences spans at most so many margins to each side."""
+BESIDE = 0.05
+"""Distance between runs beyond the axis, in steps of the axis of counts."""
 LEGEND_ROW = 0.17
 """Height of a row of the legend [inch]."""
 _BETWEEN_ROWS, _BETWEEN_COLUMNS, _BELOW, _RIGHT = 0.34, 0.14, 0.42, 0.14
@@ -134,22 +136,29 @@ def differences(summary: SweepSummary) -> Figure:
         + len(states)
         + lines
         + summary.has_intervals
-        + any((factor * (panel.error[:, rows] - panel.error[:, -1:]) > limits[1]).any() for panel in shown)
+        + any(_is_beyond(factor * (panel.error[:, rows] - panel.error[:, -1:]), limits) for panel in shown)
     )
     return _figure(table, shown, draw, "particles", words, entries=entries)
 
 
 def _difference_limits(shown: Sequence[Panel], factor: float) -> tuple[float, float]:
-    """Ends of the axis of differences for all panels: all intervals, but at most `MAX_MARGINS` margins."""
+    """Ends of the axis of differences for all panels: all intervals, and the runs that did better, but at most
+    `MAX_MARGINS` margins."""
     decisions = [decision for panel in shown for decision in panel.decisions]
     margins = [factor * decision.limit for decision in decisions if math.isfinite(decision.limit)]
     if not margins:
         return -1.0, 1.0
     intervals = [interval for decision in decisions for interval in decision.differences]
     ends = [factor * end for i in intervals for end in (i.low, i.value, i.high) if math.isfinite(end)]
+    runs = [factor * (panel.error[:, :-1] - panel.error[:, -1:]) for panel in shown]
+    ends += [float(np.nanmin(values)) for values in runs if np.isfinite(values).any()]
     most = MAX_MARGINS * max(margins)
     low, high = min(ends, default=0.0), max(ends, default=0.0)
     return 1.15 * max(min(low, -max(margins)), -most), 1.15 * min(max(high, 1.5 * max(margins)), most)
+
+
+def _is_beyond(values: NDArray[np.float64], limits: tuple[float, float]) -> bool:
+    return bool(((values > limits[1]) | (values < limits[0])).any())
 
 
 def _draw_interval(
@@ -157,13 +166,16 @@ def _draw_interval(
 ) -> None:
     """A difference with its interval, marked as in the figure of accuracy; no interval for a few runs.
 
-    What lies above the axis ends at its edge.
+    What lies beyond the axis ends at its edge, with an arrow head.
     """
     value, low, high = (factor * end for end in (difference.value, difference.low, difference.high))
     if not math.isfinite(value):
         return
     if difference.count >= min_values() and math.isfinite(low + high):
         ax.plot([x, x], np.clip([low, high], *limits), "-", lw=1.6, color=colour, zorder=3, solid_capstyle="butt")
+        for is_cut, end, marker in ((high > limits[1], limits[1], "^"), (low < limits[0], limits[0], "v")):
+            if is_cut:
+                ax.plot([x], [end], marker, ms=5.0, mew=0, color=colour, zorder=3, clip_on=False)
     _draw_state(ax, x, min(value, limits[1]), state, colour)
 
 
@@ -454,28 +466,34 @@ def _unit_words(table: SweepTable) -> str:
 def _draw_units(
     ax: Axes, x: NDArray[np.float64], runs: NDArray[np.float64], k: int, limits: tuple[float, float], table: SweepTable
 ) -> None:
-    """Draw every unit (counts, units) as a dot, faint where a band shows their spread; a triangle above the axis.
+    """Draw every unit (counts, units) as a dot, faint where a band shows their spread; triangles beyond the axis, side
+    by side.
 
     k: number of the line.
     """
     colour = _colour(k)
     places, values = np.repeat(x, runs.shape[1]), runs.ravel()
-    above = values > limits[1]
+    above, below = values > limits[1], values < limits[0]
+    inside = ~(above | below)
     are_few = np.isfinite(runs).sum(axis=1).max(initial=0) < min_values()
     ax.plot(
-        places[~above],
-        values[~above],
+        places[inside],
+        values[inside],
         "o",
         ms=3.2 if are_few else 2.2,
         mew=0,
         alpha=0.6 if are_few else 0.35,
         color=colour,
     )
-    ax.plot(places[above], np.full(above.sum(), limits[1]), "^", ms=3.0, mew=0, alpha=0.5, color=colour, clip_on=False)
+    for beyond, end, marker in ((above, limits[1], "^"), (below, limits[0], "v")):
+        for place in np.unique(places[beyond]):
+            count = int((places[beyond] == place).sum())
+            beside = place + BESIDE * np.arange(count)
+            ax.plot(beside, np.full(count, end), marker, ms=3.0, mew=0, alpha=0.6, color=colour, clip_on=False)
     label, shade = _unit_words(table), _legend_colour(table)
     ax.plot([], [], "o", ms=3.2, mew=0, alpha=0.6, color=shade, label=label)
-    if above.any():
-        ax.plot([], [], "^", ms=3.0, mew=0, alpha=0.6, color=shade, label="above the axis")
+    if not inside[np.isfinite(values)].all():
+        ax.plot([], [], "^", ms=3.0, mew=0, alpha=0.6, color=shade, label="beyond the axis")
 
 
 def _medians_and_ends(errors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -76,9 +76,9 @@ DRAWINGS = (
         "Accuracy against particle count",
         sweep_plots.accuracy,
         "Line: median. Band: 95 % interval of the median (none where there are too few runs), which does not decide: "
-        "the figure below the answers shows what does. Faint dots: single runs (triangle: above the axis). "
+        "the figure below the answers shows what does. Faint dots: single runs (triangle: beyond the axis). "
         f"{_ZONE_AND_PASS}",
-        f"Line: median. Dots: single runs (triangle: above the axis). {_ZONE_AND_PASS}",
+        f"Line: median. Dots: single runs (triangle: beyond the axis). {_ZONE_AND_PASS}",
         is_first=True,
     ),
     Drawing(

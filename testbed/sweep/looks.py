@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 
 from eval.sweep.decision import Decision
+from eval.sweep.look_schedule import MIN_CHANCE
 from eval.sweep.results import GIVEN_UP, SweepTable
 from eval.sweep.summary import SweepSummary
 from testbed.sweep.gather import collect
@@ -29,8 +30,6 @@ from testbed.sweep.spec.plan import input_digests
 from testbed.sweep.spec.spec import SweepSpec
 from testbed.sweep.store import MANIFEST, Manifest, SweepDirectory, check_extends
 
-MIN_CHANCE = 0.1
-"""Seeds are added where all seeds together would decide with at least this chance."""
 Group = tuple[str, str]
 """A world and a line."""
 Finished = Callable[[Cell], bool]

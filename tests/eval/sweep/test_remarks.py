@@ -146,5 +146,6 @@ def test_the_rule_of_looks_says_where_each_world_stands(tmp_path):
     assert look_rule(table) == (
         "The results are looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds). Each look uses 99 % "
         "intervals, so that for each world the answers of all looks together hold with 95 % confidence (Bonferroni). "
+        "A world gets no more seeds once it has an answer, or where the chance of one is below 10 %. "
         "hall_a is at look 2 (16 seeds), cave is at look 1 (8 seeds), of at most 40 seeds."
     )

@@ -396,7 +396,7 @@ def test_every_mark_of_the_first_figures_is_in_their_legends(tmp_path):
 
     summary = summarise(read_sweep(write_sweep(tmp_path, error=error)))
     (legend,) = accuracy(summary).legends
-    shared = {f"within the margin of {COUNTS[-1]}", "one run", "above the axis", "open", "shown to be worse", *LINES}
+    shared = {f"within the margin of {COUNTS[-1]}", "one run", "beyond the axis", "open", "shown to be worse", *LINES}
     own = {"95 % interval of the median", "after the final pass", f"{COUNTS[-1]} particles"}
     assert {text.get_text() for text in legend.get_texts()} == shared | own
     (legend,) = differences(summary).legends
