@@ -21,7 +21,7 @@ def _cos_of_turns(turns):
 
 @kernel
 def sum_waves(distances, origins, directions, waves, phases):
-    """Return the sum of the cosines of all waves at the end of each beam, (beams,); 0 where it met nothing.
+    """Return the sum of the cosines of all waves at the end of each beam, (beams,); any where it met nothing.
 
     distances (beams,) [m], origins (beams, 2) [m] and directions (beams,) [rad]: the beams; waves (n, 4): wave numbers
     of place [turns/m] and of the direction's unit vector [turns]; phases (n,) [turns]
@@ -35,7 +35,4 @@ def sum_waves(distances, origins, directions, waves, phases):
         along_x, along_y, of_cos, of_sin = waves[k, 0], waves[k, 1], waves[k, 2], waves[k, 3]
         for i in range(n):
             sums[i] += _cos_of_turns(along_x * x[i] + along_y * y[i] + of_cos * cos[i] + of_sin * sin[i] + phases[k])
-    for i in range(n):
-        if not np.isfinite(distances[i]):
-            sums[i] = 0.0
     return sums
