@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import os
 import shlex
 from collections import Counter
@@ -178,7 +179,9 @@ def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigur
             (svg.with_suffix(".pdf"), {"CreationDate": None}),
         ):
             with atomic_write(path) as temporary:
-                figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
+                drawn = io.BytesIO()  # on a full disk matplotlib fails in ways that do not name the file
+                figure.savefig(drawn, format=path.suffix[1:], metadata=metadata)
+                temporary.write_bytes(drawn.getvalue())
     source = "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode()
     of_line = "" if len(summary.table.lines) == 1 else f"Shown for the line {summary.table.baseline}."
     notes = {
