@@ -75,9 +75,10 @@ class WorkerProcess:
     def stop(self) -> None:
         """Kill the worker at once; a `compute` that waits for it fails."""
         self._stopped = True
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+        process = self._process  # the thread that computes may forget it meanwhile
+        if process is not None:
+            process.kill()
+            process.wait()
 
     def _started(self) -> subprocess.Popen[bytes]:
         if self._process is None:
