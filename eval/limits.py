@@ -66,7 +66,7 @@ class Limit:
         value = _find(metrics, self.key)
         if value is None:
             return f"{self.text}: {self.key} could not be measured"
-        if metrics.get("outcome") == "unjudged" and self.key.split(".")[0].split("_")[0] == "trajectory":
+        if metrics.get("outcome") == "unjudged" and self.key.startswith("trajectory"):
             return f"{self.text}: the trajectory is unjudged: {metrics.get('outcome_reason', 'no reason is given')}"
         if isinstance(value, str) != isinstance(self.bound, str) or not isinstance(value, str | int | float):
             raise LimitError(f"--fail-if {self.text!r}: {self.key} is {_kind(value)}, not {_kind(self.bound)}")

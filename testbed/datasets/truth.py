@@ -11,7 +11,7 @@ from testbed.frame_table import FrameTable
 
 
 def attach_truth(table: FrameTable, truth: Trajectory) -> FrameTable:
-    """The frames with the truth of their stamps, where there is one; ValueError where there is none at all."""
+    """The table with the truth at the stamps of its frames, where there is one; ValueError where it has none."""
     found = associate(Trajectory(table.stamps, table.odometry), truth)
     poses = table.truth.copy()
     poses[found.rows] = found.reference.poses

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbed.formats import Log
-from testbed.formats.ros.reading.frames import interpolate
+from testbed.formats.pose_interpolation import interpolate
 from testbed.frame_table import Floats, FrameTable
 from testbed.inspect.turns import compare_turns
 

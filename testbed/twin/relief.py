@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.frame_table import FrameTable
-from testbed.twin.returns import ComparedScan, compare_scans
+from testbed.twin.returns import ComparedScan, compare_scans, thinned
 from testbed.twin.wall_pieces import WallPieces
 from testbed.twin.walls import CLEARED
 from worlds import Wall, World
@@ -25,8 +25,6 @@ Floats = NDArray[np.float64]
 
 PIECE = 0.1
 """Longest straight piece of a wall [m]; neighbouring beams at some metres are about that far apart."""
-MIN_COSINE = 0.5
-"""Readings of beams that meet the wall at flatter angles tell more about the lidar's angle than about the wall."""
 MIN_READINGS = 5
 """Half pieces with fewer readings tell nothing."""
 NEAR = 0.3
@@ -49,7 +47,7 @@ def with_relief(world: World, table: FrameTable, path: Pose, scans: NDArray[np.i
     straight = [_pieces(np.array(wall.points)) for wall in world.walls]
     way = shapely.LineString(driven[:, :2])
     shapely.prepare(way)
-    rings, scans = straight, scans[:: max(1, len(scans) // MAX_SCANS)]
+    rings, scans = straight, thinned(scans, MAX_SCANS)
     for _ in range(PASSES):
         world = world.model_copy(update={"walls": _walls(world.walls, rings)})
         moved = _moved(rings, compare_scans(world, table, path, scans))
@@ -91,15 +89,8 @@ def _starts(sizes: list[int]) -> list[int]:
 
 def _offsets(walls: WallPieces, scan: ComparedScan) -> tuple[NDArray[np.int64], Floats]:
     """Return the half pieces (k,) that the beams meet, and by how much they end off along the normal [m], (k,)."""
-    with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
-        on_wall = np.abs(scan.readings - scan.due) <= NEAR
-    directions = np.column_stack([np.cos(scan.directions[on_wall]), np.sin(scan.directions[on_wall])])
-    due = scan.due[on_wall]
-    met = walls.nearest(scan.origin + due[:, None] * directions)
-    cosines = np.sum(directions * met.normals, axis=1)
-    kept = np.abs(cosines) > MIN_COSINE
-    halves = 2 * met.pieces + (met.along >= 0.5)
-    return halves[kept], ((scan.readings[on_wall] - due) * cosines)[kept]
+    met = walls.readings_of(scan, NEAR)
+    return 2 * met.pieces + (met.along >= 0.5), met.off * met.cosines
 
 
 def _medians(groups: NDArray[np.int64], values: Floats, count: int) -> Floats:

@@ -56,14 +56,17 @@ class ComparedScan(NamedTuple):
     """What the log has [m], (beams,); inf = no return, NaN = lost."""
     due: Floats
     """Distances of the walls [m], (beams,); inf = none in reach."""
-    cosines: Floats
-    """Cosines of the angles of incidence on them, (beams,)."""
 
     def off_wall(self) -> NDArray[np.bool_]:
         """Tell which beams did not end on the wall that was due, (beams,)."""
         with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
             near = np.abs(self.readings - self.due) <= OFF_WALL
         return ~near & (np.isfinite(self.due) | np.isfinite(self.readings))
+
+
+def thinned(scans: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """Return up to nearly twice as many scans as `most` of these (m,), evenly spread."""
+    return scans[:: max(1, len(scans) // most)]
 
 
 def compare_scans(world: World, table: FrameTable, path: Pose, scans: NDArray[np.int64]) -> Iterator[ComparedScan]:
@@ -75,10 +78,10 @@ def compare_scans(world: World, table: FrameTable, path: Pose, scans: NDArray[np
         directions = theta + np.asarray(scan.angles)
         low, high = table.range_limits[k].tolist()
         origins = np.full((directions.size, 2), (x, y))
-        distances, cosines = cast_rays(walls, origins, directions, min(high, MAX_REACH))
+        distances, _ = cast_rays(walls, origins, directions, min(high, MAX_REACH))
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         readings = np.where(ranges >= high, math.inf, np.where((ranges > 0.0) & (ranges >= low), ranges, math.nan))
-        yield ComparedScan(origins[0], directions, readings, distances, cosines)
+        yield ComparedScan(origins[0], directions, readings, distances)
 
 
 def measure_returns(compared: Iterator[ComparedScan], recorded: Floats, times: Floats) -> tuple[OffWallBeams, Returns]:

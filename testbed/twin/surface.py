@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from testbed.simulation import SurfaceConfig
 from testbed.twin.returns import ComparedScan
-from testbed.twin.wall_pieces import WallPieces
+from testbed.twin.wall_pieces import WallPieces, WallReadings
 
 Floats = NDArray[np.float64]
 
@@ -19,21 +19,12 @@ MAX_DEVIATION = 0.1
 """Readings farther off the wall than this met an edge or something else [m]."""
 CUT = 0.02
 """Readings farther off than this count less for the place of a scan [m]."""
-MIN_COSINE = 0.5
-"""Readings of beams that meet the wall at flatter angles tell more about the lidar's angle than about the wall."""
 SAME_PLACE = 0.03
 """Readings in one cell of this side met the same place [m]."""
 SAME_VIEW = (math.radians(2.0), 0.2)
 """Beams whose directions [rad] and lengths [m] differ by less have the same view."""
-MAX_SCANS = 3000
-"""Scans that the roughness is taken from, spread over the log."""
 MIN_PAIRS = 1000
 """With fewer pairs nothing is said: surfaces are smooth."""
-
-
-def thinned(scans: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return at most about `MAX_SCANS` of the numbers of scans (m,), spread over the log."""
-    return scans[:: max(1, len(scans) // MAX_SCANS)]
 
 
 def estimate_surface(
@@ -66,31 +57,27 @@ def _readings(compared: Iterable[ComparedScan], walls: WallPieces) -> Floats:
     scan."""
     parts = [np.empty((0, 6))]
     for number, scan in enumerate(compared):
-        with np.errstate(invalid="ignore"):  # inf - inf: nothing was due, and nothing was seen
-            off = scan.readings - scan.due
-        kept = (np.abs(off) < MAX_DEVIATION) & (scan.cosines > MIN_COSINE)
-        directions, due = scan.directions[kept], scan.due[kept]
-        heading = np.column_stack([np.cos(directions), np.sin(directions)])
-        place = scan.origin + due[:, None] * heading
-        rough = _off_best_fit(off[kept], place - scan.origin, heading, walls.nearest(place).normals)
-        columns = [rough, *place.T, np.mod(directions, 2.0 * math.pi), due, np.full(kept.sum(), float(number))]
+        met = walls.readings_of(scan, MAX_DEVIATION)
+        rough = _off_best_fit(met, scan.origin)
+        turned, numbers = np.mod(met.directions, 2.0 * math.pi), np.full(len(rough), float(number))
+        columns = [rough, *met.places.T, turned, met.due, numbers]
         parts.append(np.column_stack(columns))
     readings = np.concatenate(parts)
     readings[:, 0] -= np.median(readings[:, 0]) if len(readings) else 0.0
     return readings
 
 
-def _off_best_fit(off: Floats, ends: Floats, headings: Floats, normals: Floats) -> Floats:
-    """Return by how much readings (n,) [m] are off where their scan is moved to fit the walls, to first order.
+def _off_best_fit(met: WallReadings, origin: Floats) -> Floats:
+    """Return by how much readings are off [m], (n,), where their scan is moved to fit the walls, to first order.
 
-    ends, headings, normals (n, 2): ends of the beams, from the lidar [m], their directions, and normals of the walls
+    origin (2,): position of the lidar [m]
     """
-    cosines = np.sum(headings * normals, axis=1)
-    lever = ends[:, 0] * normals[:, 1] - ends[:, 1] * normals[:, 0]
-    moves = np.column_stack([normals, lever]) / cosines[:, None]  # how a move (x, y, heading) changes the readings
-    weights = np.sqrt(CUT / np.maximum(np.abs(off), CUT))
-    move = np.linalg.lstsq(moves * weights[:, None], off * weights, rcond=1e-3)[0]
-    rest: Floats = off - moves @ move
+    ends = met.places - origin
+    lever = ends[:, 0] * met.normals[:, 1] - ends[:, 1] * met.normals[:, 0]
+    moves = np.column_stack([met.normals, lever]) / met.cosines[:, None]  # how a move (x, y, heading) changes them
+    weights = np.sqrt(CUT / np.maximum(np.abs(met.off), CUT))
+    move = np.linalg.lstsq(moves * weights[:, None], met.off * weights, rcond=1e-3)[0]
+    rest: Floats = met.off - moves @ move
     return rest
 
 

@@ -25,9 +25,9 @@ from testbed.twin.lidar import estimate_lidar
 from testbed.twin.odometry import estimate_odometry, find_lead
 from testbed.twin.reconstruction import Reconstruction
 from testbed.twin.relief import with_relief
-from testbed.twin.returns import compare_scans, measure_returns
+from testbed.twin.returns import compare_scans, measure_returns, thinned
 from testbed.twin.route import Route, fastest, follow
-from testbed.twin.surface import estimate_surface, thinned
+from testbed.twin.surface import estimate_surface
 from testbed.twin.walls import world_of
 from worlds import World, dumps
 from worlds.file_names import to_name
@@ -38,6 +38,8 @@ WIDTH = 0.26
 """Diameter and track of the robot [m]; the log does not state them, and with these it passes wherever the path goes."""
 LIMITS = AccelerationLimits(acceleration=4.0, turn_acceleration=20.0)
 """Largest accelerations; the drive of the log decides, not these."""
+ROUGHNESS_SCANS = 3000
+"""The roughness of surfaces is taken from about so many scans, spread over the log."""
 HEADROOM = 1.5
 """The robot's largest speeds, in terms of those on the path."""
 
@@ -89,7 +91,7 @@ def make_twin(source: Reconstruction, name: str) -> Twin:
     recorded = table.stamps[table.scan_rows[lidar.scans]] - source.stamps[0]
     off_wall, returns = measure_returns(compared, recorded, _scan_times(lidar.preset, duration))
     noise = (lidar.preset.noise_floor, lidar.preset.noise_share, lidar.preset.range_step)
-    seen = compare_scans(world, table, source.path, thinned(lidar.scans))
+    seen = compare_scans(world, table, source.path, thinned(lidar.scans, ROUGHNESS_SCANS))
     surface = estimate_surface(seen, world.boundary_segments(), noise)
     preset = lidar.preset.model_copy(
         update={

@@ -35,7 +35,7 @@ from slam import se2
 from slam.scan import MAX_MOUNT, Scan
 from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
-from testbed.formats.ros.reading.frames import interpolate
+from testbed.formats.pose_interpolation import ODOMETRY_REACH, interpolate
 from testbed.formats.stamps import NANOSECONDS_NOTE, StampUnit
 from testbed.frame import Frame
 
@@ -72,8 +72,6 @@ FLASER_LAYOUTS = {
 FRONT, REAR = "robot_frontlaser_offset", "robot_rearlaser_offset"
 OFFSETS = {"FLASER": FRONT, "RLASER": REAR, "RAWLASER1": FRONT, "RAWLASER2": REAR}
 """Parameters with the x of a laser [m]. The rear one faces backwards."""
-ODOMETRY_REACH = 0.2
-"""A scan without a pose may lie outside of the odometry's time by this much [s]."""
 MAXIMA = {"FLASER": "robot_front_laser_max", "RLASER": "robot_rear_laser_max"}
 """Parameters with the range from which on there is no return [m]."""
 

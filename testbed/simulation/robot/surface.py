@@ -37,7 +37,7 @@ class SurfaceConfig:
     roughness: float = 0.0
     """Standard deviation of what depends on place and direction only [m]."""
     view_deg: float = 12.0
-    """Change of the direction over which it changes [degrees]; 10 on Intel, 15 on FR079."""
+    """Change of the direction over which it changes [degrees]; recorded logs show 10 to 15."""
     scatter: float = 0.0
     """Standard deviation of the readings that scatter [m]."""
     scatter_share: float = 0.0

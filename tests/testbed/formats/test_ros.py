@@ -22,7 +22,7 @@ from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from testbed.formats import LogError, open_log
 from testbed.formats.head import LogHead, lidars_of
-from testbed.formats.ros.reading.frames import interpolate
+from testbed.formats.pose_interpolation import interpolate
 from testbed.formats.ros.writing.types import DEFINITIONS, written_types
 from testbed.formats.ros.writing.writer import write_bag as write_blocks_as_bag
 from testbed.frame import Frame

@@ -121,7 +121,7 @@ def test_a_step_stands_where_it_stood():
     along = np.linspace(0.0025, 0.9975, 400)
     readings = np.where(along < 0.45, 2.0, 2.04)  # down onto the lower wall from many places, 4 cm deeper on the right
     scans = [
-        ComparedScan(np.array([x, 2.0]), np.full(9, -np.pi / 2), np.full(9, r), np.full(9, 2.0), np.ones(9))
+        ComparedScan(np.array([x, 2.0]), np.full(9, -np.pi / 2), np.full(9, r), np.full(9, 2.0))
         for x, r in zip(along, readings, strict=True)
     ]
     (moved,) = _moved([ring], scans)

@@ -7,7 +7,7 @@ import pytest
 from testbed.presets import load_lidar
 from testbed.simulation.robot._lidar_kernels import read_beams
 from testbed.simulation.robot.lidar import LidarLayers, optics_of
-from testbed.twin.returns import ComparedScan, measure_returns, returns_of
+from testbed.twin.returns import ComparedScan, measure_returns, returns_of, thinned
 
 BEAMS = 40_000
 
@@ -45,9 +45,7 @@ def test_beams_without_a_wall_in_reach_do_not_count():
 
 def compared(readings, due):
     """A scan from the origin with beams to the left, (beams,) each."""
-    return ComparedScan(
-        np.zeros(2), np.linspace(0.0, 1.0, len(due)), np.array(readings), np.array(due), np.ones(len(due))
-    )
+    return ComparedScan(np.zeros(2), np.linspace(0.0, 1.0, len(due)), np.array(readings), np.array(due))
 
 
 def test_what_is_off_the_walls_is_kept():
@@ -71,3 +69,8 @@ def test_a_scan_whose_beams_all_end_on_walls_has_none():
     beams, rates = measure_returns(iter([compared([2.0, 2.0], [2.0, 2.05])]), np.zeros(1), np.zeros(1))
     assert len(beams.stamps) == 0
     assert rates == (0.0, 0.0)
+
+
+def test_scans_are_thinned_evenly():
+    assert thinned(np.arange(5), 3000).tolist() == [0, 1, 2, 3, 4]
+    assert thinned(np.arange(9000), 3000).tolist() == list(range(0, 9000, 3))

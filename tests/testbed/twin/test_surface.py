@@ -11,7 +11,7 @@ from testbed.presets import load_lidar, load_robot
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, SimulationConfig, SurfaceConfig, simulate
 from testbed.twin.returns import compare_scans
-from testbed.twin.surface import _mixture, _pairs, estimate_surface, thinned
+from testbed.twin.surface import _mixture, _pairs, estimate_surface
 from worlds import load
 
 WORLD = load("apartment")
@@ -83,11 +83,6 @@ def test_size_and_share_come_from_the_moments():
     assert size == pytest.approx(0.04, rel=0.03)
     assert share == pytest.approx(0.1, rel=0.06)
     assert _mixture(1e-5, 3e-10, 2e-5) == (0.0, 0.0)
-
-
-def test_scans_are_thinned_evenly():
-    assert thinned(np.arange(5)).tolist() == [0, 1, 2, 3, 4]
-    assert thinned(np.arange(9000)).tolist() == list(range(0, 9000, 3))
 
 
 def test_pairs_are_of_one_place_one_view_and_two_scans():

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slam import se2
-from slam.se2 import Pose
 from testbed.formats.log import Log, LogError
+from testbed.formats.pose_interpolation import ODOMETRY_REACH, interpolate
 from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan, Track
 from testbed.formats.ros.reading.repairs import bridged, with_sound_twists
@@ -20,8 +19,6 @@ from testbed.large_arrays import joined
 
 MAX_GAP, GAP_PERIODS = 1.0, 3.0
 """Scans between two odometry messages that are further apart than this [s], and than some usual periods, are noted."""
-ODOMETRY_REACH = 0.2
-"""A scan may lie outside of the odometry's time by this much [s], one period of slow odometry."""
 
 
 def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
@@ -128,23 +125,6 @@ def _table(path: Path, content: BagContent, track: Track, scans: list[RawScan], 
         lidars=tuple(seen.lidars),
         patterns=tuple(seen.patterns),
     )
-
-
-def interpolate(stamps: NDArray[np.float64], poses: Pose, times: NDArray[np.float64]) -> Pose:
-    """Poses (m, 3) at `times` (m,) between their neighbours in time, along a constant motion; beyond the ends the
-    nearest.
-
-    stamps (n,) increasing [s];  poses (n, 3)
-    """
-    after = np.searchsorted(stamps, times)
-    inside = (after > 0) & (after < len(stamps))
-    found: Pose = poses[np.minimum(after, len(stamps) - 1)]
-    after, times = after[inside], times[inside]
-    share = (times - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-    between = se2.compose(poses[after - 1], share[:, None] * se2.between(poses[after - 1], poses[after]))
-    exact = share == 1.0  # where the frame was written with its odometry
-    found[inside] = np.where(exact[:, None], poses[after], between)
-    return found
 
 
 def _truth_at(truth: Track, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
