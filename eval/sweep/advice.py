@@ -14,9 +14,9 @@ from eval.sweep.answer_words import likely_answer
 from eval.sweep.answers import answers
 from eval.sweep.decision import Decision
 from eval.sweep.job_times import duration_words, seconds_for_seeds
-from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, level_of, looks_for
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, MIN_CHANCE, level_of, looks_for
 from eval.sweep.margin import Margin
-from eval.sweep.outlook import SOME, bound_for, chance_words, rule_of_thumb
+from eval.sweep.outlook import bound_for, chance_words, rule_of_thumb
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import min_values
 from eval.sweep.summary import SweepSummary
@@ -95,10 +95,11 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
     wanted = _wanted(open_answers, table)
     if wanted is None or wanted <= bound or table.seeds != tuple(range(bound)):
         return []
-    places = [place for place, d in open_answers.items() if _chance(d, wanted) >= SOME or not _is_known(table, d)]
+    places = [p for p, d in open_answers.items() if not _is_known(table, d) or _chance(d, wanted) >= MIN_CHANCE]
     text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(table, open_answers, wanted)}"
     number = [] if wanted == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(wanted)]
-    return [Advice("Add seeds", shlex.join([*words, *number, "--until", "decided"]), text.strip())]
+    title = f"Raise the limit to {wanted} seeds" if table.is_sequential else "Add seeds"
+    return [Advice(title, shlex.join([*words, *number, "--until", "decided"]), text.strip())]
 
 
 def _go_on_with_some(table: SweepTable, going_on: dict[str, Decision], words: list[str], workers: int) -> list[Advice]:
@@ -137,11 +138,16 @@ def _is_known(table: SweepTable, decision: Decision) -> bool:
 
 
 def _wanted(open_answers: dict[str, Decision], table: SweepTable) -> int | None:
-    """How many seeds to aim at: so many that every world that can be decided probably is; None if none can."""
+    """How many seeds to aim at: so many that every world that can be decided probably is; None if none can.
+
+    Where none probably is, the usual limit, if a sweep with it would go on.
+    """
     if any(not _is_known(table, decision) for decision in open_answers.values()):
         return MAX_SEEDS_UNTIL_DECIDED
     outlooks = [decision.outlook for decision in open_answers.values() if decision.outlook is not None]
-    return max((bound_for(outlook) for outlook in outlooks if outlook.high is not None), default=None)
+    probable = max((bound_for(outlook) for outlook in outlooks if outlook.high is not None), default=None)
+    can_go_on = any(_chance(decision, MAX_SEEDS_UNTIL_DECIDED) >= MIN_CHANCE for decision in open_answers.values())
+    return probable or (MAX_SEEDS_UNTIL_DECIDED if can_go_on else None)
 
 
 def _chance(decision: Decision, seeds: int) -> float:
@@ -160,9 +166,8 @@ def _chances(table: SweepTable, open_answers: dict[str, Decision], seeds: int) -
     ]
     sentences = [f"Chance of an answer with {seeds} seeds: {', '.join(words)}."] if words else []
     if few:
-        rule = rule_of_thumb(table.margin, seeds)
-        of = f"{' and '.join(few)}: " if words else ""
-        sentences.append(f"{of}{rule}." if of else f"{rule[0].upper()}{rule[1:]}.")
+        of = " and ".join(few) if words else "a world"
+        sentences.append(f"Chance of an answer for {of}: {rule_of_thumb(table.margin, seeds)}.")
     return " ".join(sentences)
 
 

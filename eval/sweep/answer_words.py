@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from eval.sweep.decision import Decision, State
-from eval.sweep.look_schedule import fewest_seeds_to_go_on, looks_for
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, MIN_CHANCE, fewest_seeds_to_go_on, looks_for
 from eval.sweep.margin import share_words
 from eval.sweep.measure import Unit
-from eval.sweep.outlook import bound_for, chance_sentence
+from eval.sweep.outlook import Outlook, bound_for, chance_sentence, chance_words
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import Interval, min_values, wilson_interval
 
@@ -282,10 +282,20 @@ def seeds_needed(case: Case) -> str:
         return gave_up if case.left_by_user else ""
     if decision.outlook is None:
         return "how many would tell cannot be said"
-    words = _chance_of_more(case)
     if case.left_by_user:
-        return f"{gave_up}; {words}"
-    return f"{words}, so no more are added" if case.given_up else words
+        return f"{gave_up}; {_chance_of_more(case)}"
+    return _why_no_more(case, decision.outlook) if case.given_up else _chance_of_more(case)
+
+
+def _why_no_more(case: Case, outlook: Outlook) -> str:
+    """Why the sweep adds no more seeds although the answer is open: the limit that was set, or that none would tell."""
+    limit, usual = len(case.table.seeds), MAX_SEEDS_UNTIL_DECIDED
+    likely = f" (most likely: {likely_answer(case.decision, case.table.counts)})"
+    rest = f"{chance_words(outlook.chance(limit))}, and a world goes on from {100.0 * MIN_CHANCE:.0f} %"
+    if limit < usual and outlook.chance(usual) >= MIN_CHANCE:
+        higher = f"with a limit of {usual} it is {chance_words(outlook.chance(usual))}{likely}"
+        return f"stopped by the limit of {limit} seeds: the chance of an answer within it is {rest}; {higher}"
+    return f"no more seeds are added: the chance of an answer with up to {limit} is {rest}{likely}"
 
 
 def _chance_of_more(case: Case) -> str:

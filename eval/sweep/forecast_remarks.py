@@ -3,34 +3,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eval.sweep.answer_words import counted, difference_words
-from eval.sweep.needed_count import MAX_RATIO, PREDICTORS, NeededCount, Predictor, of_ten, predictors_of, shipped_model
+from eval.sweep.needed_count import MAX_RATIO, PREDICTORS, NeededCount, of_ten, predictors_of, shipped_model
 from eval.sweep.remarks import MAX_NAMED
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import min_values
 from eval.sweep.summary import SweepSummary
 
 
-def suggested_counts(table: SweepTable) -> str:
-    """What `testbed sweep --suggest` says for the drives of these worlds; empty for logs and other filters."""
+@dataclass(frozen=True)
+class Forecast:
+    """What `testbed sweep --suggest` says for the drives of these worlds; both empty where it says nothing."""
+
+    counts: str = ""
+    """`start with 11 in loop and with 7 in apartment; each is enough in 9 of 10 worlds like it`"""
+    unlike: str = ""
+    """Which drives are unlike those of the experiment, and in what."""
+
+
+def suggested_counts(table: SweepTable) -> Forecast:
+    """What `testbed sweep --suggest` says for the drives of these worlds; nothing for logs and other filters."""
     columns = [table.columns.get(f"features.{predictor.name}") for predictor in PREDICTORS]
     if table.baseline != "default" or table.measure.estimate != "filter" or any(c is None for c in columns):
-        return ""
+        return Forecast()
     model = shipped_model()
-    found = []
-    for place in table.places:
-        drives = _drives(table, place)
-        if len(drives):
-            names = [predictor.name for predictor in PREDICTORS]
-            unlike = [model.outside(predictors_of(dict(zip(names, drive, strict=True)))) for drive in drives]
-            found.append(f"{place}: {_suggested(model, _usual_predictors(drives), unlike)}")
-    return "; ".join(found) if 0 < len(found) <= MAX_NAMED else ""
+    drives = {place: own for place in table.places if len(own := _drives(table, place))}
+    if not 0 < len(drives) <= MAX_NAMED:
+        return Forecast()
+    usual = {place: _usual_predictors(own) for place, own in drives.items()}
+    starts = {place: model.start(at) for place, at in usual.items()}
+    chances = {place: of_ten(model.chance(at, starts[place])) for place, at in usual.items()}
+    if len(set(chances.values())) == 1:
+        each = f"{'each is ' if len(chances) > 1 else ''}enough in {next(iter(chances.values()))} worlds like it"
+        counts = f"start with {_listed(f'{starts[place]} in {place}' for place in drives)}; {each}"
+    else:
+        words = (f"{starts[place]} in {place} (enough in {chances[place]} worlds like it)" for place in drives)
+        counts = f"start with {_listed(words)}"
+    unlike = (_unlike(model, place, own) for place, own in drives.items())
+    return Forecast(counts, " ".join(filter(None, unlike)))
+
+
+def _listed(words: Iterable[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _unlike(model: NeededCount, place: str, drives: NDArray[np.float64]) -> str:
+    """Which of the drives are unlike those of the experiment, and in what; empty if none is."""
+    names = [predictor.name for predictor in PREDICTORS]
+    of_drives = [model.outside(predictors_of(dict(zip(names, drive, strict=True)))) for drive in drives]
+    number = sum(map(bool, of_drives))
+    if not number:
+        return ""
+    words = " and in the ".join(dict.fromkeys(predictor.words for own in of_drives for predictor in own))
+    return f"In {place} {number} of the {len(drives)} drives are unlike those of the experiment in the {words}."
 
 
 @dataclass(frozen=True)
@@ -50,7 +83,7 @@ def forecast_against_runs(summary: SweepSummary) -> ForecastCheck:
     too small the forecast says itself.
     """
     table = summary.table
-    if not suggested_counts(table):
+    if not suggested_counts(table).counts:
         return ForecastCheck()
     model, shown, so_far = shipped_model(), [], []
     for place in table.places:
@@ -116,14 +149,3 @@ def _usual_predictors(drives: NDArray[np.float64]) -> NDArray[np.float64]:
     """The predictors of the median drive."""
     names = [predictor.name for predictor in PREDICTORS]
     return predictors_of(dict(zip(names, np.median(drives, axis=0).tolist(), strict=True)))
-
-
-def _suggested(model: NeededCount, at: NDArray[np.float64], unlike: Sequence[Sequence[Predictor]]) -> str:
-    """`start with 10, enough in 9 of 10 worlds like it`; unlike: of each drive, what was not measured in others."""
-    start = model.start(at)
-    said = f"start with {start}, enough in {of_ten(model.chance(at, start))} worlds like it"
-    number = sum(map(bool, unlike))
-    if not number:
-        return said
-    words = " and in the ".join(dict.fromkeys(predictor.words for drive in unlike for predictor in drive))
-    return f"{said} (but {number} of the {len(unlike)} drives here are unlike those of the experiment in the {words})"

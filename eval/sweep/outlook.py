@@ -39,13 +39,9 @@ TYPICAL_ERROR = 0.02
 """Error of the filter's path in these worlds [m]."""
 TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
-RULE = "by a rule of thumb (noise as in the reference worlds apartment, office and loop)"
-"""On what a chance rests before anything is computed."""
-CONDITION = (
-    "where a smaller count is as good as the largest; where the difference lies near the margin, any number may leave "
-    "it open"
-)
-"""What the rule of thumb assumes, and what else may be found; it stands wherever a chance by that rule stands."""
+CONDITION = "rule of thumb; less where the difference lies near the margin"
+"""On what a chance rests before anything is computed: noise as in the reference worlds apartment, office and loop, and
+a smaller count that is as good as the largest."""
 _MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard error of a median of normal values, as a multiple of that of their mean."""
 _QUANTILES = (np.arange(64) + 0.5) / 64
@@ -153,22 +149,13 @@ def typical_outlook(*, level: float = ADDING_LEVEL, margin: Margin = MARGIN) -> 
 def rule_of_thumb(margin: Margin, most: int = MAX_SEEDS_UNTIL_DECIDED) -> str:
     """How likely the first and the last look of `--until decided` decide a world, before any measurement says so.
 
-    most: seeds at the last look
+    `8 seeds about 20 %, 40 about 75 % (rule of thumb; …)`. most: seeds at the last look
     """
     looks = looks_for(max(most, min_values(ADDING_LEVEL)))
     outlook, level = typical_outlook(margin=margin), level_of(looks)
-    first, last = (_of(chance_words(outlook.chance(look, level=level))) for look in (looks[0], looks[-1]))
-    if len(looks) == 1:
-        return f"{RULE} {looks[0]} seeds decide a world with a chance {first}, {CONDITION}"
-    return (
-        f"{RULE} {looks[0]} seeds decide a world with a chance {first}, {looks[-1]} with one {last} "
-        f"({len(looks)} looks, so {100.0 * level:.3g} % intervals), {CONDITION}"
-    )
-
-
-def _of(chance: str) -> str:
-    """`of about 25 %`, `under 5 %`."""
-    return f"of {chance}" if chance.startswith("about") else chance
+    first, last = (chance_words(outlook.chance(look, level=level)) for look in (looks[0], looks[-1]))
+    later = "" if len(looks) == 1 else f", {looks[-1]} {last}"
+    return f"{looks[0]} seeds {first}{later} ({CONDITION})"
 
 
 def chance_words(chance: float) -> str:

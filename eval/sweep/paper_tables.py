@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,15 @@ from eval.sweep.answer_words import difference_words
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
-from eval.sweep.remarks import after_final_pass, described, look_rule, margin_choice, margin_words, never_resampled
+from eval.sweep.remarks import (
+    MAX_NAMED,
+    after_final_pass,
+    described,
+    look_rule,
+    margin_choice,
+    margin_words,
+    never_resampled,
+)
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import bootstrap_interval, min_values
 from eval.sweep.summary import SweepSummary
@@ -41,7 +49,7 @@ def latex_table(summary: SweepSummary) -> str:
         "% needs \\usepackage{booktabs}; table* spans both columns of a two-column paper\n"
         "\\begin{table*}\n  \\centering\\footnotesize\n"
         f"  \\caption{{{_escaped(_caption(summary))}}}\n{parts}\n  \\label{{tab:particles}}\n\\end{{table*}}\n"
-        f"\\paragraph{{Method.}} {_escaped(_method(summary))}\n"
+        f"\\paragraph{{Method.}} {_latex_text(_method(summary))}\n"
     )
 
 
@@ -116,11 +124,11 @@ def _latex_tabular(part: _Part) -> str:
 
 
 def _latex_row(cells: list[str]) -> str:
-    return " & ".join(map(_latex_cell, cells)) + r" \\"
+    return " & ".join(map(_latex_text, cells)) + r" \\"
 
 
-def _latex_cell(text: str) -> str:
-    """A cell with a minus sign, which is longer than the hyphen of a text, before negative numbers."""
+def _latex_text(text: str) -> str:
+    """Escaped text with a minus sign, which is longer than a hyphen, before negative numbers."""
     return _MINUS.sub("$-$", _escaped(text))
 
 
@@ -158,10 +166,20 @@ def figure_caption(summary: SweepSummary) -> str:
         if summary.has_intervals
         else "their median. The runs are too few for intervals."
     )
+    numbers = {place: table.seeds_of(p) for p, place in enumerate(table.places)}
+    each = f" ({_runs_of(numbers)})" if len(numbers) <= MAX_NAMED else ""
     return (
         f"{measure.words[0].upper()}{measure.words[1:]} of {measure.estimate_is}, above that with {largest} particles "
-        f"on the same data, by number of particles. Dots: runs; large marks: {what} Margin: {margin_words(summary)}."
+        f"on the same data, by number of particles. Dots: runs{each}; large marks: {what} Margin: "
+        f"{margin_words(summary)}."
     )
+
+
+def _runs_of(numbers: Mapping[str, int]) -> str:
+    """`8 for each count`, `loop 8, apartment 16 for each count`; numbers: runs of each count, by place."""
+    if len(set(numbers.values())) == 1:
+        return f"{next(iter(numbers.values()))} for each count"
+    return f"{', '.join(f'{place} {number}' for place, number in numbers.items())} for each count"
 
 
 def _method(summary: SweepSummary) -> str:

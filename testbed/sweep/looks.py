@@ -49,7 +49,7 @@ class Look:
     given_up: frozenset[Group]
     """Worlds and lines whose answer is open and would hardly be found."""
     seeds: int
-    """Seeds at the next look; after the last one, all seeds."""
+    """Seeds at the next look of the world that has the fewest; after the last one, all seeds."""
 
 
 def needed_cells(directory: SweepDirectory) -> list[Cell]:
@@ -75,7 +75,7 @@ def _statuses(directory: SweepDirectory, look: Look) -> dict[str, str]:
 
 
 def _status(cell: Cell, look: Look) -> str:
-    group = (cell.place, cell.line)
+    group = _group(cell)
     return "later" if group in look.still_open else GIVEN_UP if group in look.given_up else "not needed"
 
 
@@ -97,7 +97,7 @@ def _is_finished(directory: SweepDirectory, cell: Cell) -> bool:
 
 
 def look_of(spec: SweepSpec, cells: Sequence[Cell], table: SweepTable | None, is_finished: Finished) -> Look:
-    """Where a sweep with `until` stands.
+    """Where a sweep with `until` stands; each world and line goes from look to look on its own.
 
     table: the results, with level, margin and measure of `spec`; None if there are none. is_finished: whether a cell
     has a result or a reason.
@@ -105,30 +105,46 @@ def look_of(spec: SweepSpec, cells: Sequence[Cell], table: SweepTable | None, is
     keys: set[str] = set()
     groups = frozenset((cell.place, cell.line) for cell in cells)
     given_up = frozenset(group for group in groups if group[0] in spec.give_up)
-    still_open = groups - given_up
-    previous = 0
+    moving, waiting = groups - given_up, frozenset[Group]()
+    previous = next_look = 0
     for look in spec.looks:
         seeds = spec.seeds[previous:look]
-        added = [cell for cell in cells if cell.seed in seeds and (cell.place, cell.line) in still_open]
-        keys |= {cell.key for cell in added}
-        if table is None or not all(map(is_finished, added)):
-            break
-        found = undecided(_first_seeds(table, look), still_open)
+        added = {group: [cell for cell in cells if cell.seed in seeds and _group(cell) == group] for group in moving}
+        keys |= {cell.key for own in added.values() for cell in own}
+        whole = _whole(table, added, is_finished)
+        found = undecided(_first_seeds(table, look), whole) if table is not None and whole else {}
         hopeless = {
             group
             for group, decision in found.items()
-            if not _is_sample(table, group[0]) and is_hopeless(decision, len(spec.seeds))
+            if table is not None and not _is_sample(table, group[0]) and is_hopeless(decision, len(spec.seeds))
         }
+        if moving - whole:
+            next_look = next_look or look
+        waiting |= moving - whole
         given_up |= hopeless
-        still_open = frozenset(found) - hopeless
+        moving = frozenset(found) - hopeless
         previous = look
+    still_open = waiting | moving
     return Look(
         needed=tuple(cell for cell in cells if cell.key in keys),
-        possible=tuple(cell for cell in cells if cell.key in keys or (cell.place, cell.line) in still_open),
+        possible=tuple(cell for cell in cells if cell.key in keys or _group(cell) in still_open),
         still_open=still_open,
         given_up=given_up,
-        seeds=look,
+        seeds=next_look or spec.looks[-1],
     )
+
+
+def _group(cell: Cell) -> Group:
+    return cell.place, cell.line
+
+
+def _whole(table: SweepTable | None, added: Mapping[Group, Sequence[Cell]], is_finished: Finished) -> frozenset[Group]:
+    """The groups whose further cells are all computed; of a kind of building, which has one answer, all or none."""
+    if table is None:
+        return frozenset()
+    missing = {group for group, own in added.items() if not all(map(is_finished, own))}
+    kinds = {(_kind(table, place), line) for place, line in missing} - {(None, line) for _, line in missing}
+    return frozenset(group for group in added.keys() - missing if (_kind(table, group[0]), group[1]) not in kinds)
 
 
 @dataclass(frozen=True)
@@ -179,10 +195,8 @@ def undecided(table: SweepTable, candidates: frozenset[Group]) -> Mapping[Group,
     summary = SweepSummary(table, ())
     found = {}
     for place, line in sorted(candidates):
-        if _is_sample(table, place):
-            decision = summary.decision_of_family(str(table.families[table.places.index(place)]), line)
-        else:
-            decision = summary.decision(place, line)
+        kind = _kind(table, place)
+        decision = summary.decision(place, line) if kind is None else summary.decision_of_family(kind, line)
         if decision.kind == "undecided":
             found[place, line] = decision
     return found
@@ -190,7 +204,13 @@ def undecided(table: SweepTable, candidates: frozenset[Group]) -> Mapping[Group,
 
 def _is_sample(table: SweepTable, place: str) -> bool:
     """Whether a world is one of several of its kind, so that the unit of the answer is the world, not the seed."""
-    return table.families[table.places.index(place)] in table.family_names()
+    return _kind(table, place) is not None
+
+
+def _kind(table: SweepTable, place: str) -> str | None:
+    """The kind of building that a world is one of several of; None for others."""
+    family = table.families[table.places.index(place)]
+    return family if family in table.family_names() else None
 
 
 def _first_seeds(table: SweepTable, count: int) -> SweepTable:

@@ -88,11 +88,11 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
     say(f"{_size(work)}: {_extent(work.spec)}")
     if not work.spec.names_systems:  # with systems the question is not how many particles are enough
         say(_margin(work))
-        for sentence in _answers_so_far(work) or _foresight(work):
-            say(sentence)
+        for line in _answers_so_far(work) or _foresight(work):
+            say(line)
     times = _times(work, execution, is_plan=is_plan) if work.cells else None  # last: it may take minutes, to compile
     if work.cells:
-        say(_expected(work, times, execution))
+        say(f"Time: {_expected(work, times, execution)}")
     return times
 
 
@@ -129,51 +129,51 @@ def _times(work: Work, execution: Execution, *, is_plan: bool) -> JobTimes | Non
 
 
 def _expected(work: Work, times: JobTimes | None, execution: Execution) -> str:
-    """How long these jobs will take."""
+    """How long these jobs will take, in lines below `Time:`."""
     if execution.scheduler is not None:
-        return "The cluster decides how long that takes."
+        return "as the cluster decides."
     if times is None and sum(map(work.costs, work.cells)) < MIN_COST:
-        return "That takes some seconds."
+        return "some seconds."
     if times is None:
-        return "Recorded logs are not measured beforehand; the time left is shown as soon as a job is done."
+        return "unknown, since recorded logs are not measured beforehand; it is shown as soon as a job is done."
     workers = execution.worker_count
     first, most = (duration_words(times.total(cells, workers)) for cells in (work.cells, work.all_cells))
     by = f"with {workers} worker{'s' if workers > 1 else ''}, {times.source}"
     if not work.spec.until or len(work.cells) == len(work.all_cells):
-        return (
-            f"Expected: about {first} {by}.{_by_place(work, times, workers)}{_time_of_more_seeds(work, times, workers)}"
+        said = f"about {first} {by}."
+        return "\n  ".join(
+            filter(None, [said, _by_place(work, times, workers), _time_of_more_seeds(work, times, workers)])
         )
     looks = sum(look > work.next_look for look in work.spec.looks)
     further = f"{looks} more look{'s' if looks > 1 else ''}"
-    return (
-        f"Expected: about {first} to that look; with up to {further} at most about {most} in all, {by}."
-        f"{_by_place(work, times, workers)}"
+    said = f"about {first} to that look {by}."
+    return "\n  ".join(
+        filter(None, [said, f"With up to {further} at most about {most} in all.", _by_place(work, times, workers)])
     )
 
 
 def _by_place(work: Work, times: JobTimes, workers: int) -> str:
-    """How long each of a few worlds or logs takes: ` By world: loop about 18 minutes, apartment about 11 minutes.`"""
+    """How long each of a few worlds or logs takes: `By world: loop about 18 minutes, apartment about 11 minutes.`"""
     places = list(dict.fromkeys(cell.place for cell in work.all_cells))
     if not 1 < len(places) <= MAX_PLACES:
         return ""
     shares = {place: [cell for cell in work.all_cells if cell.place == place] for place in places}
     words = [f"{place} about {duration_words(times.total(cells, workers))}" for place, cells in shares.items()]
-    return f" {'At most by' if work.spec.until else 'By'} world: {', '.join(words)}."
+    return f"{'At most by' if work.spec.until else 'By'} world: {', '.join(words)}."
 
 
 def _margin(work: Work) -> str:
     """How large a difference is taken for none: it decides what the sweep can show, and is chosen beforehand."""
-    said = "The margin: an error that is larger by up to {} counts as equal."
+    said = "Margin: an error that is larger by up to {} counts as equal."
     if work.done is not None and work.done.ran.all(axis=2).any():
         return said.format(margin_words(summarise(work.done.judged())))
     margin, key = parse_margin(work.spec.margin), work.spec.key_measure
     usual = ""
     if key == USUAL_MEASURE:
         share = share_words(margin.of(TYPICAL_ERROR), TYPICAL_ERROR)
-        error = f"{100.0 * TYPICAL_ERROR:.0f} cm"
-        usual = f" Of a usual error, about {error} in the reference worlds (apartment, office, loop), that is {share}."
+        usual = f" That is {share} of a usual error, about {100.0 * TYPICAL_ERROR:.0f} cm."
     words = margin.words(is_length=key.endswith("_m"))
-    return f"{said.format(words)}{usual} Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
+    return f"{said.format(words)}{usual}\n  Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
 
 
 def _answers_so_far(work: Work) -> list[str]:
@@ -195,17 +195,15 @@ def _foresight(work: Work) -> list[str]:
     margin = parse_margin(spec.margin)
     kinds = Counter(kind for kind in map(family, spec.worlds) if kind is not None)
     sampled = {kind: number for kind, number in kinds.items() if number > 1}
-    alike = {number: [kind for kind, own in sampled.items() if own == number] for number in sampled.values()}
-    sentences = [
-        f"{', '.join(names)}: {foresight(number, 'world', level=spec.level, margin=margin)}"
-        for number, names in alike.items()
-    ]
+    lines = []
     if len(spec.worlds) + len(spec.logs) > sum(sampled.values()):
-        said = foresight(len(spec.seeds), level=spec.level, margin=margin)
+        lines += foresight(len(spec.seeds), level=spec.level, margin=margin)
         if not spec.until and spec.drawn_seeds is None and len(spec.seeds) >= min_values(spec.level):
-            said += " --until decided looks at the results in between and stops where the answer is known."
-        sentences.insert(0, said)
-    return sentences
+            lines.append("--until decided looks at the results in between and stops where the answer is known.")
+    for number in dict.fromkeys(sampled.values()):
+        first, *others = foresight(number, "world", level=spec.level, margin=margin)
+        lines += [f"{', '.join(kind for kind, own in sampled.items() if own == number)}: {first}", *others]
+    return [f"Can tell: {lines[0]}", *(f"  {line}" for line in lines[1:])]
 
 
 def _time_of_more_seeds(work: Work, times: JobTimes, workers: int) -> str:
@@ -215,7 +213,7 @@ def _time_of_more_seeds(work: Work, times: JobTimes, workers: int) -> str:
         return ""
     whole, fewest = times.total(work.all_cells, workers), fewest_seeds_to_go_on(spec.level)
     few, most = (duration_words(whole * n / len(spec.seeds)) for n in (fewest, MAX_SEEDS_UNTIL_DECIDED))
-    return f" {fewest} seeds take about {few}, {MAX_SEEDS_UNTIL_DECIDED} about {most}."
+    return f"{fewest} seeds take about {few}, {MAX_SEEDS_UNTIL_DECIDED} about {most}."
 
 
 def _routes(spec: SweepSpec) -> str:

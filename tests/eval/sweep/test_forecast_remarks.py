@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from eval.sweep.forecast_remarks import ForecastCheck, forecast_against_runs, suggested_counts
+from eval.sweep.forecast_remarks import Forecast, ForecastCheck, forecast_against_runs, suggested_counts
 from eval.sweep.needed_count import predictors_of, shipped_model
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
@@ -17,15 +17,25 @@ FEATURES = {"longest_unknown_m": 48.0, "odometry_deg_per_m": 0.8, "scan_observab
 
 
 def test_the_forecast_of_a_count_needs_features_and_the_default_filter(tmp_path, monkeypatch):
-    assert suggested_counts(read_sweep(write_sweep(tmp_path / "a"))) == ""
+    assert suggested_counts(read_sweep(write_sweep(tmp_path / "a"))) == Forecast()
     monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", ("default",))
     table = read_sweep(write_sweep(tmp_path / "b", about={"baseline": "default"}))
-    assert suggested_counts(table) == ""  # no features
+    assert suggested_counts(table) == Forecast()  # no features
     table.columns.update({f"features.{name}": np.full(table.shape, value) for name, value in FEATURES.items()})
     model = shipped_model()
     start = model.start(predictors_of(FEATURES))
-    words = f"start with {start}, enough in 9 of 10 worlds like it"
-    assert suggested_counts(table) == f"hall_a: {words}; cave: {words}"
+    words = f"start with {start} in hall_a and {start} in cave; each is enough in 9 of 10 worlds like it"
+    assert suggested_counts(table) == Forecast(words)
+
+
+def test_drives_unlike_those_of_the_experiment_are_told(tmp_path, monkeypatch):
+    """Three of the ten drives of cave have ten times the heading error of any odometry that was tried."""
+    monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", ("default",))
+    table = read_sweep(write_sweep(tmp_path, about={"baseline": "default"}))
+    table.columns.update({f"features.{name}": np.full(table.shape, value) for name, value in FEATURES.items()})
+    table.columns["features.odometry_deg_per_m"][1, ..., :3] = 80.0
+    said = suggested_counts(table).unlike
+    assert said.startswith("In cave 3 of the 10 drives are unlike those of the experiment in the heading error")
 
 
 @pytest.fixture

@@ -15,11 +15,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 
 from eval.sweep.advice import advice
+from eval.sweep.answers import answers
 from eval.sweep.job_times import REPORT_SECONDS, duration_words, seconds_for_seeds
+from eval.sweep.look_schedule import level_of
 from eval.sweep.margin import MARGIN
 from eval.sweep.measure import Measure
 from eval.sweep.outlook import bound_for, rule_of_thumb
-from eval.sweep.paper_tables import latex_table, markdown_table
+from eval.sweep.paper_tables import figure_caption, latex_table, markdown_table
 from eval.sweep.plots import ZONE, accuracy, differences, pareto_front, style
 from eval.sweep.report import DRAWINGS, write_sweep_report
 from eval.sweep.results import SweepTableError, read_sweep
@@ -159,6 +161,16 @@ def test_a_single_line_has_errors_and_differences_side_by_side(tmp_path, monkeyp
     assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds). Each look uses 99 % intervals" in method
     assert "This is look 1, with 8 of at most 40 seeds." in method
     assert "looked at" not in caption
+    assert "Dots: runs (8 for each count); large marks" in figure_caption(summary)
+
+
+def test_numbers_below_zero_have_minus_signs_in_latex_but_not_in_markdown(tmp_path, monkeypatch):
+    """The smallest count has a smaller error; the method names the difference after the final pass, too."""
+    monkeypatch.setattr("tests.eval.synthetic_sweep.LINES", ("improved",))
+    summary = summarise(read_sweep(write_sweep(tmp_path, lambda p, k, c, s: 0.02 + 0.001 * c + 0.0001 * s)))
+    latex, markdown = latex_table(summary), markdown_table(summary)
+    assert len(re.findall(r"(?<![\w.])-\d", markdown)) == latex.count("$-$") > 0
+    assert re.search(r"(?<![\w.])-\d", latex) is None
 
 
 @pytest.mark.usefixtures("without_pictures")
@@ -306,7 +318,7 @@ def test_few_seeds_are_followed_by_a_sweep_that_stops_by_itself(tmp_path):
     words = [duration_words(2 * 6.9 * seeds / 2 + REPORT_SECONDS) for seeds in (5, 37)]
     assert more.text.startswith(f"The next look, with 8 seeds, comes in about {words[0]}. ")
     assert f"up to 40 seeds (about {words[1]} at most)" in more.text
-    assert more.text.endswith(f" B{rule_of_thumb(MARGIN)[1:]}.")
+    assert more.text.endswith(f" Chance of an answer for a world: {rule_of_thumb(MARGIN)}.")
     page = write_sweep_report(tmp_path).read_text()
     assert f"testbed sweep --out {tmp_path} --until decided" in page
 
@@ -323,7 +335,9 @@ def test_seeds_are_advised_where_they_will_probably_tell(tmp_path):
 
 def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_path):
     at_limit = {"error": lambda *index: 0.02 + noise(0.004, gain=0.0051)(*index), "seeds": 10}
-    found = advised(tmp_path / "usual", **at_limit)
+    more, *found = advised(tmp_path / "usual", **at_limit)
+    assert more.command == "testbed sweep --out OUT --until decided"  # it would go on, with little hope
+    assert re.search(r"Chance of an answer with 40 seeds: hall_a about (10|15|20) %", more.text)
     assert [item.title for item in found] == [f"{place} without further seeds" for place in PLACES]
     said = re.fullmatch(
         r"Report the interval, as the tables below have it: 5 particles are (.*); up to 0.5 cm "
@@ -336,6 +350,24 @@ def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_pat
     assert float(said[3]) == pytest.approx(100.0 * float(said[2]) / 4.0, abs=1.0)
     write_sweep(tmp_path / "wider", **at_limit, about={"margin": f"{said[2]}cm"})
     assert summarise(read_sweep(tmp_path / "wider")).decision("hall_a", "improved").kind == "enough"
+
+
+def test_where_the_limit_that_was_set_ended_the_sweep_a_higher_one_is_offered(tmp_path):
+    """With up to 16 seeds the chance is below 10 %, with up to 40 above: not the world is to blame, but the limit."""
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 16))
+    sweep = {"error": noise(0.004, gain=0.0036), "seeds": 16, "missing": missing, "about": {"level": level_of((8, 16))}}
+    table = read_sweep(write_sweep(tmp_path, **sweep)).judged()
+    status = table.columns["status"].copy()
+    status[status == "missing"] = "given up"
+    summary = summarise(replace(table, columns=table.columns | {"status": status}))
+    assert re.search(
+        r"stopped by the limit of 16 seeds: the chance of an answer within it is about 5 %, and a world goes on from "
+        r"10 %; with a limit of 40 it is about \d\d % \(most likely: 5 are enough\)",
+        answers(summary, "improved")[0].needs,
+    )
+    more, *_ = advice(summary, "OUT", 2)
+    assert (more.title, more.command) == ("Raise the limit to 40 seeds", "testbed sweep --out OUT --until decided")
+    assert "The next look, with 16 seeds, comes in about " in more.text
 
 
 def test_a_margin_within_which_a_count_is_hardly_as_good_is_not_offered(tmp_path):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Seeds are added only where the answer is open, and looking several times gives no more wrong answers."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,24 @@ def test_a_world_that_cannot_be_decided_gets_no_more_seeds(tmp_path):
     words = {cell.place: states[cell.key] for cell in directory.manifest.cells() if cell.seed == 20}
     assert words == {"office": "not needed", "loop": "given up"}
     assert look_at(directory).given_up == {("loop", "default")}
+
+
+def test_with_a_higher_bound_a_world_that_has_its_answer_gets_no_more_seeds(tmp_path):
+    """Though another one stays at an earlier look, where the lower bound made it give up."""
+
+    def late(place, particles, seed):
+        """Office is decided by 16 seeds, not by 8; of loop 40 seeds may tell, 16 hardly."""
+        if place == "loop":
+            return 0.02 if particles == 5 else 0.0236 + 0.004 * (-1) ** seed
+        return 0.02 + (0.02 if particles == 1 and seed < 1 else 0.0)
+
+    directory = directory_of(tmp_path, ["office", "loop"], seeds=16)
+    assert carried_out(directory, late) == {"office": 16, "loop": 8}
+    document = directory.manifest.spec.document() | {"seeds": list(range(40))}
+    spec = parse_spec(document, "x.toml", Path())
+    plan = planned(directory.path, spec, replace(read_sweep(directory.path), level=spec.level))
+    assert {cell.place for cell in plan.possible} == {"loop"}
+    assert (len(plan.needed), len(plan.possible), plan.next_look) == (2 * 8, 2 * 32, 16)
 
 
 @pytest.mark.slow
