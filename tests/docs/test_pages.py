@@ -22,7 +22,7 @@ PACKAGES = ("slam", "eval", "worlds", "testbed")
 ROOMS = (*PACKAGES, "tests", "tools", "docs")
 ENVIRONMENTS = {"testbed/Drive-v0", "testbed/Explore-v0"}
 PREFIXES = {"MAX_", "MIN_"}
-FOREIGN_OPTIONS = {"--extra", "--format", "--help", "--name-only", "--remap", "--runs"}
+FOREIGN_OPTIONS = {"--extra", "--format", "--help", "--help-all", "--name-only", "--remap", "--runs"}
 """Options of other programs (git, pip, ros2) and those that every program has."""
 FOREIGN_WORDS = {
     "argmax", "base_link", "choco", "deque", "footprint_radius", "go_to", "map_server", "odom", "pip", "pipx",

@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
+from cyclopts.help import DefaultFormatter
 
 from testbed.cli.shared.config_file import apply_config_file
+from testbed.cli.shared.help_pages import ALL, UsualOptions
 from testbed.cli.shared.help_texts import HELP
 from testbed.cli.shared.status import USAGE_ERROR
 
@@ -23,6 +25,7 @@ app = App(
     config=apply_config_file,
     default_parameter=Parameter(negative_iterable=()),
     help_format="markdown",
+    help_formatter=UsualOptions(),
     suppress_keyboard_interrupt=False,
     result_action="return_value",
 )
@@ -37,7 +40,7 @@ for _name, _help in HELP.items():
 def run_app(arguments: Sequence[str] | None) -> int:
     """Run a command and return its exit status; errors of usage or input are one line on stderr."""
     try:
-        status = app(_with_present_names(arguments), exit_on_error=False, print_error=False)
+        status = app(_with_whole_help(_with_present_names(arguments)), exit_on_error=False, print_error=False)
     except BrokenPipeError:  # the reader of our output, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -47,6 +50,12 @@ def run_app(arguments: Sequence[str] | None) -> int:
         _complain(_one_line(error))
         return USAGE_ERROR
     return status or 0  # commands that measure nothing return None
+
+
+def _with_whole_help(tokens: list[str]) -> list[str]:
+    """The arguments with `--help` for `--help-all`, which is prepared."""
+    app.help_formatter = DefaultFormatter() if ALL in tokens else UsualOptions()
+    return ["--help" if token == ALL else token for token in tokens]
 
 
 def _with_present_names(arguments: Sequence[str] | None) -> list[str]:

@@ -5,6 +5,7 @@ import errno
 import gzip
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -360,6 +361,23 @@ def test_help_loads_nothing_heavy(here):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
     assert "run" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["run", "slam", "simulate", "twin"])
+def test_the_whole_help_has_every_setting_and_the_short_one_says_how_many_more(command, capsys):
+    """Options in groups, such as --filter.match.hit-sigma, are those that few touch."""
+    call(command, "--help")
+    short = capsys.readouterr().out
+    call(command, "--help-all")
+    whole = capsys.readouterr().out
+    more = re.findall(r"--help-all +Shows (?:the )?(\d+) (?:more )?settings", short)
+    assert more
+    assert "--help-all" not in whole
+    # a setting begins in the first column of a panel; its --no- form and its parts continue there, indented
+    settings = re.findall(r"^│ --[a-z-]+", whole, flags=re.MULTILINE)
+    shown = [name for name in re.findall(r"^│ --[a-z-]+", short, flags=re.MULTILINE) if name != "│ --help-all"]
+    assert len(settings) - len(shown) == sum(map(int, more))
+    assert len(short.splitlines()) < 130
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
