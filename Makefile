@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # Byte code is kept, else each of the many processes of the tests would translate all packages again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint bench fuzz mutation nightly clean help
+.PHONY: run test lint docs bench fuzz mutation nightly clean help
 
 run: $(VENV)/.run  ## install, then simulate, map and score a run; the last line is the path of the report
 	$(BIN)/testbed run office
@@ -21,6 +21,10 @@ lint: $(VENV)/.lint  ## check style, types and import rules
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(VENV)/.docs  ## make a site of the documentation, with the API: build/site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --config-file tools/docs/site/mkdocs.yml
+	@echo $(CURDIR)/build/site/index.html
 
 bench: $(VENV)/.test  ## run the benchmarks, which are never part of the tests
 	$(BIN)/python -m pytest -m benchmark
@@ -45,7 +49,7 @@ clean:  ## remove the environment, all runs and built packages
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST)
 
-$(VENV)/.run $(VENV)/.test $(VENV)/.lint $(VENV)/.nightly: $(VENV)/.%: pyproject.toml | $(BIN)/python
+$(VENV)/.run $(VENV)/.test $(VENV)/.lint $(VENV)/.docs $(VENV)/.nightly: $(VENV)/.%: pyproject.toml | $(BIN)/python
 	$(PIP) install --editable '.$(if $(filter-out run,$*),[$*])'
 	touch $@
 
