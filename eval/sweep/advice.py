@@ -14,11 +14,11 @@ from eval.sweep.answer_words import likely_answer
 from eval.sweep.answers import answers
 from eval.sweep.decision import Decision
 from eval.sweep.job_times import duration_words, seconds_for_seeds
-from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, MIN_CHANCE, level_of, looks_for
+from eval.sweep.look_schedule import ADDING_LEVEL, MAX_SEEDS_UNTIL_DECIDED, MIN_CHANCE, level_of, looks_for
 from eval.sweep.margin import Margin
 from eval.sweep.outlook import bound_for, chance_words, rule_of_thumb
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import min_values
+from eval.sweep.statistics import LEVEL, min_values
 from eval.sweep.summary import SweepSummary
 
 PROBABLE = 0.5
@@ -51,7 +51,7 @@ def advice(summary: SweepSummary, directory: str, workers: int) -> list[Advice]:
         return []
     words = ["testbed", "sweep", "--out", directory]
     own = {place: decision for place, decision in open_answers.items() if place not in table.left}
-    found = _more_seeds(table, own, words, workers) if own else []
+    found = _more_seeds(summary, own, words, workers) if own else []
     ways = found + _ways_out(summary, open_answers, found)
     return ways + _taken_up_again(table, [place for place in open_answers if place in table.left], words, workers)
 
@@ -80,9 +80,11 @@ def _open_answers(summary: SweepSummary) -> dict[str, Decision]:
     }
 
 
-def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: list[str], workers: int) -> list[Advice]:
+def _more_seeds(
+    summary: SweepSummary, open_answers: dict[str, Decision], words: list[str], workers: int
+) -> list[Advice]:
     """Complete what is not computed yet; else add as many seeds as will probably tell, if any number does."""
-    bound = len(table.seeds)
+    table, bound, reopened = summary.table, len(summary.table.seeds), list[str]()
     going_on = [place for place in open_answers if not table.given_up([place], table.baseline)]
     status = table.columns["status"].astype(str)
     if np.isin(status, ("missing", "later")).any() and going_on:
@@ -92,14 +94,29 @@ def _more_seeds(table: SweepTable, open_answers: dict[str, Decision], words: lis
         chance = _chances(table, {place: open_answers[place] for place in going_on}, bound)
         found = [Advice("Go on", shlex.join(words), f"{text} {chance}".strip())]
         return found + _go_on_with_some(table, {place: open_answers[place] for place in going_on}, words, workers)
+    if not table.is_sequential:  # with several looks the intervals are wider, also for worlds that have their answer
+        table = replace(table, level=ADDING_LEVEL)
+        closed = set(table.places) - set(open_answers)
+        open_answers = _open_answers(SweepSummary(table, summary.groups))
+        reopened = [place for place in open_answers if place in closed]
     wanted = _wanted(open_answers, table)
     if wanted is None or wanted <= bound or table.seeds != tuple(range(bound)):
         return []
     places = [p for p, d in open_answers.items() if not _is_known(table, d) or _chance(d, wanted) >= MIN_CHANCE]
     text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(table, open_answers, wanted)}"
+    text += f" {_reopened(reopened, table.level)}" if reopened else ""
     number = [] if wanted == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(wanted)]
     title = f"Raise the limit to {wanted} seeds" if table.is_sequential else "Add seeds"
     return [Advice(title, shlex.join([*words, *number, "--until", "decided"]), text.strip())]
+
+
+def _reopened(places: Sequence[str], level: float) -> str:
+    """That worlds which have their answer from a single look are open again where several looks are taken."""
+    are = "is" if len(places) == 1 else "are"
+    return (
+        f"Looking several times takes {100.0 * level:.3g} % intervals instead of {100.0 * LEVEL:.0f} %, with which "
+        f"{' and '.join(places)} {are} open again; to keep this page, copy the directory."
+    )
 
 
 def _go_on_with_some(table: SweepTable, going_on: dict[str, Decision], words: list[str], workers: int) -> list[Advice]:
@@ -128,7 +145,8 @@ def _cost_of_looks(table: SweepTable, places: Sequence[str], bound: int, workers
         return f"The last look, with {bound} seeds, comes in about {most}."
     return (
         f"The next look, with {looks[0]} seeds, comes in about {first}. A world that is open then gets more, up to "
-        f"{bound} seeds (about {most} at most), while its chance of an answer is 10 % or more."
+        f"{bound} seeds (about {most} at most), while its chance of an answer is {100.0 * MIN_CHANCE:.0f} % or more. "
+        "Ctrl-C ends it at any time, with the answers of the last look."
     )
 
 
@@ -138,16 +156,17 @@ def _is_known(table: SweepTable, decision: Decision) -> bool:
 
 
 def _wanted(open_answers: dict[str, Decision], table: SweepTable) -> int | None:
-    """How many seeds to aim at: so many that every world that can be decided probably is; None if none can.
+    """The limit to offer: so many that every world that can be decided probably is, at least the usual limit.
 
-    Where none probably is, the usual limit, if a sweep with it would go on.
+    None if no world can be decided, and none would go on. A limit that is too high costs nothing: each world ends with
+    its answer, or where it hardly has a chance of one.
     """
     if any(not _is_known(table, decision) for decision in open_answers.values()):
         return MAX_SEEDS_UNTIL_DECIDED
     outlooks = [decision.outlook for decision in open_answers.values() if decision.outlook is not None]
-    probable = max((bound_for(outlook) for outlook in outlooks if outlook.high is not None), default=None)
+    probable = max((bound_for(outlook) for outlook in outlooks if outlook.high is not None), default=0)
     can_go_on = any(_chance(decision, MAX_SEEDS_UNTIL_DECIDED) >= MIN_CHANCE for decision in open_answers.values())
-    return probable or (MAX_SEEDS_UNTIL_DECIDED if can_go_on else None)
+    return max(probable, MAX_SEEDS_UNTIL_DECIDED) if probable or can_go_on else None
 
 
 def _chance(decision: Decision, seeds: int) -> float:

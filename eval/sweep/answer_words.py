@@ -305,7 +305,10 @@ def _chance_of_more(case: Case) -> str:
     bound, likely = len(table.seeds), likely_answer(decision, table.counts)
     if case.unit == "seed" and table.is_sequential and bound > decision.units and decision.kind == "undecided":
         return chance_sentence(decision.outlook, [look for look in looks_for(bound) if look > decision.units], likely)
-    return chance_sentence(decision.outlook, [bound_for(decision.outlook)], likely, case.unit)
+    wanted, usual = bound_for(decision.outlook), MAX_SEEDS_UNTIL_DECIDED
+    # beyond the usual limit the sentence says how many are needed
+    number = min(wanted, usual) if case.unit == "seed" and usual > decision.units else wanted
+    return chance_sentence(decision.outlook, [number], likely, case.unit)
 
 
 def likely_answer(decision: Decision, counts: Sequence[int]) -> str:

@@ -22,7 +22,7 @@ class Forecast:
     """What `testbed sweep --suggest` says for the drives of these worlds; both empty where it says nothing."""
 
     counts: str = ""
-    """`start with 11 in loop and with 7 in apartment; each is enough in 9 of 10 worlds like it`"""
+    """`start with about 11 in loop and about 7 in apartment; each is enough in 9 of 10 worlds like it`"""
     unlike: str = ""
     """Which drives are unlike those of the experiment, and in what."""
 
@@ -41,9 +41,9 @@ def suggested_counts(table: SweepTable) -> Forecast:
     chances = {place: of_ten(model.chance(at, starts[place])) for place, at in usual.items()}
     if len(set(chances.values())) == 1:
         each = f"{'each is ' if len(chances) > 1 else ''}enough in {next(iter(chances.values()))} worlds like it"
-        counts = f"start with {_listed(f'{starts[place]} in {place}' for place in drives)}; {each}"
+        counts = f"start with {_listed(f'about {starts[place]} in {place}' for place in drives)}; {each}"
     else:
-        words = (f"{starts[place]} in {place} (enough in {chances[place]} worlds like it)" for place in drives)
+        words = (f"about {starts[place]} in {place} (enough in {chances[place]} worlds like it)" for place in drives)
         counts = f"start with {_listed(words)}"
     unlike = (_unlike(model, place, own) for place, own in drives.items())
     return Forecast(counts, " ".join(filter(None, unlike)))

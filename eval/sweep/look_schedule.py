@@ -2,7 +2,8 @@
 """When a sweep that adds seeds looks at its results, and which confidence level each look uses.
 
 J looks would give J chances of a wrong answer, so each uses intervals of the level 1 - 0.05 / J: by Bonferroni's bound
-all looks together are wrong in at most 5 % of cases.
+all looks together are wrong in at most 5 % of cases. J is that of the usual limit also where a lower one was set: so a
+limit can be raised, and a sweep stopped at any look, without a change to the answers that it has given.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ SEEDS_PER_LOOK = 8
 """Number of seeds between two looks."""
 MAX_SEEDS_UNTIL_DECIDED = 40
 """Upper bound of the seeds where none is given."""
+USUAL_LOOKS = MAX_SEEDS_UNTIL_DECIDED // SEEDS_PER_LOOK
+"""Number of looks up to that bound."""
 
 
 def looks_for(count: int) -> tuple[int, ...]:
@@ -32,7 +35,7 @@ def looks_for(count: int) -> tuple[int, ...]:
 
 def level_of(looks: tuple[int, ...]) -> float:
     """Confidence level of the intervals at each of so many looks, so that all together keep `LEVEL`."""
-    return 1.0 - (1.0 - LEVEL) / len(looks)
+    return 1.0 - (1.0 - LEVEL) / max(len(looks), USUAL_LOOKS)
 
 
 MIN_CHANCE = 0.1

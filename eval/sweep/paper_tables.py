@@ -170,8 +170,8 @@ def figure_caption(summary: SweepSummary) -> str:
     each = f" ({_runs_of(numbers)})" if len(numbers) <= MAX_NAMED else ""
     return (
         f"{measure.words[0].upper()}{measure.words[1:]} of {measure.estimate_is}, above that with {largest} particles "
-        f"on the same data, by number of particles. Dots: runs{each}; large marks: {what} Margin: "
-        f"{margin_words(summary)}."
+        f"on the same data, by number of particles. Dots: runs{each}; large marks: {what} Triangles "
+        f"and arrow heads: beyond the axis. Margin: {margin_words(summary)}."
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from eval.sweep.answer_words import MIN_INSIDE, difference_words, particles
 from eval.sweep.decision import State
 from eval.sweep.final_pass import after_the_final_pass
-from eval.sweep.look_schedule import MIN_CHANCE
+from eval.sweep.look_schedule import MIN_CHANCE, USUAL_LOOKS
 from eval.sweep.margin import Margin, parse_margin, share_words
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL, Interval, min_values
@@ -151,10 +151,13 @@ def look_rule(table: SweepTable) -> str:
     looks = table.looks
     if not looks:
         return ""
+    *earlier, last = map(str, looks)
+    after = f"{', '.join(earlier)} and {last}" if earlier else last
+    times = f"up to {len(looks)} times" if earlier else "once"
     return (
-        f"The results are looked at up to {len(looks)} times (after {', '.join(map(str, looks[:-1]))} and {looks[-1]} "
-        f"seeds). Each look uses {100.0 * table.level:.3g} % intervals, so that for each world the answers of all "
-        f"looks together hold with {100.0 * LEVEL:.0f} % confidence (Bonferroni). A world gets no more seeds once it "
+        f"The results are looked at {times} (after {after} seeds). Each look uses {100.0 * table.level:.3g} % "
+        f"intervals, so that for each world the answers of up to {max(len(looks), USUAL_LOOKS)} looks together hold "
+        f"with {100.0 * LEVEL:.0f} % confidence (Bonferroni). A world gets no more seeds once it "
         f"has an answer, or where the chance of one is below {100.0 * MIN_CHANCE:.0f} %. "
         f"{_present_look(table)}{_left_words(table)}"
     )

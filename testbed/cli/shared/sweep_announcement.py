@@ -99,7 +99,7 @@ def announce(work: Work, execution: Execution, *, is_plan: bool = False) -> JobT
 def _size(work: Work) -> str:
     total, left = work.spec.size, len(work.all_cells)
     needless = total - left - work.finished if work.spec.until else 0  # else jobs that are missing are other shards'
-    reason = f", {needless} are not needed: their world has an answer or was given up"
+    reason = f", {needless} are not needed: their world has an answer, hardly a chance of one, or was given up"
     words = f"{work.finished} of {total} are done{reason if needless else ''}"
     done = f" ({words})" if work.finished else ""
     if work.spec.until and len(work.cells) < left:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 
 from eval.sweep.look_schedule import level_of, looks_for
 from eval.sweep.margin import parse_margin
+from eval.sweep.statistics import LEVEL
 from testbed.sweep.errors import SweepError
 from testbed.sweep.spec.seeds import MAX_SEED, MAX_SEEDS, parse_seeds, seeds_of_count
 from testbed.sweep.spec.settings import FILES, Value, checked
@@ -237,7 +238,7 @@ class SweepSpec(BaseModel):
     @property
     def level(self) -> float:
         """Confidence level of the intervals at each look, so that all looks together keep `LEVEL`."""
-        return level_of(self.looks)
+        return level_of(self.looks) if self.until else LEVEL
 
     def refines(self, line: Line, particles: int) -> bool:
         """Whether runs of a line with so many particles end with the final pass.

@@ -24,7 +24,7 @@ def test_the_forecast_of_a_count_needs_features_and_the_default_filter(tmp_path,
     table.columns.update({f"features.{name}": np.full(table.shape, value) for name, value in FEATURES.items()})
     model = shipped_model()
     start = model.start(predictors_of(FEATURES))
-    words = f"start with {start} in hall_a and {start} in cave; each is enough in 9 of 10 worlds like it"
+    words = f"start with about {start} in hall_a and about {start} in cave; each is enough in 9 of 10 worlds like it"
     assert suggested_counts(table) == Forecast(words)
 
 

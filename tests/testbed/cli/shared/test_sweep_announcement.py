@@ -18,7 +18,8 @@ from testbed.sweep.spec.spec import parse_spec
         (
             8,
             24,
-            "at most 24 in all (8 of 64 are done, 32 are not needed: their world has an answer or was given up): loop",
+            "at most 24 in all (8 of 64 are done, 32 are not needed: their world has an answer, hardly a chance of "
+            "one, or was given up): loop",
         ),
         (8, 56, "at most 56 in all (8 of 64 are done): loop"),
     ],
