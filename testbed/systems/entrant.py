@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from testbed.frame import Frame
+from testbed.systems.errors import SystemsError
 from testbed.systems.feeding import Cost, Estimated, Step, feed
-from testbed.systems.finding import make_system, settings_of, short_name
+from testbed.systems.finding import BUILT_IN_PROGRAMS, make_system, settings_of, short_name
 from testbed.systems.program import DatasetFormat, Program, program_name
 
 
@@ -55,8 +58,22 @@ class PythonSystem:
 
 
 def entrant_of(text: str, log_format: DatasetFormat = "rosbag2") -> PythonSystem | Program:
-    """Return the system of a text: a command where `{dataset}` is in it, else a name or FILE.py:CLASS."""
-    return Program(command=text, log_format=log_format) if "{dataset}" in text else PythonSystem(text)
+    """Return the system of a text: a command where `{dataset}` is in it, else a name or FILE.py:CLASS.
+
+    Raises SystemsError for a program that is not installed.
+    """
+    if "{dataset}" in text:
+        return Program(command=text, log_format=log_format)
+    return built_in_program(text) if text in BUILT_IN_PROGRAMS else PythonSystem(text)
+
+
+def built_in_program(name: str) -> Program:
+    """Return a program that the package knows by name; raises SystemsError where it is not installed."""
+    known = BUILT_IN_PROGRAMS[name]
+    if not known.is_installed:
+        raise SystemsError(f"{name}: needs {known.program}: {known.install_command}")
+    command = f"{shlex.quote(sys.executable)} {known.command}"
+    return Program(command=command, log_format="parquet", label=name, version=known.version)
 
 
 def name_of(text: str) -> str:

@@ -7,6 +7,8 @@ import dataclasses
 import importlib
 import importlib.util
 import re
+import shutil
+import subprocess
 import sys
 import traceback
 from collections.abc import Iterable, Mapping
@@ -66,6 +68,54 @@ BUILT_IN = {
 
 
 @dataclass(frozen=True)
+class BuiltInProgram:
+    """A program of others that the package knows how to run, see `testbed.systems.program`."""
+
+    command: str
+    """Words after the Python interpreter, with `{dataset}`, `{out}` and `{seed}`."""
+    summary: str
+    program: str
+    """The program that is called in the end."""
+    package: str
+    """Debian's package that holds it."""
+
+    @property
+    def is_installed(self) -> bool:
+        """Whether the program is there."""
+        return shutil.which(self.program) is not None
+
+    @property
+    def install_command(self) -> str:
+        """The command that installs it."""
+        return f"apt-get install {self.package}"
+
+    @property
+    def version(self) -> str:
+        """Version of the package, where Debian's tools are there."""
+        query = ["dpkg-query", "--show", "--showformat=${Version}", self.package]
+        try:
+            found = subprocess.run(query, capture_output=True, text=True, check=False)
+        except OSError:
+            return "unknown"
+        return f"{self.package} {found.stdout}" if found.returncode == 0 else "unknown"
+
+
+BUILT_IN_PROGRAMS = {
+    name: BuiltInProgram(
+        command=f"-m testbed.systems.mrpt {program} {{dataset}} {{out}} {{seed}}",
+        summary=summary,
+        program=program,
+        package="mrpt-apps",
+    )
+    for name, program, summary in (
+        ("mrpt-icp", "icp-slam", "ICP with a map of points (MRPT)"),
+        ("mrpt-rbpf", "rbpf-slam", "Rao-Blackwellised particle filter with optimal sampling (MRPT)"),
+    )
+}
+"""Programs that the package knows by name."""
+
+
+@dataclass(frozen=True)
 class Listed:
     """A system in the list."""
 
@@ -78,6 +128,9 @@ class Listed:
 def listed() -> list[Listed]:
     """Return the systems of the package and those that other packages announce."""
     own = [Listed(name, b.summary, "" if b.is_installed else install_command(b)) for name, b in BUILT_IN.items()]
+    own += [
+        Listed(name, b.summary, "" if b.is_installed else b.install_command) for name, b in BUILT_IN_PROGRAMS.items()
+    ]
     return own + [Listed(point.name, point.value) for point in entry_points(group=GROUP)]
 
 
@@ -100,13 +153,15 @@ def find_system(text: str) -> SystemClass:
             raise SystemsError(f"{text}: needs {', '.join(entry.modules)}: {install_command(entry)}")
         module, _, name = entry.target.partition(":")
         return _checked(text, getattr(importlib.import_module(module), name))
+    if text in BUILT_IN_PROGRAMS:
+        raise SystemsError(f"{text}: is a program, which has no class: expected it after --system")
     points = {point.name: point for point in entry_points(group=GROUP)}
     if text in points:
         try:
             return _checked(text, points[text].load())
         except Exception as error:
             raise SystemsError(f"{text}: cannot be loaded: {describe(error)}") from error
-    names = ", ".join([*BUILT_IN, *points])
+    names = ", ".join([*BUILT_IN, *BUILT_IN_PROGRAMS, *points])
     raise SystemsError(f"system {text!r}: unknown, expected one of {names}, or FILE.py:CLASS")
 
 

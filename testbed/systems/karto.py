@@ -22,6 +22,7 @@ from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose
 from testbed.frame import Frame
+from testbed.systems.even_beams import evenly_spaced
 from testbed.systems.protocol import Lidar
 
 MIN_BEAMS = 10
@@ -150,15 +151,8 @@ def _pose(taken: Any, mount: tuple[float, float, float]) -> Pose:
 
 
 def _even(scan: Scan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ranges and evenly spaced, increasing angles; what states no distance gets a range beyond the limit.
-
-    Each evenly spaced beam takes the reading of the nearest beam of the scan.
-    """
-    order = np.argsort(scan.angles, kind="stable")
-    angles = scan.angles[order]
+    """Ranges and evenly spaced, increasing angles; what states no distance gets a range beyond the limit."""
+    beams, angles = evenly_spaced(scan)
     stated = scan.hit | (scan.no_return & np.isfinite(scan.ranges))
-    ranges = np.where(stated, scan.ranges, scan.range_max + BEYOND)[order]
-    even = np.linspace(angles[0], angles[-1], len(angles))
-    after = np.clip(np.searchsorted(angles, even), 1, len(angles) - 1)
-    nearest = np.where(even - angles[after - 1] <= angles[after] - even, after - 1, after)
-    return ranges[nearest], even
+    ranges = np.where(stated, scan.ranges, scan.range_max + BEYOND)
+    return ranges[beams], angles

@@ -59,6 +59,9 @@ class Program:
     """Limit of the resident memory of all its processes [MB]; None = none."""
     keep_log: Path | None = None
     """Directory in which `program.log`, all that the program prints, is kept; None = it is not kept."""
+    label: str = ""
+    """Name of its directory and in tables, if it is not that of the program."""
+    version: str = "unknown"
 
     def __post_init__(self) -> None:
         for place in ("{dataset}", "{out}"):
@@ -79,12 +82,12 @@ class Program:
     @property
     def name(self) -> str:
         """Name of its directory and in tables."""
-        return program_name(self.command)
+        return self.label or program_name(self.command)
 
     def facts(self) -> dict[str, Any]:
         """Name, version and settings, for `config.toml`."""
         settings = {"command": self.command, "format": self.log_format, "time_limit": self.seconds}
-        return {"name": self.name, "version": "unknown", "settings": settings | {"memory_limit": self.megabytes}}
+        return {"name": self.name, "version": self.version, "settings": settings | {"memory_limit": self.megabytes}}
 
     def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
         """Write the recording, run the program, and read what it left; SystemFailedError where that fails."""

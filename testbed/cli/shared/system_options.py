@@ -21,10 +21,10 @@ from testbed.cli.shared.status import GATE_FAILED, USAGE_ERROR
 from testbed.frame import Frame
 from testbed.run.run_directory import RunDirectory
 from testbed.settings.estimator import EstimatorOptions
-from testbed.systems.entrant import Entrant, PythonSystem
+from testbed.systems.entrant import Entrant, PythonSystem, built_in_program
 from testbed.systems.errors import SystemFailedError, SystemsError
 from testbed.systems.execute import Recorded, execute_system
-from testbed.systems.finding import check_names, make_system, settings_of
+from testbed.systems.finding import BUILT_IN_PROGRAMS, check_names, make_system, settings_of
 from testbed.systems.program import DatasetFormat, Program
 
 SYSTEM_GROUP = Group("SLAM systems (instead of the filter of this package)", sort_key=12)
@@ -71,20 +71,24 @@ class SystemOptions:
 
         shared: further settings, which go to the systems that have them. Raises SystemsError.
         """
-        entrants = [PythonSystem(text, _own_settings(text, estimator, shared or {})) for text in self.texts]
-        found: list[Entrant] = [*_with_values(entrants, self.system_set), *map(self._program, self.system_command)]
+        classes = [
+            PythonSystem(text, _own_settings(text, estimator, shared or {}))
+            for text in self.texts
+            if text not in BUILT_IN_PROGRAMS
+        ]
+        made: dict[str, Entrant] = {entrant.text: entrant for entrant in _with_values(classes, self.system_set)}
+        made |= {text: self._limited(built_in_program(text)) for text in self.texts if text in BUILT_IN_PROGRAMS}
+        found = [made[text] for text in self.texts]
+        found += [
+            self._limited(Program(command=command, log_format=self.system_format)) for command in self.system_command
+        ]
         check_names(entrant.name for entrant in found)
         for entrant in found:
             entrant.facts()
         return found
 
-    def _program(self, command: str) -> Program:
-        return Program(
-            command=command,
-            log_format=self.system_format,
-            seconds=self.system_time_limit,
-            megabytes=self.system_memory_limit,
-        )
+    def _limited(self, program: Program) -> Program:
+        return replace(program, seconds=self.system_time_limit, megabytes=self.system_memory_limit)
 
     def check_other_options(self, output: OutputOptions, *, explores: bool = False) -> None:
         """Raise ValueError for options that look into the filter of this package."""

@@ -9,7 +9,7 @@ import pytest
 
 from testbed.systems.check import check_system
 from testbed.systems.entrant import PythonSystem
-from testbed.systems.finding import BUILT_IN
+from testbed.systems.finding import BUILT_IN, BUILT_IN_PROGRAMS
 from tests.shell import call
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -40,4 +40,4 @@ def test_the_smallest_system_of_the_page_passes_the_check(tmp_path):
 
 def test_the_page_names_all_systems_of_the_package():
     table = PAGE[PAGE.index("| name | what it is |") :].split("\n\n")[0]
-    assert set(re.findall(r"^\| `([\w-]+)`", table, re.MULTILINE)) == set(BUILT_IN)
+    assert set(re.findall(r"^\| `([\w-]+)`", table, re.MULTILINE)) == {*BUILT_IN, *BUILT_IN_PROGRAMS}

@@ -10,6 +10,7 @@ from testbed.systems import finding
 from testbed.systems.errors import SystemsError
 from testbed.systems.finding import (
     BUILT_IN,
+    BUILT_IN_PROGRAMS,
     BuiltIn,
     file_of,
     find_system,
@@ -120,7 +121,7 @@ def test_systems_of_other_packages_are_found_by_entry_point(monkeypatch):
     ]
     monkeypatch.setattr(finding, "entry_points", lambda group: points if group == finding.GROUP else [])
     assert make_system("theirs").name == "odometry"
-    assert [system.name for system in listed()] == [*BUILT_IN, "theirs", "gone"]
+    assert [system.name for system in listed()] == [*BUILT_IN, *BUILT_IN_PROGRAMS, "theirs", "gone"]
     with pytest.raises(SystemsError, match="gone: cannot be loaded: ModuleNotFoundError"):
         find_system("gone")
 
