@@ -33,13 +33,14 @@ from eval.sweep.statistics import bootstrap_interval
 from eval.sweep.systems_page import failures_text
 from eval.trajectory.trajectory import Trajectory
 from testbed.formats import open_log
-from testbed.systems.finding import BUILT_IN, make_system
+from testbed.systems.entrant import entrant_of
+from testbed.systems.finding import BUILT_IN, BUILT_IN_PROGRAMS
 from testbed.toml import dump_toml
 from tools.measure.real_logs import CASES
 from tools.pages import DOCS, write_table
 
 PAGE = DOCS / "leaderboard.md"
-DRAW_NUMBERS = ("gmapping",)
+DRAW_NUMBERS = ("gmapping", "mrpt-rbpf")
 """Systems whose result depends on the seed: they get several seeds on each log."""
 PARTICLES = 30
 NOT_HERE = ("localization",)
@@ -177,7 +178,7 @@ def _median(values: np.ndarray, shape: str) -> str:
 def version_of(line: str) -> str:
     """Version of a system of the package; empty where it cannot be made here."""
     try:
-        return str(make_system(line, {}).version)
+        return str(entrant_of(line).facts()["version"])
     except ValueError:
         return ""
 
@@ -192,7 +193,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
-    installed = [name for name, entry in BUILT_IN.items() if entry.is_installed and name not in NOT_HERE]
+    installed = [
+        name for name, entry in (BUILT_IN | BUILT_IN_PROGRAMS).items() if entry.is_installed and name not in NOT_HERE
+    ]
     systems = _words(options.systems) or installed
     places = [] if options.worlds == "none" else _words(options.worlds) or sorted(worlds.catalogue())
     there = [name for name, case in CASES.items() if case.log.is_file()]
