@@ -20,7 +20,8 @@ from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose, wrap_angle
 
-COLOURS = ("#1864ab", "#e67700", "#2b8a3e", "#9c36b5", "#0b7285", "#c92a2a", "#846358", "#868e96")
+COLOURS = ("#1864ab", "#e67700", "#9c36b5", "#c92a2a", "#0b7285", "#846358", "#e64980", "#868e96")
+"""Of runs; no green, which is the truth's in recordings."""
 MIN_COMMON_SHARE = 0.5
 """Two recordings are the same if so many of the stamps of the shorter one occur in both, with equal poses."""
 EQUAL = 1e-6
@@ -54,7 +55,7 @@ def _agree(first: Trajectory, second: Trajectory) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class _Aligned:
+class Aligned:
     """A run's path in the frame that all runs are drawn in."""
 
     name: str
@@ -67,7 +68,7 @@ class _Aligned:
     """Stamps of the errors [s]."""
 
 
-def _aligned(runs: NamedRuns) -> list[_Aligned]:
+def aligned_runs(runs: NamedRuns) -> list[Aligned]:
     """The runs that have a path, each aligned with the truth, without one with the path of the first run."""
     truth = next((run.truth for _, run in runs if run.truth is not None), None)
     first = next((run.estimate for _, run in runs if run.estimate is not None), None)
@@ -83,13 +84,13 @@ def _aligned(runs: NamedRuns) -> list[_Aligned]:
         errors = absolute_error(matched, "se2")
         T = errors.alignment.T_reference_estimate
         known = None if truth is None else errors
-        found.append(_Aligned(name, run, colour_of(number), T, known, matched.estimate.stamps))
+        found.append(Aligned(name, run, colour_of(number), T, known, matched.estimate.stamps))
     return found
 
 
 def path_plots(runs: NamedRuns) -> Iterator[Plot]:
     """All trajectories over one map, and the error of each over time; nothing where fewer than two runs have a path."""
-    aligned = _aligned(runs)
+    aligned = aligned_runs(runs)
     if len(aligned) < 2:
         return
     truth = next((run.truth for _, run in runs if run.truth is not None), None)
@@ -124,7 +125,7 @@ def path_plots(runs: NamedRuns) -> Iterator[Plot]:
     )
 
 
-def _background(runs: NamedRuns, aligned: Sequence[_Aligned]) -> tuple[Picture | None, str]:
+def _background(runs: NamedRuns, aligned: Sequence[Aligned]) -> tuple[Picture | None, str]:
     """A map to draw the paths over, and a phrase that names it: the true one, else that of the first run with one."""
     truth = _true_map(runs)
     if truth is not None:
@@ -142,7 +143,7 @@ def _true_map(runs: NamedRuns) -> OccupancyGrid | None:
 
 def map_plots(runs: NamedRuns) -> Iterator[Plot]:
     """The true map, and each map in its frame; nothing where no run has a map."""
-    drawn = [path for path in _aligned(runs) if path.run.grid is not None and path.run.grid.known.any()]
+    drawn = [path for path in aligned_runs(runs) if path.run.grid is not None and path.run.grid.known.any()]
     if not drawn:
         return
     truth = _true_map(runs)
@@ -162,7 +163,7 @@ def difference_plots(runs: NamedRuns) -> Iterator[Plot]:
     if truth is None:
         return
     around = frame_around(truth, np.zeros(3), [], 1.0)
-    for path in _aligned(runs):
+    for path in aligned_runs(runs):
         grid = path.run.grid
         if grid is not None and grid.known.any():
             picture = draw_difference(grid, truth, around, path.T_frame_estimate)

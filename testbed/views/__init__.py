@@ -11,9 +11,10 @@ from testbed.views.opening import (
     open_view,
     record_frames,
     record_side_by_side,
+    record_systems,
     recording_of,
 )
-from testbed.views.view import FinalLoop, NullView, Proposal, Scene, Snapshot, View, ViewOptions
+from testbed.views.view import FinalLoop, NullView, Proposal, Scene, Snapshot, SystemLayer, View, ViewOptions
 
 __all__ = [
     "FinalLoop",
@@ -23,6 +24,7 @@ __all__ = [
     "Proposal",
     "Scene",
     "Snapshot",
+    "SystemLayer",
     "View",
     "ViewOptions",
     "events_of",
@@ -32,5 +34,6 @@ __all__ = [
     "open_view",
     "record_frames",
     "record_side_by_side",
+    "record_systems",
     "recording_of",
 ]

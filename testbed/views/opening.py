@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from testbed.frame import Frame
 from testbed.views.live import programs
-from testbed.views.view import NullView, Scene, View, ViewOptions
+from testbed.views.view import NullView, Scene, SystemLayer, View, ViewOptions
 
 if TYPE_CHECKING:
     from testbed.views.rerun.moment_picture import MomentPictures
@@ -72,6 +72,13 @@ def record_frames(recording: Path, frames: Iterable[Frame], scene: Scene) -> Non
     from testbed.views.rerun.frames_recording import write_frames
 
     write_frames(recording, frames, scene)
+
+
+def record_systems(recording: Path, frames: Iterable[Frame], layers: Sequence[SystemLayer], scene: Scene) -> None:
+    """Write what several systems made of a drive as one recording, see `testbed.views.rerun.systems_recording`."""
+    from testbed.views.rerun.systems_recording import write_systems
+
+    write_systems(recording, frames, layers, scene)
 
 
 def record_side_by_side(recording: Path, runs: Sequence[tuple[str, Path]]) -> None:

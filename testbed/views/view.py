@@ -49,6 +49,22 @@ class Scene:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SystemLayer:
+    """What one of several systems made of a drive, in the frame that all are drawn in: the world's, if it is known."""
+
+    name: str
+    colour: tuple[int, int, int]
+    rows: NDArray[np.intp]
+    """Numbers of the scans that it has poses at, increasing, (poses,)."""
+    poses: Pose
+    """Its poses there, (poses, 3)."""
+    errors: NDArray[np.float64] | None = None
+    """Distances from the truth at these scans [m], NaN = unknown, (poses,); None where there is no truth."""
+    grid: OccupancyGrid | None = None
+    """Its final map, if it has one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Proposal:
     """Lines 4 to 21 of Algorithm 1 for the best particle, in the map's frame."""
 

@@ -25,7 +25,10 @@ from testbed.systems.entrant import Entrant, PythonSystem, built_in_program
 from testbed.systems.errors import SystemFailedError, SystemsError
 from testbed.systems.execute import Recorded, execute_system
 from testbed.systems.finding import BUILT_IN_PROGRAMS, check_names, make_system, settings_of
+from testbed.systems.layers import layers_of
 from testbed.systems.program import DatasetFormat, Program
+from testbed.views import Scene, record_systems
+from testbed.views.opening import RECORDING
 
 SYSTEM_GROUP = Group("SLAM systems (instead of the filter of this package)", sort_key=12)
 
@@ -155,12 +158,31 @@ def compare_systems(
     for system, metrics in found.items():
         for note in metrics["notes"]:
             console.print(f"note: {system}: {note}", soft_wrap=True, markup=False)
+    if recording := _record(list(found), recorded, document, root):
+        results.print(f"recording: {recording.resolve()}")
     if found and len(entrants) > 1:
         shown = [root / entrant.name for entrant in entrants]
         results.print(f"comparison: {write_comparison(shown, root / 'comparison.html').resolve()}")
     for system in found:
         results.print(f"report: {(root / system / 'report.html').resolve()}")
     return USAGE_ERROR if failed else GATE_FAILED if broken else 0
+
+
+def _record(found: list[str], recorded: Recorded, document: Mapping[str, Any], root: Path) -> Path | None:
+    """Write what all systems made of the drive as one recording; None where none has a path that can be drawn.
+
+    found: names of the systems that have a result
+    """
+    layers = layers_of([root / system for system in found], recorded.frames)
+    if not layers:
+        return None
+    settings = document["settings"]
+    title = f"{Path(str(settings.get('world', settings.get('log', root)))).name}: {', '.join(found)}"
+    with progress_line() as line:
+        line.stage("recording")
+        scene = Scene(title=title, true_map=recorded.reference.grid)
+        record_systems(root / RECORDING, recorded.frames, layers, scene)
+    return root / RECORDING
 
 
 def _run_one(

@@ -58,6 +58,9 @@ FINAL_LOOPS = ("closed_by_filter", "left_open", "rejected")
 FINAL_TRUTH = "/final_truth/path"
 """The whole true path, in the world's frame."""
 
+SYSTEMS = "/world/systems"
+"""Parent of the layers of the systems that process one drive (see `system`)."""
+
 POSITION_ERROR = "/metrics/position_error"
 ANOTHER_BEST = "/metrics/position_error/another_best"
 ANOTHER_BEST_EVENT = "another particle became the best"
@@ -89,3 +92,8 @@ def square(parent: str, index: tuple[int, int]) -> str:
 def block(parent: str, number: int) -> str:
     """A block of a path by its number."""
     return f"{parent}/block_{number}"
+
+
+def system(parent: str, name: str) -> str:
+    """What belongs to one of several systems; the name is that of its directory, of letters, digits and ``._-``."""
+    return f"{parent}/{name}"

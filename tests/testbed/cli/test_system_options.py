@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from eval.files.tum import read_tum
+from testbed.views import recording_of
+from testbed.views.rerun import entities
 from tests.cheaper import undrawn
 from tests.shell import assert_refused, call
 from tests.testbed.cli.test_cli import room_log
+from tests.testbed.views.shown_map import rows
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 SYSTEM = """
@@ -62,6 +65,21 @@ def test_all_systems_see_one_drive(compared):
     assert (
         metrics_of(odometry)["trajectory"]["ate_rmse_m"] == metrics_of(odometry)["trajectory"]["odometry"]["ate_rmse_m"]
     )
+
+
+def test_the_recording_holds_all_systems_in_the_frame_of_the_truth(compared):
+    recording = recording_of(compared / "all")
+    assert recording is not None
+    truth = rows(recording, entities.TRUE_ROBOT, "Transform3D:translation")
+    for name in ("gmapping", "odometry", "scan-matching"):
+        robot = rows(recording, f"{entities.SYSTEMS}/{name}/robot", "Transform3D:translation")
+        apart = np.array([value[0][:2] for _, value in robot]) - [value[0][:2] for _, value in truth]
+        rmse = metrics_of(compared / "all" / name)["trajectory"]["ate_rmse_m"]
+        assert np.sqrt((apart**2).sum(axis=1).mean()) == pytest.approx(rmse, abs=1e-5)
+        errors = rows(recording, f"{entities.POSITION_ERROR}/{name}", "Scalars:scalars")
+        assert np.sqrt(np.mean([value[0] ** 2 for _, value in errors])) == pytest.approx(rmse, abs=1e-5)
+    assert rows(recording, f"{entities.SYSTEMS}/gmapping/map", "GridMap:translation", static=True)
+    assert not rows(recording, f"{entities.SYSTEMS}/odometry/map", "GridMap:translation", static=True)
 
 
 def test_scoring_against_the_directory_of_all_names_one_of_them(compared, capsys):
