@@ -7,9 +7,11 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from eval.sweep.job_times import REPORT_SECONDS, duration_words
@@ -17,6 +19,7 @@ from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.output import FLAG
 from testbed.cli.shared.status import INTERRUPTED
 from testbed.cli.shared.sweep_options import EXECUTION, SYSTEMS_PARTICLES, Execution
+from testbed.formats import open_log
 from testbed.run.run_directory import default_directory
 from testbed.stress.table import PERTURBATIONS, Perturbation, find
 from testbed.survival.stress import StressTest, Trial
@@ -43,8 +46,11 @@ REPORT_EVERY = 30.0
 class StressOptions:
     """What is tested, and on which drives."""
 
-    worlds: str
+    worlds: str | None = None
     """Worlds, separated by commas; generated:rooms*5 stands for 5 generated worlds."""
+    log: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
+    """A recorded log or dataset directory instead of worlds, with what is known of the truth where it does not hold
+    that: LOG, LOG,relations=FILE or LOG,truth=FILE. May be repeated."""
     perturbations: str | None = None
     """Names from docs/stress.md, separated by commas. Default: all."""
     seeds: str = "5"
@@ -53,20 +59,32 @@ class StressOptions:
     """A program as a further system, such as 'my_slam {dataset} {out}', see docs/systems.md. May be repeated."""
     particles: int = SYSTEMS_PARTICLES
     """Particles of the systems that are made of the filter of this package."""
-    duration: float = DURATION
-    """Longest simulated time of a drive [s]."""
+    duration: float | None = None
+    """Longest simulated time of a drive [s], default: 120. Logs are run as a whole."""
     set: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME=VALUE: a setting of all runs, as in sweeps, such as lidar=lds01 or odometry.grade=good. May be repeated."""
 
+    def check_drives(self) -> None:
+        """Raise ValueError unless either worlds or logs are named."""
+        if (self.worlds is None) == (not self.log):
+            raise ValueError("expected either --worlds or --log")
+        if self.log and self.duration is not None:
+            raise ValueError("--duration: logs are run as a whole, expected it with --worlds only")
+
     @property
     def chosen(self) -> list[Perturbation]:
-        """The perturbations. Raises ValueError for an unknown name."""
+        """The perturbations. Raises ValueError for an unknown name, or one that needs a truth that is not there."""
+        truthless = [name for name, needed in self._truthless.items() if needed]
         if self.perturbations is None:
-            return list(PERTURBATIONS.values())
+            return [row for row in PERTURBATIONS.values() if not (row.needs_truth and truthless)]
         names = list(dict.fromkeys(word.strip() for word in self.perturbations.split(",") if word.strip()))
         if not names:
             raise ValueError("--perturbations: is empty, expected names such as drop-scans")
-        return [find(name) for name in names]
+        found = [find(name) for name in names]
+        for row in found:
+            if row.needs_truth and truthless:
+                raise ValueError(f"{row.name}: needs the true pose at each scan, which {truthless[0]} does not have")
+        return found
 
     def specification(self, systems: str) -> SweepSpec:
         """The sweep over the systems on the drives as they are."""
@@ -74,21 +92,68 @@ class StressOptions:
         if "perturb" in settings:
             raise SweepError("--set perturb: is chosen by the stress test, expected --perturbations")
         names = [word.strip() for word in systems.split(",") if word.strip()] + list(self.system_command)
+        drives: dict[str, Any] = {"logs": self._sources}
+        if self.worlds is not None:
+            drives = {"worlds": expand_names(self.worlds)}
+            settings = {"route": "random", "duration": self.duration or DURATION, **settings}
         document = {
-            "worlds": expand_names(self.worlds),
+            **drives,
             "seeds": self.seeds,
             "particles": [self.particles],
             "axes": {"system": names},
-            "settings": {"route": "random", "duration": self.duration, **settings},
+            "settings": settings,
         }
         return parse_spec(document, "command line", Path())
+
+    @property
+    def _sources(self) -> list[dict[str, str]]:
+        """The logs as a specification has them."""
+        return [source_of(text) for text in self.log]
+
+    @cached_property
+    def _truthless(self) -> dict[str, bool]:
+        """Whether a log lacks the true pose of a scan, by its name. Raises ValueError for one without any reference."""
+        found = {}
+        for source in self._sources:
+            lacks = "truth" not in source and not has_truth(source["log"])
+            if lacks and "relations" not in source:
+                raise ValueError(
+                    f"{source['log']}: holds no truth to tell failures by, expected "
+                    f"--log {source['log']},relations=FILE or truth=FILE"
+                )
+            found[source["log"]] = lacks
+        return found
+
+
+STRESS = StressOptions()
+
+
+def source_of(text: str) -> dict[str, str]:
+    """Read LOG, LOG,relations=FILE or LOG,truth=FILE as the entry of a log in a specification.
+
+    Raises ValueError for other text.
+    """
+    log, *references = text.split(",")
+    source = {"log": str(Path(log).resolve())}
+    for reference in references:
+        kind, _, file = reference.partition("=")
+        if kind not in ("relations", "truth") or not file:
+            raise ValueError(f"--log {text}: expected LOG, LOG,relations=FILE or LOG,truth=FILE")
+        source[kind] = str(Path(file).resolve())
+    return source
+
+
+def has_truth(log: str) -> bool:
+    """Whether a log holds the true pose at each scan."""
+    table = open_log(Path(log)).table
+    return bool(np.isfinite(table.truth[table.scan_rows]).all())
 
 
 def stress(
     systems: str,
     /,
     *,
-    options: StressOptions,
+    options: StressOptions = STRESS,
     out: Path | None = None,
     execution: Execution = EXECUTION,
     plan: Annotated[bool, FLAG] = False,
@@ -106,6 +171,7 @@ def stress(
     """
     if execution.shard is not None:
         raise SweepError("--shard: expected none, since each run depends on the ones before")
+    options.check_drives()
     chosen, spec = options.chosen, options.specification(systems)
     announce_compilation()
     if plan:
@@ -188,7 +254,7 @@ def _print_plan(spec: SweepSpec, chosen: list[Perturbation], out: Path | None, e
     turns = len(cells) // len(lines)
     each = turns * (1 + len(chosen))
     results.print(
-        f"{each * len(lines)} runs: {turns} drives ({len(spec.worlds)} worlds, {len(spec.seeds)} seeds), "
+        f"{each * len(lines)} runs: {turns} drives ({_places(spec)}, {len(spec.seeds)} seeds), "
         f"{len(lines)} systems, {len(chosen)} perturbations and none"
     )
     done = 0
@@ -208,3 +274,7 @@ def _print_plan(spec: SweepSpec, chosen: list[Perturbation], out: Path | None, e
     results.print(
         f"Expected: about {duration_words(total + REPORT_SECONDS)} with {workers} worker{'s' if workers > 1 else ''}"
     )
+
+
+def _places(spec: SweepSpec) -> str:
+    return f"{len(spec.logs)} logs" if spec.logs else f"{len(spec.worlds)} worlds"

@@ -47,6 +47,8 @@ class Perturbation:
     """The value that changes nothing, bit for bit: 0, or inf."""
     most: float = math.inf
     """Largest value that makes sense; of a share, 1 is too much."""
+    needs_truth: bool = False
+    """Whether every scan must have its true pose."""
 
     def value_at(self, severity: float) -> float:
         """The value at a severity from 0 (harmless) to 1 (hopeless), to three digits; shares to four decimals."""
@@ -100,7 +102,7 @@ _ROWS = (
     Perturbation(
         name="glass", unit="share of the walls", harmless=0.05, hopeless=0.99, scale="share",
         summary="A share N of the walls is glass, whose beams return nothing. Needs the truth of the drive.",
-        apply=surroundings.turn_walls_to_glass,
+        apply=surroundings.turn_walls_to_glass, needs_truth=True,
     ),
     Perturbation(
         name="people", unit="people on 100 m²", harmless=0.1, hopeless=100.0, most=1000.0,

@@ -106,7 +106,11 @@ class StressTest:
         words = ["testbed", "stress", ",".join(system for system in systems if "{dataset}" not in system)]
         for program in systems:
             words += ["--system-command", program] if "{dataset}" in program else []
-        words += ["--worlds", ",".join(grouped(spec.worlds)), "--seeds", seeds]
+        words += ["--worlds", ",".join(grouped(spec.worlds))] if spec.worlds else []
+        for log in spec.logs:
+            references = [f",{name}={getattr(log, name)}" for name in ("relations", "truth") if getattr(log, name)]
+            words += ["--log", "".join([log.log, *references])]
+        words += ["--seeds", seeds]
         words += ["--perturbations", ",".join(row.name for row in self.perturbations)]
         words += ["--particles", str(spec.particles[0])]
         for name, value in spec.settings.items():

@@ -7,6 +7,7 @@ import json
 import shlex
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -14,12 +15,15 @@ import pytest
 
 from eval.survival.results import Run, read_runs, thresholds
 from testbed.cli.shared import sweep_options
+from testbed.cli.stress import StressOptions
+from testbed.formats import open_log
 from testbed.stress.table import PERTURBATIONS
 from testbed.sweep.execution.compute import compute
 from testbed.sweep.execution.local_pool import Event, Finished
 from testbed.sweep.spec.cell import Cell
 from tests.cheaper import computed_here, undrawn
 from tests.shell import assert_refused, call
+from tests.testbed.recordings import write_frames
 from tests.testbed.sweep.room import room_file
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -180,3 +184,49 @@ def test_a_directory_of_another_stress_test_is_refused(toys: str, made: Path, mo
     assert_refused(
         capsys, "holds another sweep", "stress", toys, *OPTIONS, *SHORT, "--set", "lidar=lds01", "--out", made
     )
+
+
+@pytest.fixture
+def log(toys: str, tmp_path: Path) -> str:
+    """A drive through the room as a dataset that holds its truth."""
+    assert call("simulate", "room.toml", "--backend", "fast", "--duration", 5, "--out", "data") == 0
+    return str(next((tmp_path / "data").iterdir()))
+
+
+def test_logs_take_the_place_of_worlds(toys: str, log: str, tmp_path: Path, monkeypatch) -> None:
+    options = ("--perturbations", "dropout,glass", "--workers", 1)
+    assert call("stress", toys, "--log", log, *options, "--seeds", 2, "--out", "out") == 0
+    runs = read_runs("out")
+    assert len(runs) == 2 * 2 * 3
+    assert {run.place for run in runs} == {Path(log).name}
+    plain = [run for run in runs if run.perturbation == "none"]
+    assert {run.outcome for run in plain} == {"ok"}
+    for system, survives in (("Toy", 0.5), ("Tough", 0.9)):
+        dropouts = [run for run in runs if (run.system, run.perturbation) == (system, "dropout")]
+        assert [run.has_failed for run in dropouts] == [run.value > survives for run in dropouts]
+    table = (tmp_path / "out" / "stress.parquet").read_bytes()
+    command = json.loads(pq.read_schema(tmp_path / "out" / "stress.parquet").metadata[b"stress"])["command"]
+    monkeypatch.setattr(sweep_options, "run_locally", stopped_after(0))  # everything is there: nothing may be computed
+    assert call(*shlex.split(command)[1:], "--out", "out") == 0
+    assert (tmp_path / "out" / "stress.parquet").read_bytes() == table
+
+
+def test_logs_need_something_to_tell_failures_by(toys: str, log: str, tmp_path: Path, capsys) -> None:
+    def refused(complaint: str, *arguments: object) -> None:
+        assert_refused(capsys, complaint, "stress", toys, *arguments, "--out", "out")
+        assert not (tmp_path / "out").exists()
+
+    bare = tmp_path / "bare.log"
+    write_frames(bare, [replace(frame, truth=None) for frame in open_log(log).frames])
+    refused("holds no truth to tell failures by", "--log", bare)
+    relations = tmp_path / "drive.relations"
+    relations.write_text("0 1 0.1 0 0 0 0 0\n")
+    refused("glass: needs the true pose at each scan", "--log", f"{bare},relations={relations}",
+            "--perturbations", "glass")  # fmt: skip
+    refused("expected LOG, LOG,relations=FILE or LOG,truth=FILE", "--log", f"{bare},map=x")
+    refused("expected either --worlds or --log", "--log", log, "--worlds", "office")
+    refused("expected either --worlds or --log")
+    refused("--duration: logs are run as a whole", "--log", log, "--duration", 5)
+    options = StressOptions(log=(f"{bare},relations={relations}",))
+    assert [row.name for row in options.chosen] == [name for name in PERTURBATIONS if name != "glass"]
+    assert len(StressOptions(log=(log,)).chosen) == len(PERTURBATIONS)
