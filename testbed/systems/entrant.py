@@ -12,8 +12,16 @@ from typing import Any, Protocol
 from testbed.frame import Frame
 from testbed.systems.errors import SystemsError
 from testbed.systems.feeding import Cost, Estimated, Step, feed
-from testbed.systems.finding import BUILT_IN_PROGRAMS, make_system, settings_of, short_name
+from testbed.systems.finding import (
+    BUILT_IN_PROGRAMS,
+    checked_class,
+    made_from,
+    make_system,
+    settings_of,
+    short_name,
+)
 from testbed.systems.program import DatasetFormat, Program, program_name
+from testbed.systems.protocol import System, SystemClass
 
 
 class Entrant(Protocol):
@@ -47,14 +55,49 @@ class PythonSystem:
         """Name of its directory and in tables."""
         return short_name(self.text)
 
+    def make(self) -> System:
+        """Make a new instance; raises SystemsError where it cannot be made."""
+        return make_system(self.text, self.settings)
+
     def facts(self) -> dict[str, Any]:
         """Name, version and settings, for `config.toml`; raises SystemsError where it cannot be made."""
-        system = make_system(self.text, self.settings)
-        return {"name": system.name, "version": system.version, "settings": settings_of(system)}
+        return facts_of(self.make())
 
     def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
         """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
-        return feed(make_system(self.text, self.settings), self.name, frames, seed, step)
+        return feed(self.make(), self.name, frames, seed, step)
+
+
+@dataclass(frozen=True)
+class ClassSystem:
+    """A class that is at hand, such as one of a notebook."""
+
+    cls: SystemClass
+    settings: Mapping[str, object] = field(default_factory=dict)
+    """Values by dotted name that differ from the defaults."""
+
+    @property
+    def name(self) -> str:
+        """Name of the class."""
+        return self.cls.__name__
+
+    def make(self) -> System:
+        """Make a new instance; raises SystemsError where the class lacks a part of the protocol, or cannot be made."""
+        name = getattr(self.cls, "__name__", repr(self.cls))
+        return made_from(checked_class(name, self.cls), name, self.settings)
+
+    def facts(self) -> dict[str, Any]:
+        """Name, version and settings; raises SystemsError where it cannot be made."""
+        return facts_of(self.make())
+
+    def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
+        """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
+        return feed(self.make(), self.name, frames, seed, step)
+
+
+def facts_of(system: System) -> dict[str, Any]:
+    """Name, version and settings of a system, for `config.toml`."""
+    return {"name": system.name, "version": system.version, "settings": settings_of(system)}
 
 
 def entrant_of(text: str, log_format: DatasetFormat = "rosbag2") -> PythonSystem | Program:

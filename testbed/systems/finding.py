@@ -146,19 +146,19 @@ def find_system(text: str) -> SystemClass:
     """
     path, colon, name = text.rpartition(":")
     if colon and path.endswith(".py"):
-        return _checked(text, getattr(_module_of(Path(path), text), name, None))
+        return checked_class(text, getattr(_module_of(Path(path), text), name, None))
     if text in BUILT_IN:
         entry = BUILT_IN[text]
         if not entry.is_installed:
             raise SystemsError(f"{text}: needs {', '.join(entry.modules)}: {install_command(entry)}")
         module, _, name = entry.target.partition(":")
-        return _checked(text, getattr(importlib.import_module(module), name))
+        return checked_class(text, getattr(importlib.import_module(module), name))
     if text in BUILT_IN_PROGRAMS:
         raise SystemsError(f"{text}: is a program, which has no class: expected it after --system")
     points = {point.name: point for point in entry_points(group=GROUP)}
     if text in points:
         try:
-            return _checked(text, points[text].load())
+            return checked_class(text, points[text].load())
         except Exception as error:
             raise SystemsError(f"{text}: cannot be loaded: {describe(error)}") from error
     names = ", ".join([*BUILT_IN, *BUILT_IN_PROGRAMS, *points])
@@ -176,7 +176,11 @@ def make_system(text: str, values: Mapping[str, object] | None = None) -> System
 
     Raises SystemsError for an unknown system or setting, for a wrong value, and where the class cannot be made.
     """
-    cls = find_system(text)
+    return made_from(find_system(text), text, values)
+
+
+def made_from(cls: SystemClass, text: str, values: Mapping[str, object] | None = None) -> System:
+    """Make a system of a class, see `make_system`; text: its name in messages."""
     try:
         system: System = cls()
         settings = getattr(system, "settings", None)
@@ -243,7 +247,8 @@ def _module_of(path: Path, text: str) -> Any:
     return module
 
 
-def _checked(text: str, found: object) -> SystemClass:
+def checked_class(text: str, found: object) -> SystemClass:
+    """Return the class; SystemsError where it is none, or lacks a part of the protocol. text: its name in messages."""
     if not isinstance(found, type):
         raise SystemsError(f"{text}: no such class, expected a class that follows the protocol of docs/systems.md")
     missing = [part for part in ("name", "version", "start", "process", "finish") if not hasattr(found, part)]

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: MIT
+"""The testbed in a few lines, for scripts and notebooks: results show themselves (docs/library.md).
+
+import testbed.library as tb
+drive = tb.simulate("office", duration=60)
+tb.compare([tb.run(MySlam, drive), tb.run("odometry", drive)])
+"""
+
+from testbed.library.comparison import Comparison, compare
+from testbed.library.drive import Drive, perturb, read, simulate
+from testbed.library.listing import Check, Systems, check, systems
+from testbed.library.reports import Report, stress, sweep
+from testbed.library.result import Result, evaluate, run
+
+__all__ = [
+    "Check",
+    "Comparison",
+    "Drive",
+    "Report",
+    "Result",
+    "Systems",
+    "check",
+    "compare",
+    "evaluate",
+    "perturb",
+    "read",
+    "run",
+    "simulate",
+    "stress",
+    "sweep",
+    "systems",
+]

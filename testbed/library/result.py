@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: MIT
+"""What a system made of a drive, and how it scores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from eval.report import plots
+from eval.report.comparison import MEASURES
+from eval.report.map_images import draw_map, frame_around
+from eval.trajectory.trajectory import Trajectory
+from slam import se2
+from slam.occupancy import OccupancyGrid
+from slam.se2 import Pose
+from testbed.library import html
+from testbed.library.drive import Drive
+from testbed.systems.entrant import ClassSystem, Entrant, PythonSystem, entrant_of, facts_of
+from testbed.systems.execute import metrics_of_system
+from testbed.systems.feeding import Cost, Estimated, estimated_from, feed
+from testbed.systems.protocol import System, SystemClass
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Result:
+    """Trajectory, map and measures of a system on a drive."""
+
+    system: str
+    drive: Drive
+    estimated: Estimated
+    metrics: dict[str, Any]
+    """The content of `metrics.json`, see docs/metrics.md."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Poses `T_map_robot` at the scans."""
+        return self.estimated.dense[self.estimated.at_scans]
+
+    @property
+    def map(self) -> OccupancyGrid | None:
+        """The map; None where the system has none."""
+        return self.estimated.grid
+
+    def metric(self, key: str) -> Any:
+        """A measure by its dotted key, such as `trajectory.ate_rmse_m`; None where there is none."""
+        value: Any = self.metrics
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, Mapping) else None
+        return value
+
+    def __repr__(self) -> str:
+        """One line: outcome and main figures."""
+        shown = (
+            ("trajectory.ate_rmse_m", "error {:.3f} m"),
+            ("relations.trans_mean_m", "relations {:.3f} m"),
+            ("map.f1_1_cells", "map F1 {:.3f}"),
+            ("system.ms_per_scan", "{:.1f} ms a scan"),
+        )
+        words = [text.format(self.metric(key)) for key, text in shown if self.metric(key) is not None]
+        return f"<Result {self.system} on {self.drive.name}: {', '.join([self.metrics['outcome'], *words])}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (measure.label, measure.number_format.format(measure.factor * value))
+            for measure in MEASURES
+            if (value := self.metric(measure.key)) is not None
+        ]
+        T, truth = self.T_frame_map, self.drive.recorded.reference.trajectory
+        curves: list[plots.Series] = [] if truth is None else [("truth", truth.poses[:, :2], plots.TRUTH)]
+        curves.append((self.system, se2.compose(T, self.trajectory.poses)[:, :2], plots.ESTIMATE))
+        background = None
+        if self.map is not None and self.map.known.any():
+            background = draw_map(self.map, frame_around(self.map, T, [], 0.5), T)
+        shown = html.picture(plots.paths(curves, background=background))
+        return f"{html.line(repr(self))}{shown}{html.table(('measure', self.system), rows)}"
+
+    @property
+    def T_frame_map(self) -> Pose:
+        """The map's frame seen from the truth's, (3,); zero where the truth is unknown."""
+        T = self.metric("trajectory.T_truth_estimate")
+        return np.zeros(3) if T is None else np.asarray(T, dtype=np.float64)
+
+
+def run(
+    system: str | System | SystemClass, drive: Drive, *, seed: int = 0, settings: Mapping[str, object] | None = None
+) -> Result:
+    """Run a system on a drive and score it.
+
+    system: a name (`systems()`), FILE.py:CLASS, a command with {dataset} and {out}, a class, or a fresh instance
+    settings: values by dotted name, but for a command and an instance, which has its own
+
+    Raises SystemsError where it cannot be made, SystemFailedError where it has no result.
+    """
+    recorded = replace(drive.recorded, seed=seed)
+    if isinstance(system, str | type):
+        entrant = _entrant(system, settings or {})
+        facts, name = entrant.facts(), entrant.name
+        estimated, cost = entrant.run(recorded.frames, seed)
+    else:
+        facts, name = facts_of(system), type(system).__name__
+        estimated, cost = feed(system, name, recorded.frames, seed)
+    metrics = metrics_of_system(facts, recorded, estimated, cost)
+    return Result(system=name, drive=drive, estimated=estimated, metrics=metrics)
+
+
+def _entrant(system: str | SystemClass, settings: Mapping[str, object]) -> Entrant:
+    if not isinstance(system, str):
+        return ClassSystem(system, settings)
+    entrant = entrant_of(system)
+    return replace(entrant, settings=settings) if isinstance(entrant, PythonSystem) else entrant
+
+
+def evaluate(
+    trajectory: Trajectory, drive: Drive, *, map: OccupancyGrid | None = None, name: str = "estimate"
+) -> Result:
+    """Score a trajectory that is there already, and maybe its map, both in one frame.
+
+    Raises SystemFailedError where its stamps are not those of the drive.
+    """
+    estimated = estimated_from(name, drive.recorded.frames, trajectory, map)
+    facts = {"name": name, "version": "", "settings": {}}
+    metrics = metrics_of_system(facts, drive.recorded, estimated, Cost(wall_s=0.0))
+    return Result(system=name, drive=drive, estimated=estimated, metrics=metrics)
