@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Draw the comparison of four systems in the office: trajectories over the true map, error over time.
+"""Draw the comparison of four systems in the office: trajectories and errors, and the recording in the viewer.
 
     python -m tools.docs.make_systems_picture
 
-Writes: docs/pictures/systems.png
+Writes: docs/pictures/systems.png, docs/pictures/systems_recording.png
+
+The second needs a Vulkan driver, see `tools.headless_viewer`.
 """
 
 from __future__ import annotations
@@ -24,8 +26,12 @@ from eval.report.plots import STYLE, TRUTH
 from eval.report.report_context import positions_in
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
+from tools.headless_viewer import headless_viewer
 
 ROOT = Path(__file__).resolve().parents[2]
+PICTURES = ROOT / "docs" / "pictures"
+SHOWN = 0.7
+"""The recording is shown at this share of the drive."""
 SYSTEMS = ("examples/my_slam.py:MySlam", "odometry", "scan-matching", "gmapping")
 COMMAND = ("run", "office", "--backend", "fast", "--particles", "10", "--system", ",".join(SYSTEMS))
 
@@ -69,7 +75,11 @@ def main() -> None:
         subprocess.run([testbed, *COMMAND, "--out", f"{folder}/runs"], check=True, cwd=ROOT)
         names = [text.rpartition(":")[2] for text in SYSTEMS]
         figure = draw([read_run(Path(folder) / "runs" / name) for name in names])
-        figure.savefig(ROOT / "docs" / "pictures" / "systems.png", dpi=110)
+        figure.savefig(PICTURES / "systems.png", dpi=110)
+        with headless_viewer() as viewer:
+            end = viewer.open(Path(folder) / "runs" / "recording.rrd")
+            picture = viewer.picture(SHOWN * end, largest=1200)
+        (PICTURES / "systems_recording.png").write_bytes(picture)
 
 
 if __name__ == "__main__":

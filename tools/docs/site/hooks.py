@@ -29,6 +29,7 @@ API = {
             "testbed.simulation",
             "testbed.datasets",
             "testbed.systems",
+            "testbed.library",
             "testbed.envs",
         ],
     ),
