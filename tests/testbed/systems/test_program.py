@@ -154,5 +154,6 @@ def test_a_program_and_a_class_are_compared(tmp_path):
     options = ("--system-command", command, "--system-format", "carmen", "--system", "odometry")
     drive = ("run", "office", "--backend", "fast", "--duration", "5")
     assert call(*drive, *options, "--out", tmp_path / "out") == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"odometry", "theirs", "comparison.html"}
+    files = {"odometry", "theirs", "comparison.html", "recording.rrd"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == files
     assert (tmp_path / "out" / "theirs" / "program.log").read_text() == "mapped []\n"
