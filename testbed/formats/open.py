@@ -16,7 +16,7 @@ from testbed.formats.checksums import CONFIG, verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import TABLE, read_parquet
 from testbed.formats.ros.reading.reader import read_bag
-from testbed.formats.ros.salvage import bag_files
+from testbed.formats.ros.salvage import bag_files, is_packed
 from testbed.formats.tum import ODOMETRY, read_trajectories
 
 MAX_SNIFFED = 1 << 20
@@ -113,7 +113,7 @@ def _is_bag(path: Path) -> bool:
     """Tell whether it is a rosbag2 directory, with or without metadata, or a single file that begins like a bag."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or bool(bag_files(path))
-    return any(_head(path).startswith(magic) for magic in BAG_BEGINNINGS)
+    return any(_head(path).startswith(magic) for magic in BAG_BEGINNINGS) or is_packed(path)
 
 
 def _is_parquet(path: Path) -> bool:

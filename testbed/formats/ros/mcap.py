@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.formats.log import LogError
+from testbed.formats.ros.packing import zstd
 from testbed.frame_table import Integers
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class McapStorage:
         starts = np.concatenate([early[:, 2], starts + len(self._pending)])
         whole = bytes(self._pending) + data
         self._pending, self._pending_index = bytearray(), []
-        packed = _zstd_compressed(whole) if self._zstd else whole
+        packed = zstd().compress(whole, ZSTD_LEVEL) if self._zstd else whole
         first, last = (int(times.min()), int(times.max())) if times.size else (0, 0)
         head = struct.pack("<QQQI", first, last, len(whole), zlib.crc32(whole))
         head += _text("zstd" if self._zstd else "") + struct.pack("<Q", len(packed))
@@ -211,13 +212,3 @@ def _chunk_index(chunk: _Chunk) -> bytes:
     content += struct.pack("<I", len(offsets)) + offsets + struct.pack("<Q", chunk.index_size)
     content += _text("" if chunk.packed == chunk.whole else "zstd") + struct.pack("<QQ", chunk.packed, chunk.whole)
     return _record(CHUNK_INDEX, content)
-
-
-def _zstd_compressed(data: bytes) -> bytes:
-    import sys
-
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd  # what rosbags itself reads with
-    return zstd.compress(data, ZSTD_LEVEL)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Bags that no recorder has finished: made readable as far as they are whole, in a temporary copy.
+"""Bags that no recorder has finished, or that were cut: made readable as far as they are whole, in a temporary copy.
 
 A recorder that was killed leaves an MCAP file without its footer, an SQLite file with a journal, or a ROS 1 bag without
-an index, and no metadata.yaml.
+an index, and no metadata.yaml. A power cut leaves zeros at the end; files that are packed as a whole end anywhere.
 """
 
 from __future__ import annotations
@@ -13,15 +13,20 @@ import sqlite3
 import struct
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from testbed.formats.log import LogError
 from testbed.formats.ros.mcap import CHUNK, DATA_END, FOOTER, FOOTER_CONTENT, MAGIC, RECORD, verify_mcap
+from testbed.formats.ros.packing import zstd
 
+PACKED = ".zstd"
+"""Ending of the files of a bag that are packed as a whole."""
 JOURNALS = ("-journal", "-wal")
 """Endings of the files that SQLite leaves next to a data base that was not closed."""
+_SQLITE_HEAD = 100
+"""Bytes of the head of an SQLite file."""
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _LENGTH = struct.Struct("<I")
 _CHUNK_HEAD = 28
@@ -46,24 +51,45 @@ def readable(path: Path) -> Iterator[Readable]:
     has_metadata = path.is_dir() and (path / "metadata.yaml").is_file()
     odd = has_metadata and bool(files) and not _names_its_files(path)
     has_metadata = has_metadata and not odd
-    broken = [file for file in files if _is_unfinished(file)]
-    for file in files:
-        if file.suffix == ".mcap" and file not in broken:
-            verify_mcap(file)
-    if not broken:
-        notes = (
-            []
-            if has_metadata or path.is_file()
-            else [
-                f"{'metadata.yaml does not name the files here' if odd else 'no metadata.yaml'}: read {_names(files)}"
-            ]
-        )
-        yield Readable([path] if has_metadata or path.is_file() else files, notes)
-        return
     with tempfile.TemporaryDirectory(prefix="testbed-") as folder:
-        copies = [_repaired(file, Path(folder)) if file in broken else file for file in files]
-        text = f"{_names(broken)}: the recorder was not stopped properly: what is whole is read, the rest is left out"
-        yield Readable(copies, [text])
+        cut, plain = _unpacked_files(files, Path(folder))
+        broken = {file for file in plain if file.stat().st_size == 0 or _is_unfinished(file)}
+        for file in plain:
+            if file.suffix == ".mcap" and file not in broken:
+                verify_mcap(file)
+        if not broken and not cut and (path.is_file() or has_metadata):
+            yield Readable([path] if plain == files else plain, [])
+            return
+        notes = []
+        if not (broken or cut):
+            fault = "metadata.yaml does not name the files here" if odd else "no metadata.yaml"
+            notes.append(f"{fault}: read {_names(files)}")
+        if empty := [file for file in plain if file.stat().st_size == 0 and len(plain) > 1]:
+            notes.append(f"{_names(empty)}: empty, left out")
+            plain = [file for file in plain if file not in empty]
+        if unfinished := [file for file in plain if file in broken | cut]:
+            notes.append(
+                f"{_names(unfinished)}: the recorder was not stopped properly: what is whole is read, the rest is "
+                "left out"
+            )
+        yield Readable([_repaired(file, Path(folder), path) if file in broken else file for file in plain], notes)
+
+
+def _unpacked_files(files: list[Path], folder: Path) -> tuple[set[Path], list[Path]]:
+    """Files without the packing of whole files, in a folder; and those of them whose packed file ends too early."""
+    cut, plain = set(), []
+    for file in files:
+        if file.suffix != PACKED:
+            plain.append(file)
+            continue
+        plain.append(folder / file.stem)
+        with file.open("rb") as source, plain[-1].open("wb") as out:
+            unpack = zstd().ZstdDecompressor()
+            while not unpack.eof and (part := source.read(1 << 20)):
+                out.write(unpack.decompress(part))
+            if not unpack.eof:
+                cut.add(plain[-1])
+    return cut, plain
 
 
 def _names_its_files(directory: Path) -> bool:
@@ -79,8 +105,14 @@ def _names_its_files(directory: Path) -> bool:
 
 
 def bag_files(directory: Path) -> list[Path]:
-    """The MCAP files of a directory or, where there are none, its SQLite files, sorted by name."""
-    return sorted(directory.glob("*.mcap")) or sorted(directory.glob("*.db3"))
+    """The MCAP files of a directory or, where there are none, its SQLite files, plain or packed, sorted by name."""
+    found = (sorted(directory.glob(f"*{ending}")) for ending in (".mcap", ".db3", f".mcap{PACKED}", f".db3{PACKED}"))
+    return next((files for files in found if files), [])
+
+
+def is_packed(file: Path) -> bool:
+    """Whether a file of a bag is packed as a whole, by its name."""
+    return file.suffix == PACKED and Path(file.stem).suffix in (".mcap", ".db3")
 
 
 def _names(files: list[Path]) -> str:
@@ -88,11 +120,12 @@ def _names(files: list[Path]) -> str:
 
 
 def _is_unfinished(file: Path) -> bool:
-    if file.suffix == ".db3":
-        return any(file.with_name(file.name + ending).is_file() for ending in JOURNALS)
     with file.open("rb") as stream:
         head = stream.read(4096)
         size = stream.seek(0, 2)
+        if file.suffix == ".db3":
+            has_journal = any(file.with_name(file.name + ending).is_file() for ending in JOURNALS)
+            return has_journal or size < _stated_size(head)
         if head.startswith(ROS1_MAGIC):
             at = head.find(b"index_pos=")
             position = struct.unpack_from("<Q", head, at + 10)[0] if 0 <= at <= len(head) - 18 else 0
@@ -101,16 +134,15 @@ def _is_unfinished(file: Path) -> bool:
         return head.startswith(MAGIC) and stream.read() != MAGIC
 
 
-def _repaired(file: Path, folder: Path) -> Path:
-    copy = folder / file.name
+def _repaired(file: Path, folder: Path, bag: Path) -> Path:
+    """The whole part of a file of a bag as a file in a folder; LogError, naming the bag, where there is none."""
+    copy = folder / "whole" / file.name
+    copy.parent.mkdir(exist_ok=True)
     if file.suffix == ".db3":
         for ending in ("", *JOURNALS):
             if (part := file.with_name(file.name + ending)).is_file():
                 shutil.copyfile(part, copy.with_name(copy.name + ending))
-        base = sqlite3.connect(copy)
-        base.execute("PRAGMA journal_mode = DELETE")  # plays the journal back
-        base.execute("SELECT COUNT(*) FROM messages").fetchone()
-        base.close()
+        _finish_sqlite(copy, bag)
     elif file.suffix == ".bag":
         _index_rosbag1(file, copy)
     else:
@@ -118,10 +150,46 @@ def _repaired(file: Path, folder: Path) -> Path:
     return copy
 
 
+def _stated_size(head: bytes) -> int:
+    """Bytes of an SQLite file by its head: the size of a page, 1 for 65536, and their number."""
+    if len(head) < _SQLITE_HEAD:
+        return _SQLITE_HEAD
+    (page,) = struct.unpack_from(">H", head, 16)
+    (count,) = struct.unpack_from(">I", head, 28)
+    return int((65536 if page == 1 else page) * count)
+
+
+def _finish_sqlite(copy: Path, bag: Path) -> None:
+    """Play back the journal of a data base; where its end is missing, keep the messages up to there."""
+    with copy.open("rb") as stream:
+        missing = _stated_size(stream.read(_SQLITE_HEAD)) - copy.stat().st_size
+    base = sqlite3.connect(copy)
+    if missing <= 0:
+        base.execute("PRAGMA journal_mode = DELETE")  # plays the journal back
+        base.execute("SELECT COUNT(*) FROM messages").fetchone()
+        base.close()
+        return
+    base.execute("PRAGMA writable_schema = ON")  # else a file that is too short is not opened at all
+    cut = copy.with_name(f"{copy.name}.cut")
+    with sqlite3.connect(cut) as whole:
+        for (text,) in base.execute("SELECT sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'"):
+            whole.execute(text)
+        for table in ("topics", "messages", "schema"):
+            with suppress(sqlite3.DatabaseError):  # the end of what is whole, or a table of newer bags only
+                for row in base.execute(f"SELECT * FROM {table} NOT INDEXED"):
+                    whole.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(row))})", row)
+        kept = whole.execute("SELECT COUNT(*) FROM messages").fetchone()[0]
+    whole.close()
+    base.close()
+    if not kept:
+        raise LogError(f"{bag}: {missing} bytes are missing at its end, and with them the way to its messages")
+    cut.replace(copy)
+
+
 def _finish_mcap(file: Path, copy: Path) -> None:
     """Copy the records that are whole, and end them as a file without a summary ends."""
     with file.open("rb") as source, copy.open("wb") as out:
-        size, at = source.seek(0, 2), len(MAGIC)
+        size, at = _end_of_content(source), len(MAGIC)
         rest = b""
         while at + RECORD.size <= size:
             source.seek(at)
@@ -129,7 +197,7 @@ def _finish_mcap(file: Path, copy: Path) -> None:
             if kind in (DATA_END, FOOTER):
                 break
             if at + RECORD.size + length > size:
-                rest = _whole_part(source.read(), kind)
+                rest = _whole_part(source.read(size - at - RECORD.size), kind)
                 break
             at += RECORD.size + length
         if at == len(MAGIC):
@@ -139,6 +207,19 @@ def _finish_mcap(file: Path, copy: Path) -> None:
         out.write(rest)
         out.write(RECORD.pack(DATA_END, 4) + bytes(4))
         out.write(RECORD.pack(FOOTER, FOOTER_CONTENT.size) + bytes(FOOTER_CONTENT.size) + MAGIC)
+
+
+def _end_of_content(source: BinaryIO) -> int:
+    """Where a file ends, without the zeros that a power cut leaves at its end [bytes]."""
+    end = source.seek(0, 2)
+    while end:
+        begin = max(end - (1 << 20), 0)
+        source.seek(begin)
+        part = source.read(end - begin).rstrip(b"\0")
+        if part:
+            return begin + len(part)
+        end = begin
+    return 0
 
 
 def _whole_part(content: bytes, kind: int) -> bytes:

@@ -4,7 +4,6 @@
 import shutil
 import sqlite3
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,58 +14,10 @@ from slam import se2
 from testbed.datasets.simulated import write_dataset
 from testbed.formats import Log, LogError, open_log
 from testbed.formats.write import write_log
-from testbed.frame_table import FrameTable
 from testbed.simulation import SimulationConfig
-from tests.testbed.formats.bags import STORE, bag
+from tests.testbed.formats.bags import STORE, TIME, assert_like, at_zero, bag, changed, set_back
+from tests.testbed.formats.conftest import TOPICS
 from worlds import load
-
-TIME = STORE.types["builtin_interfaces/msg/Time"]
-TOPICS = ("/scan", "/odom", "/tf", "/tf_static")
-
-
-@pytest.fixture(scope="module")
-def source(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("source") / "drive"
-    config = SimulationConfig(backend="fast", duration=8.0)
-    write_dataset(path, load("office"), config, {"seed": 0}, log_format="rosbag2-lean")
-    return path
-
-
-@pytest.fixture(scope="module")
-def messages(source) -> list:
-    with AnyReader([source], default_typestore=STORE) as reader:
-        found = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages()]
-    return [message for message in found if message[0] in TOPICS]
-
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory, messages) -> FrameTable:
-    return open_log(bag(tmp_path_factory.mktemp("sound") / "bag", messages)).table
-
-
-def changed(messages: list, topic: str, change) -> list:
-    """The messages with those of a topic changed; `change` gets the message and its number."""
-    found, number = [], 0
-    for name, time, message in messages:
-        if name == topic:
-            found.append((name, time, change(message, number)))
-            number += 1
-        else:
-            found.append((name, time, message))
-    return found
-
-
-def at_zero(message, _=0):
-    return replace(message, header=replace(message.header, stamp=TIME(0, 0)))
-
-
-def assert_like(read: FrameTable, sound: FrameTable, atol: float = 1e-9) -> None:
-    """The same scans at the same stamps and poses."""
-    np.testing.assert_allclose(read.stamps[read.scan_rows], sound.stamps[sound.scan_rows], atol=1e-9)
-    np.testing.assert_array_equal(read.ranges, sound.ranges)
-    gap = se2.between(read.odometry[read.scan_rows], sound.odometry[sound.scan_rows])
-    np.testing.assert_allclose(gap, 0.0, atol=atol)
-    np.testing.assert_allclose(read.mounts, sound.mounts, atol=1e-9)
 
 
 def test_odometry_in_tf_only(tmp_path, messages, sound):
@@ -289,7 +240,9 @@ def test_a_stray_stamp_costs_one_message(tmp_path, messages, sound, topic):
 
 def test_scans_from_where_time_steps_back_are_counted(tmp_path, messages, sound):
     count = len(sound.scan_rows) // 2
-    log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", lambda m, k: at_zero(m) if k >= count else m)))
+    log = open_log(
+        bag(tmp_path / "bag", changed(messages, "/scan", lambda m, k: set_back(m, 4.0) if k >= count else m))
+    )
     assert log.scan_count == count
     assert any("scans from where their time steps back on are left out" in note for note in log.repairs)
 

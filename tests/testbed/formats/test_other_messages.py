@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from testbed.datasets.simulated import write_dataset
 from testbed.formats import LogError, open_log
 from testbed.simulation import SimulationConfig
-from tests.testbed.formats.bags import STORE, bag
+from tests.testbed.formats.bags import STORE, bag, set_back
 from worlds import load
 
 T = STORE.types
@@ -112,6 +112,13 @@ def test_odometry_as_truth_comes_first(tmp_path, messages, sound):
     log = open_log(bag(tmp_path / "bag", [*messages, *far]))
     np.testing.assert_array_equal(log.table.truth, sound.truth)
     assert any("/mocap/pose" in note for note in log.notes)
+
+
+def test_truth_of_a_clock_that_is_set_back(tmp_path, messages, sound):
+    half = messages[len(messages) // 2][1]
+    back = [(topic, t, set_back(m, 0.5) if t > half else m) for topic, t, m in messages]
+    table = open_log(bag(tmp_path / "bag", back)).table
+    np.testing.assert_allclose(table.truth, sound.truth, atol=1e-6)
 
 
 def test_poses_of_a_camera_are_no_truth(tmp_path, messages):

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.formats.log import LogError
+from testbed.formats.ros.packing import messages
 from testbed.formats.ros.reading.content import BagContent, Heights
 from testbed.formats.ros.reading.decode import RawScan, stamp_of
 
@@ -42,7 +43,7 @@ KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 def peek_clouds(content: BagContent, reader: Any, connections: list[Any]) -> None:
     """Note the frame of each topic's clouds, by its first message."""
     for connection in connections:
-        first = next(reader.messages(connections=[connection]), None)
+        first = next(messages(reader, [connection]), None)
         if first is not None:
             content.cloud_frames[connection.topic] = reader.deserialize(first[2], connection.msgtype).header.frame_id
 
@@ -55,7 +56,7 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
     content.level_mounts = {frame: (float(T[0, 3]), float(T[1, 3]), 0.0) for frame, T in places.items()}
     clouds = [connection for connection in connections if connection.topic in content.cloud_frames]
     directions = {c.topic: _directions_of(reader, c, places[content.cloud_frames[c.topic]], content) for c in clouds}
-    for number, (connection, _, raw) in enumerate(reader.messages(connections=clouds), start=1):
+    for number, (connection, _, raw) in enumerate(messages(reader, clouds), start=1):
         message = reader.deserialize(raw, connection.msgtype)
         topic = connection.topic
         try:
@@ -85,7 +86,7 @@ def _directions_of(reader: Any, connection: Any, T_robot_lidar: NDArray[np.float
     """The directions of the lidar of a topic."""
     assert content.heights is not None
     angles = []
-    for _, _, raw in islice(reader.messages(connections=[connection]), SAMPLE):
+    for _, _, raw in islice(messages(reader, [connection]), SAMPLE):
         with suppress(ValueError, TypeError):  # it is complained about later, with its place
             message = reader.deserialize(raw, connection.msgtype)
             angles.append(_part_of(message, T_robot_lidar, content.heights).angles)
@@ -94,7 +95,7 @@ def _directions_of(reader: Any, connection: Any, T_robot_lidar: NDArray[np.float
 
 def _heights_of_first(reader: Any, connections: list[Any], T_robot_lidar: NDArray[np.float64]) -> str:
     """Say at which heights the points of the first cloud lie; empty where it has none."""
-    connection, _, raw = next(reader.messages(connections=connections))
+    connection, _, raw = next(messages(reader, connections))
     points, _ = points_of(reader.deserialize(raw, connection.msgtype))
     if not len(points):
         return ""

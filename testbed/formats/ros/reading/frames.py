@@ -19,6 +19,10 @@ from testbed.large_arrays import joined
 
 MAX_GAP, GAP_PERIODS = 1.0, 3.0
 """Scans between two odometry messages that are further apart than this [s], and than some usual periods, are noted."""
+MIN_MESSAGES = 5
+"""Of fewer messages of odometry nothing is said."""
+MAX_PERIOD = 0.5
+"""Odometry that usually comes more rarely than this [s] loses the turns between two messages."""
 
 
 def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
@@ -82,10 +86,12 @@ def _by_clock_of_bag(content: BagContent, scans: list[RawScan]) -> list[RawScan]
 
 
 def _gap_notes(track: Track, scans: list[RawScan]) -> list[str]:
-    """A note on scans for whose time there is no odometry near by."""
-    if len(track.stamps) < 2 or not scans:
+    """Notes on scans for whose time there is no odometry near by."""
+    if len(track.stamps) < MIN_MESSAGES or not scans:
         return []
     spans = np.diff(track.stamps)
+    if (period := float(np.median(spans))) > MAX_PERIOD:
+        return [f"odometry comes every {period:.1f} s only: poses are interpolated, turns between them are lost"]
     after = np.clip(np.searchsorted(track.stamps, [scan.stamp for scan in scans]), 1, len(spans))
     around = spans[after - 1]
     far = around > max(MAX_GAP, GAP_PERIODS * float(np.median(spans)))

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from testbed.formats.log import LogError
+from testbed.formats.ros.reading.clocks import one_clock
 from testbed.formats.ros.reading.content import BagContent, RawMessage
-from testbed.formats.ros.reading.decode import Track
-from testbed.formats.ros.reading.repairs import one_clock, with_twists
+from testbed.formats.ros.reading.decode import Track, seconds
+from testbed.formats.ros.reading.repairs import with_twists
 from testbed.formats.ros.reading.topics import DESCRIPTION, ODOMETRY_TYPE, TRANSFORM_TYPE
-from testbed.formats.ros.reading.transforms import Moving, joint_transforms, planar_transform
+from testbed.formats.ros.reading.transforms import MAX_PLAY, Mount, Moving, joint_transforms, planar_transform
 
 
 def complete_transforms(
@@ -22,25 +23,27 @@ def complete_transforms(
     """Look for odometry in /tf, and for mounts in /tf and the robot's description, where they are nowhere else."""
     lidars = {scan.frame_id for scans in content.scans.values() for scan in scans} | set(content.cloud_frames.values())
     robot = content.odometry.child_frame
-    from_tf = content.topics["odometry"] == "/tf"
+    tf = content.topics["odometry"]
+    from_tf = tf in raws and raws[tf][0].msgtype == TRANSFORM_TYPE
     if from_tf or not all(content.transforms.leads(robot, lidar) for lidar in lidars):
         for topic, (connection, messages) in raws.items():
             if connection.msgtype == TRANSFORM_TYPE and "static" not in topic:
                 for raw in messages:
-                    content.moving.add(reader.deserialize(raw.data, connection.msgtype))
+                    content.moving.add(reader.deserialize(raw.data, connection.msgtype), seconds(raw.time))
     if from_tf:
         pair = content.moving.odometry()
         if pair is None:
-            raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and /tf has no transform from odom")
+            sent = ", ".join(f"{parent} to {child}" for parent, child in list(content.moving.stamps)[:8])
+            raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and {tf} has no transform from odom, but {sent}")
         track = _track_of(content.moving, pair)
-        content.odometry = with_twists(one_clock(content, track.stamps, track))
+        content.odometry = with_twists(one_clock(content, np.array(content.moving.times[pair]), track))
         if other := sum(
             len(found)
             for (parent, child), found in content.moving.stamps.items()
             if child == pair[1] and parent != pair[0]
         ):
             content.notes.append(f"{other} transforms to {pair[1]} come from other frames than {pair[0]}: left out")
-        content.topics["odometry"] = f"/tf ({pair[0]} to {pair[1]})"
+        content.topics["odometry"] = f"{tf} ({pair[0]} to {pair[1]})"
         robot = pair[1]
     if not robot and (frames := content.transforms.robot_frames()):
         robot = frames[0]
@@ -48,6 +51,9 @@ def complete_transforms(
         content.notes.append(f"the odometry names no child_frame_id: taken to be that of {robot}")
     if lidars and not all(content.transforms.leads(robot, lidar) for lidar in lidars):
         _find_mounts(content, robot, lidars)
+    above = {frame for lidar in lidars for frame in content.transforms.chain(lidar)}
+    for frame in sorted(content.transforms.changed & above):
+        content.notes.append(f"the transform of {frame} is sent again with other numbers: the last one counts")
 
 
 def _track_of(moving: Moving, pair: tuple[str, str]) -> Track:
@@ -58,9 +64,13 @@ def _track_of(moving: Moving, pair: tuple[str, str]) -> Track:
 
 
 def _find_mounts(content: BagContent, robot: str, lidars: set[str]) -> None:
-    """Complete the static transforms from /tf and the robot's description; notes say where mounts were found."""
+    """Complete the static transforms from /tf and the robot's description; notes say where mounts were found.
+
+    Raises ValueError for a lidar that is moved about on the robot.
+    """
     known = content.transforms.parents
-    sources = {"/tf": content.moving.fixed()}
+    mounts = content.moving.mounts()
+    sources = {"/tf": {child: (mount.parent, mount.T_parent_child) for child, mount in mounts.items()}}
     if content.robot_urdf is not None:
         sources[DESCRIPTION] = joint_transforms(content.robot_urdf)
     for source, found in sources.items():
@@ -69,6 +79,36 @@ def _find_mounts(content: BagContent, robot: str, lidars: set[str]) -> None:
             content.transforms.parents = found | known | content.transforms.parents
             if reached := sorted(lidar for lidar in missing if content.transforms.leads(robot, lidar)):
                 content.notes.append(f"the mount of {', '.join(reached)} is taken from {source}")
+                content.notes += _wobbles(content, reached, mounts) if source == "/tf" else []
             else:
                 content.transforms.parents = known
             known = content.transforms.parents
+    if content.laser_offset is None:
+        _refuse_moving(content, robot, {lidar for lidar in lidars if not content.transforms.leads(robot, lidar)})
+
+
+def _wobbles(content: BagContent, lidars: list[str], mounts: dict[str, Mount]) -> list[str]:
+    """Notes on mounts of lidars that are sent with changing numbers."""
+    frames = {frame for lidar in lidars for frame in content.transforms.chain(lidar)}
+    return [
+        f"the transform of {frame} changes by up to {mounts[frame].off:.3f} m or rad: the middle one is taken"
+        for frame in sorted(frames & mounts.keys())
+        if mounts[frame].off > MAX_PLAY
+    ]
+
+
+def _refuse_moving(content: BagContent, robot: str, lidars: set[str]) -> None:
+    """Raise ValueError where a transform that changes leads from the robot to one of the lidars."""
+    moved = content.moving.moved()
+    for lidar in sorted(lidars):
+        frame, chain = lidar, []
+        while frame != robot and frame in moved and frame not in chain:
+            chain.append(frame)
+            frame = moved[frame]
+            while frame != robot and frame in content.transforms.parents:
+                frame = content.transforms.parents[frame][0]
+        if chain and frame == robot:
+            raise ValueError(
+                f"{chain[-1]} moves on {frame}: only lidars on fixed mounts are read; --laser-offset X "
+                f"says where {lidar} sits"
+            )

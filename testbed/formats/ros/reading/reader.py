@@ -21,6 +21,8 @@ from slam.occupancy import OccupancyGrid
 from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
 from testbed.formats.log import Log, LogError, shortened
 from testbed.formats.ros.layouts import Encoding
+from testbed.formats.ros.packing import messages
+from testbed.formats.ros.reading.clocks import first_pass, in_one_pass, one_clock, true_path
 from testbed.formats.ros.reading.clouds import peek_clouds, read_clouds
 from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage, ReadScan
 from testbed.formats.ros.reading.decode import (
@@ -35,7 +37,6 @@ from testbed.formats.ros.reading.decode import (
 )
 from testbed.formats.ros.reading.frames import assemble
 from testbed.formats.ros.reading.missing_transforms import complete_transforms
-from testbed.formats.ros.reading.repairs import first_pass, in_one_pass, one_clock
 from testbed.formats.ros.reading.topics import (
     CLOUD_TYPE,
     DESCRIPTION,
@@ -107,7 +108,7 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
         sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
         raws: dict[str, tuple[Any, list[RawMessage]]] = {}
         scans: dict[str, list[ReadScan]] = {}
-        for connection, time, raw in reader.messages(connections=reader.connections if sealed else wanted):
+        for connection, time, raw in messages(reader, reader.connections if sealed else wanted):
             if connection.topic == SEAL_TOPIC:
                 seal = str(getattr(reader.deserialize(raw, connection.msgtype), "data", ""))
                 continue
@@ -125,11 +126,11 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
             raise LogError(f"{path}: damaged bag: its messages differ from the SHA-256 in {SEAL_TOPIC}")
         odometry = content.topics["odometry"]  # first, since its clock mends others
         for topic in sorted(raws, key=lambda topic: topic != odometry):
-            connection, messages = raws[topic]
+            connection, serialised = raws[topic]
             try:
-                _decode(content, connection, messages, reader)
+                _decode(content, connection, serialised, reader)
             except BadMessageError as error:
-                raise LogError(f"{path}: message {messages[error.number].number} ({topic}): {error}") from None
+                raise LogError(f"{path}: message {serialised[error.number].number} ({topic}): {error}") from None
         for topic, read in scans.items():
             content.scans[topic], kept = in_one_pass(content, [r.time for r in read], [r.scan for r in read])
             numbers = [read[row].number for row in kept.tolist()]
@@ -143,7 +144,7 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
             if clouds:
                 read_clouds(path, content, reader, clouds)
         except ValueError as error:
-            raise error if isinstance(error, LogError) else LogError(f"{path}: /tf: {error}") from None
+            raise error if isinstance(error, LogError) else LogError(f"{path}: transforms: {error}") from None
 
 
 def _read_scan(content: BagContent, connection: Any, raw: bytes, reader: Any) -> RawScan:
@@ -181,14 +182,19 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
         track = decode_odometry(data, encoding, deserialise)
         content.odometry = one_clock(content, np.array([seconds(raw.time) for raw in raws]), track)
     else:
-        _decode_truth(content, connection, data, encoding, deserialise)
+        _decode_truth(content, connection, raws, encoding, deserialise)
 
 
 def _decode_truth(
-    content: BagContent, connection: Any, data: list[bytes], encoding: Encoding, deserialise: Callable[[bytes], Any]
+    content: BagContent,
+    connection: Any,
+    raws: list[RawMessage],
+    encoding: Encoding,
+    deserialise: Callable[[bytes], Any],
 ) -> None:
     """Decode the true poses; those of another kind than Odometry are left out, with a note, where they are none in the
     plane: they may be those of a camera."""
+    data = [raw.data for raw in raws]
     if connection.msgtype == ODOMETRY_TYPE:
         truth = decode_odometry(data, encoding, deserialise)
     else:
@@ -202,7 +208,10 @@ def _decode_truth(
                 f"{connection.topic} is not used as truth: all poses have the stamp {truth.stamps[0]:g} s"
             )
             return
-    content.truth = truth.first(first_pass(truth.stamps))
+    if len(truth.stamps) == len(raws):
+        content.truth = true_path(content, np.array([seconds(raw.time) for raw in raws]), truth)
+    else:  # the poses of one message
+        content.truth = truth.first(first_pass(truth.stamps))
 
 
 def _one_by_one(raws: list[bytes], take: Callable[[bytes], None]) -> None:

@@ -1,29 +1,21 @@
 # SPDX-License-Identifier: MIT
-"""Faults that recordings often have, found and mended: each function returns what to use, and notes for the user."""
+"""Angles and odometry of a bag that cannot be true, found and mended: each function returns what to use, and notes for
+the user."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
 from slam.motion.continuous_odometry import MAX_SPEED, MAX_TURN_RATE, has_jumped
-from testbed.formats.ros.reading.content import BagContent
-from testbed.formats.ros.reading.decode import RawScan, Track, seconds
+from testbed.formats.ros.reading.decode import Track
 
 Floats = NDArray[np.float64]
-Stamped = TypeVar("Stamped", Track, Sequence[RawScan])
 
-MIN_LOOP = 1.0
-"""Stamps that step back by more than this [s] mean that a recording begins again."""
-NEIGHBOURS, FAR = 2, 5.0
-"""A stamp that is further from the median of so many on each side than so many usual periods, and than `MIN_LOOP`, is
-a stray."""
 MAX_SWEEP = 2.0
 """Longest time that the beams of one scan can take [s]."""
 MAX_JUMP_SHARE = 0.01
@@ -99,39 +91,6 @@ class Fan(NamedTuple):
 def sound_beat(beat: float, readings: int) -> bool:
     """Tell whether the time between two beams [s] can be true: all of a scan within `MAX_SWEEP`."""
     return math.isfinite(beat) and abs(beat) * max(readings - 1, 1) <= MAX_SWEEP
-
-
-def strays(stamps: Floats) -> NDArray[np.bool_]:
-    """Tell which stamps (n,) [s], in the order of the bag, are far from those of their neighbours on both sides."""
-    if len(stamps) < 2 * NEIGHBOURS + 1:
-        return np.zeros(len(stamps), dtype=bool)
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(stamps, NEIGHBOURS, mode="reflect"), 2 * NEIGHBOURS + 1)
-    usual = float(np.median(np.abs(np.diff(stamps))))
-    found: NDArray[np.bool_] = np.abs(stamps - np.median(windows, axis=1)) > max(MIN_LOOP, FAR * usual)
-    return found
-
-
-def first_pass(stamps: Floats) -> int:
-    """How many messages come before the recording begins again; stamps in the order of the bag [s], (n,)."""
-    if not len(stamps):
-        return 0
-    back = np.flatnonzero(stamps < np.maximum.accumulate(stamps) - MIN_LOOP)
-    return int(back[0]) if back.size else len(stamps)
-
-
-def bag_time(stamps: Floats, times: Floats, offset: float) -> Floats | None:
-    """The bag's own times less an offset [s], (n,), where most stamps of a topic repeat the one before and the times do
-    not; else None."""
-    if len(stamps) > 2 and np.mean(np.diff(stamps) == 0.0) > 0.5 > np.mean(np.diff(times) == 0.0):
-        return times - offset
-    return None
-
-
-def _useless(stamps: Floats, whose: str) -> str:
-    """Say what is wrong with stamps (n,) [s] that give way to the bag's times."""
-    if np.ptp(stamps) == 0.0:
-        return f"all stamps of {whose} are {stamps[0]:g} s"
-    return f"most stamps of {whose} repeat the one before"
 
 
 def with_twists(track: Track) -> Track:
@@ -212,70 +171,3 @@ def bridged(track: Track) -> tuple[Track, list[str]]:
             f"{spans[first]:.2f} s at {track.stamps[first]:.2f} s{more}, as where it starts again: the path is joined"
         )
     return track._replace(poses=poses), notes
-
-
-def one_clock(content: BagContent, times: NDArray[np.float64], track: Track) -> Track:
-    """Odometry without repeated passes, with the bag's `times` [s], (n,), where all of its stamps are equal."""
-    moving = np.append(True, (np.diff(track.poses, axis=0) != 0.0).any(axis=1))  # a pose may well be sent twice
-    mended = bag_time(track.stamps, times, 0.0)
-    if len(track.stamps) and np.ptp(track.stamps) > 0.0 and bag_time(track.stamps[moving], times[moving], 0.0) is None:
-        mended = None
-    if mended is not None:
-        content.notes.append(f"{_useless(track.stamps, 'the odometry')}: the bag's own times are used")
-        track = track._replace(stamps=mended)
-    else:
-        content.clock_offset = float(np.median(times - track.stamps))
-    if (stray := strays(track.stamps)).any():
-        content.notes.append(f"{stray.sum()} stamps of the odometry are far from those of their neighbours: left out")
-        track = track.chosen(~stray)
-    count = first_pass(track.stamps)
-    if count < len(track.stamps):
-        content.notes.append(
-            f"time steps back by {track.stamps[:count].max() - track.stamps[count]:.1f} s: the recording was played "
-            f"more than once; the first pass is used, {len(track.stamps) - count} messages of odometry are left out"
-        )
-    return track.first(count)
-
-
-def in_one_pass(
-    content: BagContent, nanoseconds: list[int], scans: list[RawScan]
-) -> tuple[list[RawScan], NDArray[np.int64]]:
-    """Scans of a topic without repeated passes, by the times of the bag where all of their stamps are equal; and which
-    of the messages they are.
-
-    nanoseconds: times of the bag [ns]
-    """
-    stamps = np.array([scan.stamp for scan in scans])
-    times = np.array([seconds(time) for time in nanoseconds])
-    mended = bag_time(stamps, times, content.clock_offset)
-    if mended is not None:
-        content.notes.append(f"{_useless(stamps, 'the scans')}: the bag's own times are used")
-        stamps = mended
-        scans = [scan._replace(stamp=stamp) for scan, stamp in zip(scans, stamps.tolist(), strict=True)]
-    content.scan_clock_offset = float(np.median(times - stamps))
-    once = ~_repeated(scans)
-    if not once.all():
-        content.notes.append(f"{(~once).sum()} scans are in the bag twice: one of each two is left out")
-        kept_once = np.flatnonzero(once)
-        scans, stamps = [scans[row] for row in kept_once.tolist()], stamps[kept_once]
-    else:
-        kept_once = np.arange(len(scans))
-    if (stray := strays(stamps)).any():
-        content.notes.append(f"{stray.sum()} stamps of scans are far from those of their neighbours: left out")
-    kept = np.flatnonzero(~stray)
-    count = first_pass(stamps[kept])
-    if count < len(kept):
-        content.notes.append(f"{len(kept) - count} scans from where their time steps back on are left out")
-    kept = kept[:count]
-    return [scans[row] for row in kept.tolist()], kept_once[kept]
-
-
-def _repeated(scans: Sequence[RawScan]) -> NDArray[np.bool_]:
-    """Tell which scans have the stamp, the frame and the readings of the one before."""
-    return np.array(
-        [False]
-        + [
-            a.stamp == b.stamp and a.frame_id == b.frame_id and np.array_equal(a.ranges, b.ranges, equal_nan=True)
-            for a, b in pairwise(scans)
-        ]
-    )[: len(scans)]

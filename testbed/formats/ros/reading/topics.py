@@ -40,7 +40,8 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
     filled = {c.topic for c in reader.connections if c.msgcount}
     others = [topic for topic in poses if not _is_ground_truth(topic)]
-    if "/tf" in filled or filled & set(others):
+    transforms = usual_topic(sorted(t for t in by_type[TRANSFORM_TYPE] if "static" not in t), "/tf")
+    if transforms in filled or filled & set(others):
         others = [topic for topic in others if topic in filled]
     truths = [topic for kind in TRUTH_TYPES for topic in sorted(by_type[kind]) if _is_ground_truth(topic)]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
@@ -51,8 +52,8 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
         advice = "leave --slice out" if seen == CLOUD_TYPE else "--slice LOW,HIGH makes scans of them, heights in m"
         raise LogError(f"{path}: no topic of type {seen}, but {there}; {advice}")
     content.scans = {topic: [] for topic in sorted(by_type[seen])}
-    if not others and by_type[seen] and "/tf" in by_type[TRANSFORM_TYPE]:
-        content.topics = {"odometry": "/tf"}
+    if not others and by_type[seen] and transforms is not None:
+        content.topics = {"odometry": transforms}
     else:
         content.topics = {"odometry": _choose(path, ODOMETRY_TYPE, others, "/odom", reader)}
     if truths:

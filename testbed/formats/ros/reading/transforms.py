@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,6 +18,9 @@ ROBOT_FRAMES = ("base_footprint", "base_link")
 """Names of the robot's own frame, by REP 105 and REP 120."""
 MAX_PLAY = 1e-4
 """A transform whose numbers change by less [m], [1] is a fixed mount."""
+MAX_WOBBLE = 0.05
+"""A transform whose numbers are usually within this of their medians [m], [1] is a mount that is measured again and
+again, or that shakes: 5 cm, 3 degrees."""
 MAX_TILT = math.radians(5.0)
 """Lidars and poses that lean more than this are not planar [rad]."""
 
@@ -27,14 +30,17 @@ class Moving:
 
     def __init__(self) -> None:
         self.stamps: dict[tuple[str, str], list[float]] = {}
+        self.times: dict[tuple[str, str], list[float]] = {}
         self.matrices: dict[tuple[str, str], list[NDArray[np.float64]]] = {}
 
-    def add(self, message: Any) -> None:
-        """Take in a tf2_msgs/TFMessage; ValueError where a transform is not finite."""
+    def add(self, message: Any, recorded: float) -> None:
+        """Take in a tf2_msgs/TFMessage that was recorded at a time of the bag [s]; ValueError where a transform is not
+        finite."""
         for transform in message.transforms:
             pair = _name(transform.header.frame_id), _name(transform.child_frame_id)
             time = transform.header.stamp
             self.stamps.setdefault(pair, []).append((time.sec * 1_000_000_000 + time.nanosec) / 1_000_000_000)
+            self.times.setdefault(pair, []).append(recorded)
             matrix = _matrix(transform.transform.translation, transform.transform.rotation)
             self.matrices.setdefault(pair, []).append(matrix)
 
@@ -45,13 +51,30 @@ class Moving:
         order = {name: rank for rank, name in enumerate(ROBOT_FRAMES)}
         return min(pairs, key=lambda pair: (order.get(pair[1], len(order)), pair), default=None)
 
-    def fixed(self) -> dict[str, tuple[str, NDArray[np.float64]]]:
-        """Transforms that never change, as `Transforms.parents` has them: mounts that are sent as if they moved."""
-        return {
-            child: (parent, matrices[0])
-            for (parent, child), matrices in self.matrices.items()
-            if all(np.abs(matrix - matrices[0]).max() < MAX_PLAY for matrix in matrices)
-        }
+    def mounts(self) -> dict[str, Mount]:
+        """Transforms that hardly change, by their child: mounts that are sent as if they moved."""
+        found = {}
+        for (parent, child), matrices in self.matrices.items():
+            stack = np.array(matrices)
+            off = np.abs(stack - np.median(stack, axis=0)).max(axis=(1, 2))
+            if float(np.median(off)) < MAX_WOBBLE:
+                found[child] = Mount(parent, matrices[int(np.argmin(off))], float(off.max()))
+        return found
+
+    def moved(self) -> dict[str, str]:
+        """Parent of each frame whose transform changes, by the frame."""
+        fixed = self.mounts()
+        return {child: parent for parent, child in self.matrices if child not in fixed}
+
+
+class Mount(NamedTuple):
+    """A frame on another one."""
+
+    parent: str
+    T_parent_child: NDArray[np.float64]
+    """(4, 4), the one nearest to the median."""
+    off: float
+    """How far the transforms are from their median at most [m], [1]."""
 
 
 @dataclass
@@ -59,12 +82,22 @@ class Transforms:
     """A tree of frames, each with the transform from its parent, (4, 4)."""
 
     parents: dict[str, tuple[str, NDArray[np.float64]]] = field(default_factory=dict)
+    changed: set[str] = field(default_factory=set)
+    """Frames whose transform was sent again with other numbers; the last one counts, as in tf2."""
 
     def add(self, message: Any) -> None:
         """Take in a tf2_msgs/TFMessage; ValueError where a transform is not finite."""
         for transform in message.transforms:
             T = _matrix(transform.transform.translation, transform.transform.rotation)
-            self.parents[_name(transform.child_frame_id)] = (_name(transform.header.frame_id), T)
+            parent, child = _name(transform.header.frame_id), _name(transform.child_frame_id)
+            before = self.parents.get(child)
+            if before is not None and (before[0] != parent or np.abs(before[1] - T).max() > MAX_PLAY):
+                self.changed.add(child)
+            self.parents[child] = parent, T
+
+    def chain(self, frame: str) -> list[str]:
+        """The frame, its parent, and so on up to the root; ValueError for a circle."""
+        return self._ancestors(_name(frame))
 
     def robot_frames(self) -> list[str]:
         """The frames that have a name of the robot's own, the best first."""

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: MIT
+"""Bags that end too early, or are packed without a metadata.yaml that says so: what is whole is read."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from testbed.formats import LogError, open_log
+from tests.testbed.formats.bags import assert_like, bag
+
+KINDS = [
+    (StoragePlugin.SQLITE3, None),
+    (StoragePlugin.SQLITE3, "FILE"),
+    (StoragePlugin.SQLITE3, "MESSAGE"),
+    (StoragePlugin.MCAP, None),
+    (StoragePlugin.MCAP, "FILE"),
+    (StoragePlugin.MCAP, "MESSAGE"),
+    (StoragePlugin.MCAP, "STORAGE"),
+]
+
+
+def the_file(path: Path) -> Path:
+    """The file with the messages."""
+    return next(file for file in path.iterdir() if file.name != "metadata.yaml")
+
+
+def assert_begin_of(read, sound, least: float) -> None:
+    """The first scans of a recording, at least such a share."""
+    count = len(read.scan_rows)
+    assert least * len(sound.scan_rows) <= count <= len(sound.scan_rows)
+    np.testing.assert_array_equal(read.ranges, sound.ranges[: sound.scan_starts[count]])
+    np.testing.assert_allclose(read.odometry[read.scan_rows], sound.odometry[sound.scan_rows[:count]], atol=1e-9)
+
+
+@pytest.mark.parametrize(("plugin", "packed"), KINDS)
+def test_packed_bags_without_metadata_are_read(tmp_path, messages, sound, plugin, packed):
+    path = bag(tmp_path / "bag", messages, plugin, packed)
+    assert_like(open_log(path).table, sound)
+    (path / "metadata.yaml").unlink()
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert log.repairs == (f"no metadata.yaml: read {the_file(path).name}",)
+    assert_like(open_log(the_file(path)).table, sound)
+
+
+@pytest.mark.parametrize(("plugin", "packed"), KINDS[:-1])  # of the last one, all messages are in one packed chunk
+def test_the_begin_of_a_cut_bag_is_read(tmp_path, messages, sound, plugin, packed):
+    path = bag(tmp_path / "bag", messages, plugin, packed)
+    file = the_file(path)
+    file.write_bytes(file.read_bytes()[: int(0.8 * file.stat().st_size)])
+    try:
+        log = open_log(path)
+    except LogError as error:
+        assert (plugin, packed) == (StoragePlugin.SQLITE3, "FILE")
+        assert "bytes are missing at its end" in str(error)  # noqa: PT017
+        return
+    assert_begin_of(log.table, sound, 0.4)
+    assert any("what is whole is read, the rest is left out" in note for note in log.repairs)
+
+
+def test_zeros_at_the_end_of_an_mcap_file_are_left_out(tmp_path, messages, sound):
+    path = bag(tmp_path / "bag", messages, StoragePlugin.MCAP)
+    file = the_file(path)
+    content, kept = file.read_bytes(), int(0.7 * file.stat().st_size)
+    file.write_bytes(content[:kept] + bytes(len(content) - kept))
+    log = open_log(path)
+    assert_begin_of(log.table, sound, 0.4)
+    assert any("the recorder was not stopped properly" in note for note in log.repairs)
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_an_empty_part_of_a_split_bag_is_left_out(tmp_path, messages, sound, plugin):
+    path = bag(tmp_path / "bag", messages, plugin)
+    file = the_file(path)
+    file.with_stem("bag_1").write_bytes(b"")
+    (path / "metadata.yaml").unlink()
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert f"{file.with_stem('bag_1').name}: empty, left out" in log.repairs
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_the_parts_of_a_split_bag_are_one(tmp_path, messages, sound, plugin):
+    whole, half = tmp_path / "whole", len(messages) // 2
+    whole.mkdir()
+    for number, part in enumerate((messages[:half], messages[half:])):
+        file = the_file(bag(tmp_path / f"part_{number}", part, plugin))
+        shutil.move(file, whole / file.name)
+    assert_like(open_log(whole).table, sound)
