@@ -9,6 +9,7 @@ factor is an odometry or a lidar that counts wrongly.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -26,10 +27,15 @@ MAX_PAIRS = 600
 """Pairs of scans that are compared: those around which the turn rate changes most."""
 BEAMS = 360
 """Beams of a scan that are compared; of more, evenly chosen ones."""
+SECTORS, SECTOR_BEAMS = 8, 45
+"""Scans whose beams were taken one after the other are compared in so many sectors of at least so many beams."""
 CUT = 0.3
 """Readings that differ by more count as differing by this much [m]: at edges, or where somebody walks."""
-MAX_OFFSET, COARSE, FINE = 1.0, 0.02, 0.001
-"""Offsets of the clocks are searched up to this, in steps of the second and then of the third [s]."""
+MAX_OFFSETS, COARSE, FINE = (1.0, 3.0, 9.0), 0.02, 0.001
+"""Offsets of the clocks are searched up to the first of these, or further where the best one is at the end, in steps of
+the second and then of the third [s]."""
+SMOOTHED = 9
+"""Headings of odometry over so many times make one of those that are compared with a scan."""
 CUT_TURN = math.radians(3.0)
 """Turns that differ by more count as differing by this much [rad]."""
 MIN_TURNED = math.radians(90.0)
@@ -46,6 +52,8 @@ class Turns(NamedTuple):
     """The same for the second scan, (n,)."""
     seen: Floats
     """Turn from the first to the second by the scans [rad], counter-clockwise, (n,)."""
+    sweep: float
+    """Time from the first to the last beam of a scan [s]: the turns are means over so long."""
 
 
 class Clock(NamedTuple):
@@ -68,9 +76,9 @@ class Clock(NamedTuple):
 
 MIN_OFFSET = 0.03
 """A smaller offset does no harm [s]."""
-SYSTEMATIC = 0.01
+SYSTEMATIC = 0.005
 """Standard deviation of what noise does not explain: wheels that count ticks, walls that are passed closely [s]. The
-offsets of twenty simulated drives without any spread by less."""
+offsets of simulated drives spread by less."""
 
 
 def compare_turns(table: FrameTable) -> Clock | None:
@@ -80,11 +88,13 @@ def compare_turns(table: FrameTable) -> Clock | None:
     if turns is None or len(stamps) < 2:
         return None
     heading = np.unwrap(table.odometry[first, 2])
+    # Twice the usual period: else poses between two stamps have less noise than those at a stamp, and seem to fit best.
+    width = max(turns.sweep, 2.0 * float(np.median(np.diff(stamps))))
+    within = width * (np.arange(SMOOTHED) / (SMOOTHED - 1) - 0.5)[:, None]
 
     def by_odometry(offset: float) -> Floats:
-        turned: Floats = np.interp(turns.end - offset, stamps, heading) - np.interp(
-            turns.begin - offset, stamps, heading
-        )
+        ends, begins = turns.end - offset + within, turns.begin - offset + within
+        turned: Floats = (np.interp(ends, stamps, heading) - np.interp(begins, stamps, heading)).mean(axis=0)
         return turned
 
     if np.abs(by_odometry(0.0)).sum() < MIN_TURNED:
@@ -94,7 +104,13 @@ def compare_turns(table: FrameTable) -> Clock | None:
     def misfit(offset: float) -> float:
         return float(np.minimum(np.abs(turns.seen - scale * by_odometry(offset)), CUT_TURN).mean())
 
-    coarse = np.arange(-MAX_OFFSET, MAX_OFFSET + COARSE, COARSE)
+    for reach in MAX_OFFSETS:
+        coarse = np.arange(-reach, reach + COARSE, COARSE)
+        best = min(coarse.tolist(), key=misfit)
+        if abs(best) < reach - COARSE:
+            break
+    else:
+        return Clock(0.0, math.inf, *robust_scale(turns.seen, by_odometry(0.0)))
     for _ in range(2):  # the second time with the scale of the first
         best = min(coarse.tolist(), key=misfit)
         offset = min(np.arange(best - COARSE, best + COARSE + FINE, FINE).tolist(), key=misfit)
@@ -135,14 +151,14 @@ def _turns(table: FrameTable) -> Turns | None:
     pairs = _informative(table, np.flatnonzero(alike), begins)
     if len(pairs) < MIN_PAIRS:
         return None
-    middle = [0.0 if p.time_offsets is None else float(p.time_offsets.mean()) for p in table.patterns]
-    later = np.array(middle)[table.scan_patterns]
-    seen = np.array([_turn(table, int(firsts[k]), int(seconds[k])) for k in pairs.tolist()])
+    rows = [turn for k in pairs.tolist() for turn in _pair_turns(table, int(firsts[k]), int(seconds[k]))]
+    begin, end, seen = np.array(rows).reshape(-1, 3).T
     known = np.isfinite(seen)
     if known.sum() < MIN_PAIRS:
         return None
-    begins, ends = begins[pairs] + later[firsts[pairs]], ends[pairs] + later[seconds[pairs]]
-    return Turns(begins[known], ends[known], seen[known])
+    times = table.patterns[table.scan_patterns[firsts[pairs[0]]]].time_offsets
+    sweep = 0.0 if times is None else float(np.ptp(times)) * len(pairs) / len(rows)
+    return Turns(begin[known], end[known], seen[known], sweep)
 
 
 def _even(table: FrameTable) -> Integers:
@@ -159,26 +175,42 @@ def _informative(table: FrameTable, pairs: Integers, begins: Floats) -> Integers
     rates = np.diff(np.interp(np.stack([begins[pairs] + d for d in (-0.2, 0.0, 0.2)]), stamps, heading), axis=0)
     change, chosen = np.abs(rates[1] - rates[0]), np.zeros(len(pairs), dtype=bool)
     for k in np.argsort(-change).tolist():
-        chosen |= np.abs(begins[pairs] - begins[pairs[k]]) <= MAX_OFFSET
+        chosen |= np.abs(begins[pairs] - begins[pairs[k]]) <= MAX_OFFSETS[0]
         if chosen.sum() >= MAX_PAIRS:
             break
     return pairs[chosen]
 
 
-def _turn(table: FrameTable, first: int, second: int) -> float:
-    """Turn from one scan to the next [rad], by the shift of their readings; NaN where they have little in common."""
+def _pair_turns(table: FrameTable, first: int, second: int) -> list[tuple[float, float, float]]:
+    """Turns from one scan to the next, as rows of `Turns`; of scans whose beams have times, those of each sector: where
+    the robot begins or ends a turn, each sector sees another part of it."""
     pattern = table.patterns[table.scan_patterns[first]]
     every = max(pattern.angles.size // BEAMS, 1)
     step = float(pattern.angles[every] - pattern.angles[0])
+    times = np.zeros(pattern.angles.size) if pattern.time_offsets is None else pattern.time_offsets
+    times = times[::every]
     a, b = (_profile(table, scan) for scan in (first, second))
     a, b = _moved(table, first, second, a, pattern.angles)[::every], b[::every]
     reach = min(int(MAX_TURN / abs(step)), len(a) // 3)
+    stamps = table.stamps[table.scan_rows[[first, second]]]
     if len(a) * abs(step) > 2.0 * math.pi - 1.5 * abs(step):
         a = np.concatenate([a[-reach:], a, a[:reach]])
     else:
-        b = b[reach : len(b) - reach]
-    shifted = np.lib.stride_tricks.sliding_window_view(a, len(b))
-    apart = np.abs(shifted - b)
+        b, times = b[reach : len(b) - reach], times[reach : len(b) - reach]
+    count = max(min(SECTORS, len(b) // SECTOR_BEAMS), 1) if np.ptp(times) > 0.0 else 1
+    edges = np.linspace(0, len(b), count + 1).astype(int).tolist()
+    found = []
+    for low, high in pairwise(edges):
+        shift = _shift(a[low : high + 2 * reach], b[low:high])
+        middle = float(times[low:high].mean())
+        found.append((float(stamps[0]) + middle, float(stamps[1]) + middle, (shift - reach) * step))
+    return found
+
+
+def _shift(a: Floats, b: Floats) -> float:
+    """Where readings b (n,) [m] fit best into the longer a, in beams from its begin; NaN where they have little in
+    common, or fit best at an end."""
+    apart = np.abs(np.lib.stride_tricks.sliding_window_view(a, len(b)) - b)
     known = np.isfinite(apart)
     counts = known.sum(axis=1)
     if counts.min() < MIN_PAIRS:
@@ -189,7 +221,7 @@ def _turn(table: FrameTable, first: int, second: int) -> float:
         return math.nan
     low, least, high = cost[k - 1 : k + 2].tolist()
     curve = low - 2.0 * least + high
-    return (k - reach + (0.5 * (low - high) / curve if curve > 0.0 else 0.0)) * step
+    return k + (0.5 * (low - high) / curve if curve > 0.0 else 0.0)
 
 
 def _moved(table: FrameTable, first: int, second: int, ranges: Floats, angles: Floats) -> Floats:
