@@ -7,6 +7,9 @@
 | EuRoC | `t x y z qw qx qy qz`, also with velocity and biases (17 numbers), stamps in nanoseconds |
 | KITTI with stamps | `t` and the twelve numbers of `[R p]`, row by row |
 
+A first line that names the columns, as in CSV files and in what `rostopic echo -p` and `bag_to_csv` write, says where
+the stamp, the position and the quaternion (or yaw) stand, whatever else there is.
+
 Numbers are separated by spaces, tabs, commas or semicolons; `#` starts a comment. Quaternions with w first, camera
 frames (x right, y down, z forward; of the poses, or of the camera alone, as in TUM's own files) and stamps in nano-,
 micro- or milliseconds since 1970 are recognised, because any other reading would not be planar or not be of this time.
@@ -21,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.files.named_columns import NamedColumns, named_columns
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import wrap_angle
 
@@ -30,10 +34,16 @@ TILT_TOLERANCE = np.radians(1.0)
 """Largest tilt of a pose out of the plane [rad]; such a pose is projected onto the plane."""
 _COLUMNS = "t x y z qx qy qz qw"
 _WIDTHS = (8, 13, 17)
+_INDEXED = 9
+"""Numbers of a TUM line behind the number of the line, as tables of pandas have it."""
+_MAX_TITLE = 3
+"""So many lines in front of the poses may be a title or a header."""
 _OTHER_FORMATS = {
     12: "KITTI poses, which have no stamps; put them in front of the lines: paste -d' ' times.txt poses.txt",
     4: "'t x y yaw'; expected a quaternion: 0 0 sin(yaw/2) cos(yaw/2)",
     3: "'x y yaw' without stamps",
+    7: "'t x y z roll pitch yaw'; expected a quaternion: 0 0 sin(yaw/2) cos(yaw/2)",
+    16: "numbers with decimal commas; expected points: tr , . < poses.txt",
 }
 _UNITS = ((1e9, "nanoseconds"), (1e6, "microseconds"), (1e3, "milliseconds"))
 """Units of stamps since 1970, per second."""
@@ -85,35 +95,62 @@ def read_trajectory(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str
 
 
 def _read_table(path: Path) -> tuple[Table, list[int], list[str]]:
-    """Return the numbers (n, 8, 13 or 17), the line of each row, and a note on a header."""
+    """Return the numbers (n, 8, 13 or 17), the line of each row, and notes on a header and on what was left out."""
     lines: list[int] = []
     rows: list[list[float]] = []
     notes: list[str] = []
+    named: NamedColumns | None = None
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(file, start=1):
             fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
             if not fields:
                 continue
-            if not rows and not notes and not any(map(_is_number, fields)):
-                notes.append(f"{path}: line {number} is read as a header")
+            is_text = not _is_number(fields[0].strip("[(")) if named is None else not any(map(_is_number, fields))
+            if not rows and len(notes) < _MAX_TITLE and is_text:
+                found = named_columns(line)
+                named = found or named
+                what = "a title" if found is None else "a header that names the columns"
+                notes.append(f"{path}: line {number} is read as {what}")
                 continue
-            expected = len(rows[0]) if rows else 8
-            columns = f" '{_COLUMNS}'" if expected == 8 else " as in the lines before"
-            if len(fields) != expected and (rows or len(fields) not in _WIDTHS):
-                other = _OTHER_FORMATS.get(len(fields)) if not rows else None
-                hint = f", which looks like {other}" if other else ""
-                raise TumError(f"{path}:{number}: expected {expected} numbers{columns}, got {len(fields)}{hint}")
             try:
-                rows.append([float(field) for field in fields])
-            except ValueError:
-                raise TumError(f"{path}:{number}: expected {expected} numbers, got '{line.strip()[:80]}'") from None
+                rows.append(_row(line, fields, rows, named))
+            except ValueError as error:
+                if rows and not line.endswith("\n"):
+                    notes.append(f"{path}: line {number} is cut and left out")
+                    break
+                raise TumError(f"{path}:{number}: {error}") from None
             lines.append(number)
     if not rows:
         raise TumError(f"{path}: expected poses '{_COLUMNS}', found none")
     table = np.array(rows)
+    if table.shape[1] == _INDEXED:
+        if not np.array_equal(np.diff(table[:, 0]), np.ones(len(table) - 1)):
+            raise TumError(f"{path}:{lines[0]}: {_wrong_width(_INDEXED)}")
+        table = table[:, 1:]
+        notes.append(f"{path}: the first column counts the lines and is left out")
     if len(bad := np.flatnonzero(~np.isfinite(table).all(axis=1))):
         raise TumError(f"{path}:{lines[bad[0]]}: expected finite numbers, got NaN or infinity")
     return table, lines, notes
+
+
+def _row(line: str, fields: list[str], before: list[list[float]], named: NamedColumns | None) -> list[float]:
+    """Return the numbers of a line; ValueError where they are not those of a pose, or not as many as before."""
+    if named is not None:
+        return named.pose(line)
+    if before and len(fields) != len(before[0]):
+        columns = f" '{_COLUMNS}'" if len(before[0]) == 8 else " as in the lines before"
+        raise ValueError(f"expected {len(before[0])} numbers{columns}, got {len(fields)}")
+    if len(fields) not in (*_WIDTHS, _INDEXED):
+        raise ValueError(_wrong_width(len(fields)))
+    try:
+        return [float(field) for field in fields]
+    except ValueError:
+        raise ValueError(f"expected {len(fields)} numbers, got '{line.strip()[:80]}'") from None
+
+
+def _wrong_width(count: int) -> str:
+    other = _OTHER_FORMATS.get(count)
+    return f"expected 8 numbers '{_COLUMNS}', got {count}{f', which looks like {other}' if other else ''}"
 
 
 def _is_number(field: str) -> bool:
