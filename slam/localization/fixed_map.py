@@ -55,8 +55,7 @@ def checked_start(start: ArrayLike, grid: OccupancyGrid, max_distance: float) ->
     pose = np.asarray(start, dtype=np.float64)
     if pose.shape != (3,) or not np.all(np.isfinite(pose)):
         raise ValueError(f"start must be three finite numbers (x, y, theta), got {pose.tolist()}")
-    point = se2.between(grid.origin, pose)[:2]
-    away = float(np.hypot(*(free_cells(grid) - point).T).min())
+    away = _distance_to_free(grid, se2.between(grid.origin, pose)[:2])
     if away > max_distance:
         raise ValueError(
             f"start ({pose[0]:g}, {pose[1]:g}) m lies {away:.2f} m outside of the map's free space, "
@@ -65,9 +64,50 @@ def checked_start(start: ArrayLike, grid: OccupancyGrid, max_distance: float) ->
     return pose
 
 
-def free_cells(grid: OccupancyGrid) -> NDArray[np.float64]:
-    """Centres of the free cells, (n, 2) [m], seen from the grid's corner."""
-    return _centres(grid.free, grid.resolution)
+def free_space_moments(grid: OccupancyGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean (2,) [m] and covariance (2, 2) [m^2] of the centres of the free cells, seen from the grid's corner.
+
+    By sums over rows and columns: the centres of a map of 4000 x 4000 cells would take a quarter of a gigabyte.
+    """
+    free = grid.free
+    x, y = _axes(grid)
+    in_columns, in_rows = free.sum(axis=0), free.sum(axis=1)
+    count = in_rows.sum()
+    mean: NDArray[np.float64] = np.array([in_columns @ x, in_rows @ y]) / count
+    dx, dy = x - mean[0], y - mean[1]
+    xy = float(dy @ np.array([dx[row].sum() for row in free]))
+    covariance: NDArray[np.float64] = np.array([[in_columns @ dx**2, xy], [xy, in_rows @ dy**2]]) / count
+    return mean, covariance
+
+
+def free_lattice(grid: OccupancyGrid, spacing: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """A random free cell in each square of a lattice that has one: centres, (n, 2) [m], seen from the grid's corner.
+
+    spacing: side of a square [m]
+    """
+    x, y = _axes(grid)
+    cells = np.flatnonzero(grid.free)
+    cells = cells[rng.permutation(len(cells))]
+    rows = np.floor(y / spacing).astype(np.int32)
+    columns = np.floor(x / spacing).astype(np.int32) * (rows.max() + 1)  # squares in the order of x, then y
+    squares = columns[cells % len(x)] + rows[cells // len(x)]
+    chosen = cells[np.unique(squares, return_index=True)[1]]
+    return np.column_stack([x[chosen % len(x)], y[chosen // len(x)]])
+
+
+def _distance_to_free(grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
+    """Distance of a point (2,) [m], seen from the grid's corner, to the centre of the nearest free cell [m]."""
+    x, y = _axes(grid)
+    away = np.hypot(y - point[1], [np.abs(x[row] - point[0]).min(initial=np.inf) for row in grid.free])
+    return float(away.min())
+
+
+def _axes(grid: OccupancyGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """x of the columns and y of the rows [m], at the centres of cells, seen from the grid's corner."""
+    rows, columns = grid.free.shape
+    x: NDArray[np.float64] = (np.arange(columns) + 0.5) * grid.resolution
+    y: NDArray[np.float64] = (np.arange(rows) + 0.5) * grid.resolution
+    return x, y
 
 
 def wall_faces(grid: OccupancyGrid) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ from slam import se2
 from slam.config import FilterConfig, LocalizationConfig
 from slam.grid.distance_field import MAX_RADIUS
 from slam.grid.wall_maps import maps_of_walls
-from slam.localization.fixed_map import FixedMap, free_cells, wall_faces
+from slam.localization.fixed_map import FixedMap, free_lattice, wall_faces
 from slam.matching.likelihood import BeamModel, log_likelihoods
 from slam.motion.odometry_model import sample_motion
 from slam.particles.kld import bins_of, count_by_kld
@@ -87,13 +87,13 @@ class GlobalSearch:
     def _initial_poses(self) -> se2.Pose:
         """Poses all over the free space (n, 3): a random one in each cell of a coarse lattice in x, y and heading."""
         s, rng = self.settings, self._rng
-        free = free_cells(self._grid)
-        free = free[rng.permutation(len(free))]
-        squares = np.floor(free / s.search_spacing).astype(np.int64)
-        points = free[np.unique(squares, axis=0, return_index=True)[1]]
+        points = free_lattice(self._grid, s.search_spacing, rng)
         turns = max(1, round(2.0 * np.pi / s.search_spacing_heading))
         headings = (np.arange(turns) + rng.uniform(size=(len(points), 1))) * (2.0 * np.pi / turns)
-        return np.column_stack([np.repeat(points, turns, axis=0), se2.wrap_angle(headings.ravel())])
+        poses = np.empty((len(points), turns, 3))  # filled in place: there are millions on large maps
+        poses[:, :, :2] = points[:, None]
+        poses[:, :, 2] = se2.wrap_angle(headings)
+        return poses.reshape(-1, 3)
 
     def _log_likelihood(self, poses: se2.Pose, hits: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log-likelihood of every k-th hit at each pose, (n,) [nats]."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam._threads import Threads
 from slam.config import FilterConfig, LocalizationConfig
-from slam.localization.fixed_map import FixedMap, checked_start, free_cells
+from slam.localization.fixed_map import FixedMap, checked_start, free_space_moments
 from slam.localization.global_search import GlobalSearch
 from slam.localization.pose_tracker import PoseTracker, PoseUncertainty
 from slam.occupancy import OccupancyGrid
@@ -101,9 +101,9 @@ class Localization:
             )
             covariance = np.diag(variances)
         else:
-            free = free_cells(self._fixed.grid)
-            pose, covariance = np.append(free.mean(axis=0), 0.0), np.zeros((3, 3))
-            covariance[:2, :2] = np.cov(free.T, ddof=0)
+            mean, spread = free_space_moments(self._fixed.grid)
+            pose, covariance = np.append(mean, 0.0), np.zeros((3, 3))
+            covariance[:2, :2] = spread
             covariance[2, 2] = np.pi**2 / 3.0
         nothing = BeamCounts(0, 0, 0)
         return self._in_map(

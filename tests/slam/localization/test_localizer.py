@@ -11,8 +11,9 @@ from slam import OccupancyGrid, Scan, se2
 from slam._threads import Threads
 from slam.config import FilterConfig, LocalizationConfig, MapConfig
 from slam.localization import Localization
-from slam.localization.fixed_map import FixedMap, free_cells, wall_faces
+from slam.localization.fixed_map import FixedMap, wall_faces
 from tests.slam import rooms
+from tests.slam.localization.free_cells import free_cells
 
 RECTANGLE = np.array([(-2.0, -1.5), (4.0, -1.5), (4.0, 1.5), (-2.0, 1.5)])
 HALF_TURN = (2.0, 0.0, np.pi)  # what carries the rectangle over into itself
