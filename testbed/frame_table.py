@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slam.scan import Scan
 from testbed.frame import Frame
-from testbed.large_arrays import forget_pages
+from testbed.large_arrays import forget_pages, joined
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -86,7 +86,7 @@ class FrameTable:
             scan_lidars=np.array([lidars[name] for name in names], dtype=np.int64),
             scan_patterns=numbers,
             scan_starts=np.cumsum([0, *(scan.ranges.size for scan in scans)], dtype=np.int64),
-            ranges=np.concatenate([scan.ranges for scan in scans]) if scans else np.empty(0),
+            ranges=joined([scan.ranges for scan in scans]) if scans else np.empty(0),
             range_limits=_rows([(scan.range_min, scan.range_max) for scan in scans], 2),
             mounts=_rows([scan.mount for scan in scans], 3),
             lidars=tuple(lidars),

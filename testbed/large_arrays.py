@@ -8,6 +8,7 @@ import mmap
 import os
 import tempfile
 from collections.abc import Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,38 +18,52 @@ IN_MEMORY = 100_000_000
 SEGMENT = 32_000_000
 """Bytes of a file's piece, and of what is copied at a time."""
 
-Ranges = NDArray[np.float32]
+Ranges = NDArray[np.float32] | NDArray[np.float64]
+Kind = TypeVar("Kind", np.float32, np.float64)
 
 
 class ReadingsStore:
-    """Keeps the readings of scans, which come one after the other."""
+    """Keeps the readings of scans, which come one after the other: those of a recording while it is read, and those of
+    a run while it runs."""
 
-    def __init__(self, in_memory: int = IN_MEMORY) -> None:
-        """in_memory: bytes that stay in memory"""
+    def __init__(self, in_memory: int = IN_MEMORY, kind: type = np.float32) -> None:
+        """in_memory: bytes that stay in memory; kind: of the readings, float32 or float64"""
         self._left = in_memory
-        self._segment = np.empty(0, dtype=np.float32)
+        self._kind = np.dtype(kind)
+        self._segments: list[NDArray[Any]] = []
         self._used = 0
 
-    def keep(self, ranges: Ranges) -> Ranges:
+    def keep(self, ranges: NDArray[Kind]) -> NDArray[Kind]:
         """The same readings (n,), in memory or in a file; a message that they are a part of can be forgotten."""
         if ranges.nbytes <= self._left:
             self._left -= ranges.nbytes
-            return ranges.copy()
-        if self._used + ranges.size > self._segment.size:
-            forget_pages(self._segment)
-            self._segment, self._used = in_file(max(SEGMENT // ranges.itemsize, ranges.size)), 0
-        kept = self._segment[self._used : self._used + ranges.size]
+            return ranges if ranges.base is None else ranges.copy()
+        if not self._segments or self._used + ranges.size > self._segments[-1].size:
+            self.forget()
+            self._segments.append(in_file(max(SEGMENT // self._kind.itemsize, ranges.size), self._kind))
+            self._used = 0
+        kept: NDArray[Kind] = self._segments[-1][self._used : self._used + ranges.size]
         kept[:] = ranges
         self._used += ranges.size
         return kept
 
+    @property
+    def is_full(self) -> bool:
+        """Whether some readings are in files."""
+        return bool(self._segments)
 
-def joined(parts: Sequence[Ranges], in_memory: int = IN_MEMORY) -> Ranges:
+    def forget(self) -> None:
+        """Let go of the memory of what is in files; it is read again when it is needed."""
+        for segment in self._segments:
+            forget_pages(segment)
+
+
+def joined(parts: Sequence[Ranges], in_memory: int = IN_MEMORY) -> NDArray[Any]:
     """Readings one after the other, (readings,); in a file where they are many."""
-    count = sum(part.size for part in parts)
-    if 4 * count <= in_memory:
-        return np.concatenate(parts) if parts else np.empty(0, dtype=np.float32)
-    whole, at, since = in_file(count), 0, 0
+    count, kind = sum(part.size for part in parts), parts[0].dtype if parts else np.dtype(np.float32)
+    if kind.itemsize * count <= in_memory:
+        return np.concatenate(parts) if parts else np.empty(0, dtype=kind)
+    whole, at, since = in_file(count, kind), 0, 0
     for part in parts:
         whole[at : at + part.size] = part
         at += part.size
@@ -60,9 +75,9 @@ def joined(parts: Sequence[Ranges], in_memory: int = IN_MEMORY) -> Ranges:
     return whole
 
 
-def in_file(count: int) -> Ranges:
+def in_file(count: int, kind: np.dtype[Any] = np.dtype(np.float32)) -> NDArray[Any]:  # noqa: B008 - never changed
     """Zeros (count,) in a temporary file. Raises OSError, naming the temporary folder, where there is no room."""
-    size = 4 * count
+    size = kind.itemsize * count
     with tempfile.TemporaryFile() as file:
         try:
             if hasattr(os, "posix_fallocate"):  # else a write into the array would end the process on a full disk
@@ -70,9 +85,9 @@ def in_file(count: int) -> Ranges:
             else:
                 file.truncate(size)
         except OSError as error:
-            reason = f"{error.strerror}, for the scans of a long recording"
+            reason = f"{error.strerror}, for the scans of a long recording or run"
             raise OSError(error.errno, reason, tempfile.gettempdir()) from None
-        return np.frombuffer(mmap.mmap(file.fileno(), size), dtype=np.float32)
+        return np.frombuffer(mmap.mmap(file.fileno(), size), dtype=kind)
 
 
 def forget_pages(array: NDArray[np.generic]) -> None:

@@ -105,8 +105,8 @@ def _distance_to_free(grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
 def _axes(grid: OccupancyGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """x of the columns and y of the rows [m], at the centres of cells, seen from the grid's corner."""
     rows, columns = grid.free.shape
-    x: NDArray[np.float64] = (np.arange(columns) + 0.5) * grid.resolution
-    y: NDArray[np.float64] = (np.arange(rows) + 0.5) * grid.resolution
+    x: NDArray[np.float64] = (np.arange(columns, dtype=np.float64) + 0.5) * grid.resolution
+    y: NDArray[np.float64] = (np.arange(rows, dtype=np.float64) + 0.5) * grid.resolution
     return x, y
 
 

@@ -8,7 +8,8 @@ columns mean. Where the true map is known, the directory also holds it as a ROS 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,13 @@ from testbed.formats.head import LogHead
 from testbed.formats.log import Log, LogError, shortened
 from testbed.formats.stamps import EXPECTED, NANOSECONDS_NOTE, column_in_seconds
 from testbed.frame_table import BeamPattern, FrameTable, Integers
+from testbed.large_arrays import ReadingsStore, joined
 
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
 MAX_TABLE = 50_000_000
 """Rows."""
+BLOCK_ROWS = 8192
+"""Rows that are read at a time."""
 MAX_URDF = 10_000_000
 """Bytes."""
 
@@ -122,16 +126,18 @@ def read_parquet(path: Path) -> Log:
     directory, file = (path, path / TABLE) if path.is_dir() else (path.parent, path)
     if path.is_dir():
         verify(directory)
-    rows = _read_table(file)
-    table = _frame_table(file, rows)
-    if not len(table):
+    blocks = _Blocks(file)
+    for rows in _read_blocks(file):
+        blocks.add(rows)
+    if not blocks.rows:
         raise LogError(f"{file}: no rows, expected one a frame")
+    table = blocks.table()
     has_map, urdf = path.is_dir() and (directory / MAP).is_file(), directory / URDF
     return Log(
         path=path,
         format="Parquet table",
         table=table,
-        notes=(NANOSECONDS_NOTE,) if _numbers(rows, "stamp")[0] != table.stamps[0] else (),
+        notes=(NANOSECONDS_NOTE,) if blocks.first_stamp != table.stamps[0] else (),
         truth_map=read_map(directory / MAP, inside=True) if has_map else None,
         robot_urdf=_read_text(urdf) if path.is_dir() and urdf.is_file() else None,
     )
@@ -214,8 +220,8 @@ def _lists(values: NDArray[np.float64], rows: Integers, counts: Integers, n: int
     return pa.ListArray.from_arrays(pa.array(offsets), pa.array(values), mask=pa.array(null))
 
 
-def _read_table(file: Path) -> Any:
-    """The table; LogError for anything that is not such a table."""
+def _read_blocks(file: Path) -> Iterator[Any]:
+    """The table in pieces of `BLOCK_ROWS`; LogError for anything that is not such a table."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -225,19 +231,81 @@ def _read_table(file: Path) -> Any:
                 raise LogError(f"{file}: {parquet.metadata.num_rows} rows, expected at most {MAX_TABLE}")
             if missing := [name for name in _schema().names if name not in parquet.schema_arrow.names]:
                 raise LogError(f"{file}: no column {', '.join(missing)}")
-            return parquet.read(columns=_schema().names).cast(_schema()).combine_chunks()
+            for batch in parquet.iter_batches(BLOCK_ROWS, columns=_schema().names):
+                yield pa.Table.from_batches([batch]).select(_schema().names).cast(_schema()).combine_chunks()
     except (pa.ArrowException, OSError, ValueError) as error:  # all mean a damaged or foreign table
         if isinstance(error, LogError):
             raise
         raise LogError(f"{file}: damaged or unreadable table: {shortened(' '.join(str(error).split()))}") from None
 
 
-def _frame_table(file: Path, table: Any) -> FrameTable:
-    """The frames of a table; LogError, with the first row, where they make no sense."""
+class _Blocks:
+    """The frames of the blocks of a table, whose readings go to a store; LogError, with the first row, where they make
+    no sense."""
+
+    def __init__(self, file: Path) -> None:
+        self.rows = 0
+        self.first_stamp = math.nan
+        """As the table has it."""
+        self._file = file
+        self._blocks: list[FrameTable] = []
+        self._readings = ReadingsStore(kind=np.float64)
+        self._patterns: list[BeamPattern] = []
+        self._known: dict[tuple[bytes, bytes | None], int] = {}
+
+    def add(self, table: Any) -> None:
+        """Take in a block."""
+        if not len(table):
+            return
+        if not self.rows:
+            self.first_stamp = float(_numbers(table, "stamp")[0])
+        block = self._frames(table)
+        self._blocks.append(replace(block, ranges=self._readings.keep(block.ranges.astype(np.float64, copy=False))))
+        self.rows += len(table)
+
+    def table(self) -> FrameTable:
+        """All frames."""
+        blocks = self._blocks
+        lidars = tuple(sorted({name for block in blocks for name in block.lidars}))
+        firsts = np.cumsum([0, *map(len, blocks)])
+        counts = [np.diff(block.scan_starts) for block in blocks]
+
+        def column(name: str) -> Any:
+            return np.concatenate([getattr(block, name) for block in blocks])
+
+        return FrameTable(
+            **{name: column(name) for name in ("stamps", "odometry", "twist", "command", "truth")},
+            scan_rows=np.concatenate([block.scan_rows + first for block, first in zip(blocks, firsts, strict=False)]),
+            scan_lidars=np.concatenate(
+                [np.array([lidars.index(name) for name in b.lidars], dtype=np.int64)[b.scan_lidars] for b in blocks]
+            ),
+            scan_patterns=column("scan_patterns"),
+            scan_starts=np.concatenate([[0], np.cumsum(np.concatenate(counts))]).astype(np.int64),
+            ranges=joined([block.ranges for block in blocks]),
+            range_limits=column("range_limits"),
+            mounts=column("mounts"),
+            lidars=lidars,
+            patterns=tuple(self._patterns),
+        )
+
+    def _frames(self, table: Any) -> FrameTable:
+        """The frames of a block, whose patterns are those of all blocks so far."""
+        return _frame_table(self._file, table, self.rows, self.first_stamp, self._patterns, self._known)
+
+
+def _frame_table(
+    file: Path,
+    table: Any,
+    first: int,
+    first_stamp: float,
+    patterns: list[BeamPattern],
+    known: dict[tuple[bytes, bytes | None], int],
+) -> FrameTable:
+    """The frames of a block that begins with row `first`; LogError, with the first row, where they make no sense."""
 
     def refuse(bad: Any, text: str) -> None:
         if bad.any():
-            raise LogError(f"{file}: row {int(np.argmax(bad))}: {text}")
+            raise LogError(f"{file}: row {first + int(np.argmax(bad))}: {text}")
 
     numbers = {name: _numbers(table, name) for name in table.column_names if name not in ("lidar", *LISTS)}
     groups = {}
@@ -248,7 +316,7 @@ def _frame_table(file: Path, table: Any) -> FrameTable:
         bad = ~null.all(axis=1) & ~(np.isfinite(groups[group]).all(axis=1) & ~null.any(axis=1))
         refuse(bad, f"{group}: expected {len(names)} finite numbers or none")
     refuse(~np.isfinite(numbers["stamp"]) | np.isnan(groups["odometry"][:, 0]), "expected a finite stamp and odometry")
-    stamps, impossible = column_in_seconds(numbers["stamp"])
+    stamps, impossible = column_in_seconds(numbers["stamp"], first_stamp)
     refuse(impossible, f"a stamp that is no time, {EXPECTED}")
     scanned = ~_nulls(table, "ranges")
     incomplete = _nulls(table, "angles") | np.isnan(groups["mount"][:, 0]) | _nulls(table, "lidar")
@@ -270,7 +338,7 @@ def _frame_table(file: Path, table: Any) -> FrameTable:
     lidars, lidar_of = np.unique(
         np.array(table["lidar"].to_pylist(), dtype=object)[rows].astype(str), return_inverse=True
     )
-    patterns, pattern_of = _patterns(lists, rows, ~_nulls(table, "time_offsets"))
+    pattern_of = _patterns_of(lists, rows, ~_nulls(table, "time_offsets"), patterns, known)
     return FrameTable(
         stamps=stamps,
         odometry=groups["odometry"],
@@ -285,7 +353,7 @@ def _frame_table(file: Path, table: Any) -> FrameTable:
         range_limits=limits[rows],
         mounts=groups["mount"][rows],
         lidars=tuple(lidars.tolist()),
-        patterns=patterns,
+        patterns=tuple(patterns),
     )
 
 
@@ -309,13 +377,15 @@ def _flattened(table: Any, name: str) -> tuple[NDArray[np.float64], Integers]:
     return flat, lengths.to_numpy().astype(np.int64)
 
 
-def _patterns(
-    lists: dict[str, tuple[NDArray[np.float64], Integers]], rows: Integers, timed: NDArray[np.bool_]
-) -> tuple[tuple[BeamPattern, ...], Integers]:
-    """The distinct beam patterns of the scans at `rows`, and the pattern of each (m,)."""
+def _patterns_of(
+    lists: dict[str, tuple[NDArray[np.float64], Integers]],
+    rows: Integers,
+    timed: NDArray[np.bool_],
+    patterns: list[BeamPattern],
+    known: dict[tuple[bytes, bytes | None], int],
+) -> Integers:
+    """The pattern of each scan at `rows`, (m,); new ones are appended, and `known` tells where each stands."""
     ends = {name: np.cumsum(lists[name][1]) for name in ("angles", "time_offsets")}
-    known: dict[tuple[bytes, bytes | None], int] = {}
-    patterns: list[BeamPattern] = []
     numbers: list[int] = []
     for row in rows.tolist():
         angles, times = (
@@ -327,7 +397,7 @@ def _patterns(
         if number == len(patterns):
             patterns.append(BeamPattern(angles=angles.copy(), time_offsets=times.copy() if timed[row] else None))
         numbers.append(number)
-    return tuple(patterns), np.array(numbers, dtype=np.int64)
+    return np.array(numbers, dtype=np.int64)
 
 
 def _read_text(path: Path) -> str:

@@ -35,7 +35,7 @@ class StampUnit:
         return in_seconds
 
 
-def column_in_seconds(stamps: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """A column of finite stamps (n,) in seconds, and which of them cannot be, (n,)."""
-    in_seconds = stamps * (1e-9 if stamps.size and abs(stamps[0]) >= MIN_NANOSECONDS else 1.0)
+def column_in_seconds(stamps: NDArray[np.float64], first: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Finite stamps (n,) in seconds, by the unit of the first stamp of the recording, and which cannot be, (n,)."""
+    in_seconds = stamps * (1e-9 if abs(first) >= MIN_NANOSECONDS else 1.0)
     return in_seconds, np.abs(in_seconds) > MAX_SECONDS

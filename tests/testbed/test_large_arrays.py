@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from testbed import large_arrays
-from testbed.formats import open_log
+from testbed.formats import open_log, parquet
 from testbed.formats.write import write_log
 from testbed.frame_table import FrameTable, TableFrames
 from testbed.large_arrays import ReadingsStore, forget_pages, in_file, joined
@@ -66,14 +66,14 @@ def test_a_full_disk_is_named(monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "posix_fallocate", full)
-    with pytest.raises(OSError, match="No space left on device, for the scans of a long recording: '/"):
+    with pytest.raises(OSError, match="No space left on device, for the scans of a long recording or run: '/"):
         in_file(10)
 
 
 def test_a_long_bag_is_the_same_recording(tmp_path, monkeypatch):
     write_log(tmp_path / "bag", drive(seconds=5.0), "rosbag2")
     short = open_log(tmp_path / "bag").table
-    monkeypatch.setattr(ReadingsStore.__init__, "__defaults__", (1000,))
+    monkeypatch.setattr(ReadingsStore.__init__, "__defaults__", (1000, np.float32))
     monkeypatch.setattr(joined, "__defaults__", (1000,))
     long = open_log(tmp_path / "bag").table
     assert is_in_file(long.ranges)
@@ -88,3 +88,19 @@ def test_frames_of_a_table_are_made_when_they_are_asked_for():
     assert len(lazy) == len(frames) > 256
     assert_equal_frames(list(lazy), frames)
     assert_equal_frames([lazy[3], lazy[-1], *lazy[255:260]], [frames[3], frames[-1], *frames[255:260]])
+
+
+@pytest.mark.parametrize("log_format", ["carmen", "parquet"])
+def test_a_long_log_is_the_same_recording(tmp_path, monkeypatch, log_format):
+    path = tmp_path / ("drive.log" if log_format == "carmen" else "drive")
+    write_log(path, drive(seconds=5.0), log_format)
+    short = open_log(path).table
+    monkeypatch.setattr(ReadingsStore.__init__, "__defaults__", (1000, np.float32))
+    monkeypatch.setattr(joined, "__defaults__", (1000,))
+    monkeypatch.setattr(parquet, "BLOCK_ROWS", 17)
+    long = open_log(path).table
+    assert is_in_file(long.ranges)
+    assert not is_in_file(short.ranges)
+    assert_equal_frames(long.frames(), short.frames())
+    assert long.lidars == short.lidars
+    assert len(long.patterns) == len(short.patterns)

@@ -26,6 +26,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,8 @@ from testbed.formats.log import Log, LogError
 from testbed.formats.pose_interpolation import ODOMETRY_REACH, interpolate
 from testbed.formats.stamps import NANOSECONDS_NOTE, StampUnit
 from testbed.frame import Frame
+from testbed.frame_table import FrameTable
+from testbed.large_arrays import ReadingsStore
 
 RAW = {"RAWLASER1": "laser", "RAWLASER2": "rear_laser", **{f"RAWLASER{k}": f"laser_{k}" for k in (3, 4, 5)}}
 """Messages with scans without a pose, and the name of the lidar that took them."""
@@ -75,6 +78,8 @@ OFFSETS = {"FLASER": FRONT, "RLASER": REAR, "RAWLASER1": FRONT, "RAWLASER2": REA
 MAXIMA = {"FLASER": "robot_front_laser_max", "RLASER": "robot_rear_laser_max"}
 """Parameters with the range from which on there is no return [m]."""
 
+BLOCK_SCANS = 4096
+"""Scans whose readings are counted at a time."""
 END = 0.05
 """The far end of the readings: this share of the largest one."""
 MIN_REPEATS = 10
@@ -114,20 +119,39 @@ def no_return_from(ranges: NDArray[np.float64]) -> float | None:
     that is 10 times as frequent as any value in the stretch of that length before, and with the frequent ones next to
     it. Real walls spread over many values; where several values hold most of all readings, they are a wall.
     """
-    finite = ranges[np.isfinite(ranges)]
-    if finite.size == 0:
+    return _no_return_from(*_value_counts([ranges]))
+
+
+def _no_return_from(values: NDArray[np.float64], counts: NDArray[np.int64]) -> float | None:
+    """As `no_return_from`, of the distinct readings (k,), increasing, and how often each is there."""
+    if values.size == 0:
         return None
-    values, counts = np.unique(finite, return_counts=True)
     end = values > (1.0 - END) * values[-1]
     before = (values > (1.0 - 2.0 * END) * values[-1]) & ~end
     usual = counts[before].max(initial=1)
     frequent = np.flatnonzero(end & (counts >= MIN_REPEATS * usual))
-    if frequent.size == 0 or (frequent.size > 1 and 2 * counts[end].sum() > finite.size):
+    if frequent.size == 0 or (frequent.size > 1 and 2 * counts[end].sum() > counts.sum()):
         return None
     first = int(frequent[0])
     while first > 0 and values[first] - values[first - 1] <= NEXT_VALUE and counts[first - 1] > usual:
         first -= 1
     return float(values[first])
+
+
+def _value_counts(parts: list[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The distinct finite readings of scans, increasing, and how often each is there; a block of scans at a time."""
+    values, counts = np.empty(0), np.empty(0, dtype=np.int64)
+    for begin in range(0, len(parts), BLOCK_SCANS):
+        block = np.concatenate(parts[begin : begin + BLOCK_SCANS])
+        more, often = np.unique(block[np.isfinite(block)], return_counts=True)
+        values, where = np.unique(np.concatenate([values, more]), return_inverse=True)
+        counts = np.bincount(where, weights=np.concatenate([counts, often]), minlength=len(values)).astype(np.int64)
+    return values, counts
+
+
+def _median(values: NDArray[np.float64], counts: NDArray[np.int64]) -> float:
+    """The median of readings that are there so often; 0 where there are none."""
+    return float(values[np.searchsorted(np.cumsum(counts), 0.5 * counts.sum())]) if len(values) else 0.0
 
 
 UNKNOWN = np.full(3, np.nan)
@@ -156,6 +180,8 @@ class _Content:
     truth: tuple[float, Pose] | None = None
     counts: Counter[str] = field(default_factory=Counter)
     unit: StampUnit = field(default_factory=StampUnit)
+    readings: ReadingsStore = field(default_factory=lambda: ReadingsStore(kind=np.float64))
+    """Where the readings of scans are kept."""
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -206,6 +232,8 @@ def _take(line: str, content: _Content) -> None:
     elif kind == "ODOM" or kind in LIDARS:
         message = _odom(rest) if kind == "ODOM" else _scan(kind, "".join(texts))
         message.stamp = content.unit.seconds(message.stamp)
+        if message.ranges is not None:
+            message.ranges = content.readings.keep(message.ranges)
         if content.truth is not None and content.truth[0] == message.stamp:
             message.truth = content.truth[1]
         content.messages.append(message)
@@ -239,7 +267,7 @@ def _flaser(kind: str, text: str) -> _Message:
             f"{kind} with {ranges.size} beams: it holds no angles, and they are known for {known} beams only"
         )
     first, step = FLASER_LAYOUTS[ranges.size]
-    angles: NDArray[np.float64] = np.deg2rad(first + step * np.arange(ranges.size))
+    angles = _even_angles(first, step, ranges.size, degrees=True)
     _pose("laser", rest[0:3])
     return _Message(kind, _stamp(rest[6]), _pose("odometry", rest[3:6]), ranges=ranges, angles=angles)
 
@@ -261,10 +289,17 @@ def _robotlaser(kind: str, text: str) -> _Message:
         _stamp(rest[-3]),
         UNKNOWN,
         ranges=ranges,
-        angles=start + step * np.arange(ranges.size, dtype=np.float64),
+        angles=_even_angles(start, step, ranges.size),
         range_max=range_max,
     )
     return message if kind in RAW else _with_poses(message, rest)
+
+
+@lru_cache(maxsize=64)
+def _even_angles(first: float, step: float, count: int, *, degrees: bool = False) -> NDArray[np.float64]:
+    """Evenly spaced angles (count,) [rad], one array for all scans that have them."""
+    angles: NDArray[np.float64] = first + step * np.arange(count, dtype=np.float64)
+    return np.deg2rad(angles) if degrees else angles
 
 
 def _with_poses(message: _Message, rest: list[str]) -> _Message:
@@ -354,8 +389,7 @@ def _twist(tv: float, rv: float) -> Pose | None:
 def _assemble(path: Path, content: _Content, laser_offset: float | None, range_max: float | None) -> Log:
     """Frames, now that the whole file has been seen; the notes say what was found out."""
     pose_notes = _give_poses(path, content)
-    readings = np.concatenate([m.ranges for m in content.messages if m.ranges is not None] or [np.empty(0)])
-    typical = np.median(readings[np.isfinite(readings)]) if np.any(np.isfinite(readings)) else 0.0
+    typical = _median(*_value_counts([m.ranges for m in content.messages if m.ranges is not None]))
     if typical > MAX_MEDIAN_RANGE:
         raise LogError(
             f"{path}: the median reading is {typical:g}: expected metres, are these centimetres or millimetres?"
@@ -369,8 +403,10 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
         f"messages left out: {', '.join(skipped[:8])}{' and others' if skipped[8:] else ''}" if skipped else ""
     )
     unit_note = NANOSECONDS_NOTE if content.unit.is_nanoseconds else ""
-    return Log.from_frames(
-        [_frame(message, offsets, no_returns) for message in content.messages],
+    table = FrameTable.from_frames([_frame(message, offsets, no_returns) for message in content.messages])
+    content.readings.forget()
+    return Log(
+        table=table,
         path=path,
         format="CARMEN log",
         notes=tuple(note for note in (*pose_notes, *range_notes, offset_note, skipped_note, unit_note) if note),
@@ -429,13 +465,14 @@ def _no_return_of(logged: float | None, name: str, ranges: list[NDArray[np.float
     """The range from which on there is no return in the scans of one lidar [m], and the note about it."""
     if logged is not None:
         return logged, f"no return from {logged:g} m on (PARAM {name})"
-    readings = np.concatenate(ranges)
-    found = no_return_from(readings)
+    values, counts = _value_counts(ranges)
+    found = _no_return_from(values, counts)
     if found is None:
         return math.inf, 'no value for "no return" stands out: all readings count as hits'
-    top = float(readings[np.isfinite(readings)].max())
+    top = float(values[-1])
     written = f"{found:g} m" if found == top else f"{found:g} to {top:g} m"
-    return found, f"no return is written as {written} ({np.mean(readings >= found):.1%} of the readings)"
+    share = counts[values >= found].sum() / sum(part.size for part in ranges)
+    return found, f"no return is written as {written} ({share:.1%} of the readings)"
 
 
 def _resolve_offsets(content: _Content, given: float | None) -> tuple[dict[str, float], str]:

@@ -13,11 +13,14 @@ from hypothesis import strategies as st
 
 from slam import FilterConfig, Scan
 from slam.refinement import scan_frames
+from testbed import large_arrays
 from testbed.frame import Frame
+from testbed.run import frame_store
 from testbed.run.estimation import Estimation
 from testbed.run.frame_store import FrameStore
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
+from tests.testbed.test_large_arrays import is_in_file
 from worlds import load
 
 
@@ -78,18 +81,28 @@ def test_readings_beyond_the_limit_are_not_in_memory():
     store = FrameStore(in_memory=8 * 10)
     for number in range(5):
         store.append(frame_of(number, 10))
-    held = [frame.scan is not None for frame in store._frames]
-    assert held == [True, False, False, False, False]
-    assert os.fstat(store._file.fileno()).st_size == 4 * 80
+    assert [is_in_file(frame.scan.ranges) for frame in store] == [False, True, True, True, True]
+
+
+def test_reading_frames_again_lets_go_of_their_memory(monkeypatch):
+    monkeypatch.setattr(frame_store, "SEGMENT", 8 * 25)
+    forgotten = []
+    monkeypatch.setattr(large_arrays, "forget_pages", lambda array: forgotten.append(array.size))
+    store = FrameStore(in_memory=0)
+    for number in range(9):
+        store.append(frame_of(number, 10))
+    assert not forgotten
+    assert all(same(frame, frame_of(number, 10)) for number, frame in enumerate(store))
+    assert len(forgotten) == 2  # after each three scans of 80 bytes
 
 
 def test_a_full_disk_names_the_folder(monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(os, "pwrite", full)
+    monkeypatch.setattr(os, "posix_fallocate", full)
     store = FrameStore(in_memory=0)
-    with pytest.raises(OSError, match="No space left on device, for the scans of a long run") as error:
+    with pytest.raises(OSError, match="No space left on device, for the scans of a long recording or run") as error:
         store.append(frame_of(0, 10))
     assert error.value.filename == tempfile.gettempdir()
     assert len(store) == 0
