@@ -64,12 +64,13 @@ def joined(parts: Sequence[Ranges], in_memory: int = IN_MEMORY) -> NDArray[Any]:
     if kind.itemsize * count <= in_memory:
         return np.concatenate(parts) if parts else np.empty(0, dtype=kind)
     whole, at, since = in_file(count, kind), 0, 0
-    for part in parts:
+    for k, part in enumerate(parts):
         whole[at : at + part.size] = part
         at += part.size
-        if at - since > SEGMENT // 4:
+        if at - since > SEGMENT // kind.itemsize:
             since = at
             forget_pages(whole)
+        if k + 1 == len(parts) or _mapped(part) is not _mapped(parts[k + 1]):
             forget_pages(part)
     forget_pages(whole)
     return whole
@@ -92,9 +93,14 @@ def in_file(count: int, kind: np.dtype[Any] = np.dtype(np.float32)) -> NDArray[A
 
 def forget_pages(array: NDArray[np.generic]) -> None:
     """Let go of the memory of an array that lies in a file; it is read again when it is needed."""
-    base = array
-    while isinstance(base, np.ndarray) and base.base is not None:
-        base = base.base
-    mapped = base.obj if isinstance(base, memoryview) else base
+    mapped = _mapped(array)
     if isinstance(mapped, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
         mapped.madvise(mmap.MADV_DONTNEED)
+
+
+def _mapped(array: NDArray[Any]) -> object:
+    """The file that an array lies in, or what else holds its memory."""
+    base: Any = array
+    while isinstance(base, np.ndarray) and base.base is not None:
+        base = base.base
+    return base.obj if isinstance(base, memoryview) else base

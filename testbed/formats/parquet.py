@@ -28,7 +28,7 @@ from testbed.large_arrays import ReadingsStore, joined
 TABLE, CARD, MAP, URDF = "frames.parquet", "README.md", "truth_map.yaml", "robot.urdf"
 MAX_TABLE = 50_000_000
 """Rows."""
-BLOCK_ROWS = 8192
+BLOCK_ROWS = 1024
 """Rows that are read at a time."""
 MAX_URDF = 10_000_000
 """Bytes."""
@@ -226,7 +226,10 @@ def _read_blocks(file: Path) -> Iterator[Any]:
     import pyarrow.parquet as pq
 
     try:
-        with file.open("rb") as opened, pq.ParquetFile(opened, page_checksum_verification=True) as parquet:
+        with (
+            file.open("rb") as opened,
+            pq.ParquetFile(opened, page_checksum_verification=True, pre_buffer=False) as parquet,
+        ):
             if parquet.metadata.num_rows > MAX_TABLE:
                 raise LogError(f"{file}: {parquet.metadata.num_rows} rows, expected at most {MAX_TABLE}")
             if missing := [name for name in _schema().names if name not in parquet.schema_arrow.names]:

@@ -87,7 +87,8 @@ def in_one_pass(
     if count < len(kept):
         content.notes.append(f"{len(kept) - count} scans from where their time steps back on are left out")
     kept = kept[:count]
-    return [scans[row]._replace(stamp=stamps[row].item()) for row in kept.tolist()], kept
+    chosen = [(scans[row], stamps[row].item()) for row in kept.tolist()]
+    return [scan if scan.stamp == stamp else scan._replace(stamp=stamp) for scan, stamp in chosen], kept
 
 
 def true_path(content: BagContent, times: Floats, track: Track) -> Track:
