@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.grid._cell_kernels import NO_STEP, NO_WALL
+
 MAX_RADIUS = 63
 """The largest radius of a field [cells]; up to 9 cells a word fits a byte."""
 
@@ -23,6 +25,8 @@ class OffsetTable(NamedTuple):
     """Word of the wall at an offset, [dy + radius, dx + radius]; 0 beyond the radius."""
     offset: NDArray[np.int64]
     """Offset dx, dy of each word, (words + 1, 2)."""
+    step: NDArray[np.int32]
+    """The same as a step, see `_cell_kernels`; `NO_STEP` for no wall, (words + 1,)."""
 
 
 def make_offset_table(radius: int) -> OffsetTable:
@@ -35,4 +39,6 @@ def make_offset_table(radius: int) -> OffsetTable:
     offset = np.concatenate([np.zeros((1, 2), np.int64), np.stack([dx[inside], dy[inside]], axis=-1)[order]])
     word = np.zeros(dx.shape, np.int64)
     word[offset[1:, 1] + radius, offset[1:, 0] + radius] = np.arange(1, len(offset))
-    return OffsetTable(radius, np.sqrt(radius**2 - rows**2).astype(np.int64), word, offset)
+    step = ((offset[:, 1] << 16) + offset[:, 0]).astype(np.int32)
+    step[NO_WALL] = NO_STEP
+    return OffsetTable(radius, np.sqrt(radius**2 - rows**2).astype(np.int64), word, offset, step)

@@ -45,6 +45,8 @@ class GridArrays(NamedTuple):
     """Field words, see `_distance_field_kernels`, (tiles, SIDE * SIDE)."""
     offset: NDArray[np.int64]
     """Offset dx, dy of each field word [cells], (words, 2)."""
+    step: NDArray[np.int32]
+    """The same as a step, see `_cell_kernels`, (words,)."""
     corner: NDArray[np.int64]
     """Cell number in x and in y of the tables' corner, counted from the map's origin, (2,)."""
     cell: float
@@ -109,6 +111,7 @@ class ParticleMaps:
             self._field.table,
             self._field.data[0],
             self._offsets.offset,
+            self._offsets.step,
             self._corner,
             self.config.cell,
             1.0 / self.config.cell,
