@@ -17,7 +17,7 @@ from slam.grid._distance_field_kernels import integrate_scan_and_request_field_t
 from slam.grid._tile_kernels import FINE_SIDE, SHIFT, SIDE
 from slam.grid._traversal_kernels import bounds_of_rays
 from slam.grid._update_kernels import request_scan_tiles
-from slam.grid.distance_field import MAX_RADIUS, make_offset_table
+from slam.grid.distance_field import MAX_RADIUS, make_offset_table, smallest_type
 from slam.grid.tile_pool import TilePool
 from slam.occupancy import OccupancyGrid, occupancy_probability
 from slam.sensor.rays import Rays
@@ -83,7 +83,7 @@ class ParticleMaps:
             )
         self._offsets = make_offset_table(radius)
         cells = SIDE * SIDE
-        word = np.uint8 if len(self._offsets.offset) <= 256 else np.uint16
+        word = smallest_type(len(self._offsets.offset))
         self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
         self._surface = TilePool(particles, [(np.uint32, FINE_SIDE * FINE_SIDE)])
         self._field = TilePool(particles, [(word, cells)])
