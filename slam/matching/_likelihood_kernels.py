@@ -84,6 +84,12 @@ class EndPoints(NamedTuple):
     along: NDArray[np.float64]
     nx: NDArray[np.float64]
     ny: NDArray[np.float64]
+    term: NDArray[np.float64]
+    """Its share in the cost, without the factor of all."""
+    weight: NDArray[np.float64]
+    """d rho / d e: the weight of iteratively reweighted least squares."""
+    turn: NDArray[np.float64]
+    """Derivative of the distance across the wall by the heading [m/rad]."""
 
 
 @inlined
@@ -119,7 +125,9 @@ def end_points(hits):
     across, along, nx, ny = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for k in range(n):
         x[k], y[k] = hits[k, 0], hits[k, 1]
-    return EndPoints(x, y, u, v, tile, inside, step, surface, across, along, nx, ny)
+    return EndPoints(
+        x, y, u, v, tile, inside, step, surface, across, along, nx, ny, np.empty(n), np.empty(n), np.empty(n)
+    )
 
 
 @inlined
@@ -205,8 +213,8 @@ def scan_costs(grids, particle, poses, hits, model, out):
 
     hits (K, 2) end points in the robot's frame [m]
     """
-    walls, points, terms = walls_of(grids, particle), end_points(hits), np.empty(hits.shape[0])
-    us, vs, steps, surfaces, cell = points.u, points.v, points.step, points.surface, walls.cell
+    walls, points = walls_of(grids, particle), end_points(hits)
+    us, vs, steps, surfaces, terms, cell = points.u, points.v, points.step, points.surface, points.term, walls.cell
     far, per_outlier2 = model.far, model.per_outlier2
     for j in range(poses.shape[0]):
         find_walls(walls, points, poses[j, 0], poses[j, 1], poses[j, 2])
@@ -221,6 +229,24 @@ def scan_costs(grids, particle, poses, hits, model, out):
 
 
 @inlined
+def weigh_beams(points, cos, sin, per_outlier2):
+    """Terms, weights and turns of all end points from their distances; returns how many of them are near a wall."""
+    xs, ys, weight, turn, term = points.x, points.y, points.weight, points.turn, points.term
+    across, along, nx, ny = points.across, points.along, points.nx, points.ny
+    near = 0
+    for k in range(xs.shape[0]):
+        d2 = across[k] * across[k] + along[k] * along[k]
+        bound = 1.0 / (1.0 + d2 * per_outlier2)
+        term[k] = d2 * bound
+        near += 1 if d2 * per_outlier2 <= 1.0 else 0
+        weight[k] = bound * bound
+        rx = cos * xs[k] - sin * ys[k]
+        ry = sin * xs[k] + cos * ys[k]
+        turn[k] = ny[k] * rx - nx[k] * ry
+    return near
+
+
+@inlined
 def linearise_scan(walls, points, x, y, theta, model, H, g):
     """Cost of a scan, its gradient g (3,) and Gauss-Newton Hessian H (3, 3) at a pose, both added to what is there.
 
@@ -228,22 +254,14 @@ def linearise_scan(walls, points, x, y, theta, model, H, g):
     """
     measure_distances(walls, points, x, y, theta, model.far)
     acrosses, alongs, nxs, nys = points.across, points.along, points.nx, points.ny
-    xs, ys = points.x, points.y
-    cos, sin = np.cos(theta), np.sin(theta)
-    scale = model.weight * model.per_sigma2
+    xs, ys, weights, turns, terms = points.x, points.y, points.weight, points.turn, points.term
+    cos, sin, scale = np.cos(theta), np.sin(theta), model.weight * model.per_sigma2
+    near = weigh_beams(points, cos, sin, model.per_outlier2)
     total = 0.0
-    near = 0
     hxx, hxy, hyy, hxt, hyt, htt, gx, gy, gt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(xs.shape[0]):
-        across, along, nx, ny = acrosses[k], alongs[k], nxs[k], nys[k]
-        d2 = across * across + along * along
-        bound = 1.0 / (1.0 + d2 * model.per_outlier2)
-        total += d2 * bound
-        near += 1 if d2 * model.per_outlier2 <= 1.0 else 0
-        w = bound * bound  # d rho / d e: the weight of iteratively reweighted least squares
-        rx = cos * xs[k] - sin * ys[k]
-        ry = sin * xs[k] + cos * ys[k]
-        nt = ny * rx - nx * ry  # derivative of n . p by the heading
+        across, along, nx, ny, w, nt = acrosses[k], alongs[k], nxs[k], nys[k], weights[k], turns[k]
+        total += terms[k]
         hxx += w * nx * nx
         hxy += w * nx * ny
         hyy += w * ny * ny
@@ -254,6 +272,8 @@ def linearise_scan(walls, points, x, y, theta, model, H, g):
         gy += w * across * ny
         gt += w * across * nt
         if along != 0.0:
+            rx = cos * xs[k] - sin * ys[k]
+            ry = sin * xs[k] + cos * ys[k]
             tt = nx * rx + ny * ry  # the same for the direction along the wall, (-ny, nx)
             hxx += w * ny * ny
             hxy -= w * nx * ny
