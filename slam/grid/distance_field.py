@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,14 +50,9 @@ def make_offset_table(radius: int) -> OffsetTable:
     word = np.zeros(dx.shape, np.int64)
     word[offset[1:, 1] + radius, offset[1:, 0] + radius] = np.arange(1, len(offset))
     row = np.pad(word[::-1, ::-1], ((0, 0), (SIDE - 1, SIDE - 1)))
-    about = np.stack([row[:, left : left + SIDE] for left in range(2 * radius + SIDE)])
+    columns = np.stack([row[:, left : left + SIDE] for left in range(2 * radius + SIDE)])
+    about: NDArray[Any] = columns.astype(smallest_type(len(offset)))
     step = ((offset[:, 1] << 16) + offset[:, 0]).astype(np.int32)
     step[NO_WALL] = NO_STEP
-    return OffsetTable(
-        radius,
-        np.sqrt(radius**2 - rows**2).astype(np.int64),
-        word,
-        about.astype(smallest_type(len(offset))),
-        offset,
-        step,
-    )
+    half_width = np.sqrt(radius**2 - rows**2).astype(np.int64)
+    return OffsetTable(radius, half_width, word, about, offset, step)
