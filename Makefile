@@ -28,6 +28,7 @@ docs: $(VENV)/.docs  ## make a site of the documentation, with the API: build/si
 
 bench: $(VENV)/.test  ## run the benchmarks, which are never part of the tests
 	$(BIN)/python -m pytest -m benchmark
+	$(BIN)/python -m tools.measure.engine_cost
 	$(BIN)/python -m tools.measure.measure_datasets
 
 FUZZ_SECONDS ?= 60

@@ -3,6 +3,7 @@
 """What a cell of the maps remembers, as bits of words, in functions of plain numbers.
 
     counts   bits 9..15 hits | bits 0..8 visits (hits + beams that passed)
+    step     bits 16..31 dy | bits 0..15 dx of the way from a cell to the nearest wall, both with a sign
     surface  bits 20..31 mean x | bits 8..19 mean y of the end points, in 1/4096 of a cell | bits 0..7 line direction
 
 The line direction is 0 where the neighbouring walls form no line, else 1 + 255 * angle / pi of the wall's normal.
@@ -20,6 +21,8 @@ VISITS = np.uint32(0x1FF)
 DIRECTION = np.uint32(0xFF)
 NO_WALL = 0
 """Field word of a cell without a wall within the field's radius."""
+NO_STEP = np.int32(-(1 << 31))
+"""Step of a cell without a wall within the field's radius."""
 MEAN_MEMORY = 32
 """The mean of a cell's end points forgets slowly: the gain of a new one never falls below 1 / MEAN_MEMORY."""
 
@@ -40,6 +43,18 @@ def packed_x(number):
 def packed_y(number):
     """Row of a packed cell."""
     return number >> 32
+
+
+@inlined
+def step_x(step):
+    """Columns of a step."""
+    return np.int32(np.int16(step & 0xFFFF))
+
+
+@inlined
+def step_y(step):
+    """Rows of a step."""
+    return (step - step_x(step)) >> 16
 
 
 @inlined

@@ -17,7 +17,7 @@ from slam.grid._distance_field_kernels import integrate_scan_and_request_field_t
 from slam.grid._tile_kernels import FINE_SIDE, SHIFT, SIDE
 from slam.grid._traversal_kernels import bounds_of_rays
 from slam.grid._update_kernels import request_scan_tiles
-from slam.grid.distance_field import MAX_RADIUS, make_offset_table
+from slam.grid.distance_field import MAX_RADIUS, make_offset_table, smallest_type
 from slam.grid.tile_pool import TilePool
 from slam.occupancy import OccupancyGrid, occupancy_probability
 from slam.sensor.rays import Rays
@@ -45,6 +45,8 @@ class GridArrays(NamedTuple):
     """Field words, see `_distance_field_kernels`, (tiles, SIDE * SIDE)."""
     offset: NDArray[np.int64]
     """Offset dx, dy of each field word [cells], (words, 2)."""
+    step: NDArray[np.int32]
+    """The same as a step, see `_cell_kernels`, (words,)."""
     corner: NDArray[np.int64]
     """Cell number in x and in y of the tables' corner, counted from the map's origin, (2,)."""
     cell: float
@@ -81,7 +83,7 @@ class ParticleMaps:
             )
         self._offsets = make_offset_table(radius)
         cells = SIDE * SIDE
-        word = np.uint8 if len(self._offsets.offset) <= 256 else np.uint16
+        word = smallest_type(len(self._offsets.offset))
         self._counts = TilePool(particles, [(np.uint16, cells), (np.uint16, SIDE)])
         self._surface = TilePool(particles, [(np.uint32, FINE_SIDE * FINE_SIDE)])
         self._field = TilePool(particles, [(word, cells)])
@@ -109,6 +111,7 @@ class ParticleMaps:
             self._field.table,
             self._field.data[0],
             self._offsets.offset,
+            self._offsets.step,
             self._corner,
             self.config.cell,
             1.0 / self.config.cell,

@@ -9,7 +9,7 @@ import numpy as np
 from slam._array_kernels import copy_values
 from slam._jit import kernel
 from slam._planar_kernels import cholesky, solve
-from slam.matching._likelihood_kernels import linearise_scan
+from slam.matching._likelihood_kernels import end_points, linearise_scan, walls_of
 from slam.motion._odometry_model_kernels import linearise_motion
 
 MIN_TRANSLATION, MIN_ROTATION = 1e-3, 5e-4
@@ -28,7 +28,7 @@ def gauss_newton(grids, particle, guess, start, evidence, iterations, pose, L):
     """
     hits, model, prior = evidence
     H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
-    distances = np.empty((4, hits.shape[0]))
+    walls, points = walls_of(grids, particle), end_points(hits)
     x, y, theta = start[0], start[1], start[2]
     best = np.inf
     best_near = 0
@@ -36,7 +36,7 @@ def gauss_newton(grids, particle, guess, start, evidence, iterations, pose, L):
         H[:] = 0.0
         g[:] = 0.0
         cost = linearise_motion(prior, guess, x, y, theta, H, g)
-        scan, near = linearise_scan(grids, particle, x, y, theta, hits, model, distances, H, g)
+        scan, near = linearise_scan(walls, points, x, y, theta, model, H, g)
         cost += scan
         improved = cost < best - MIN_IMPROVEMENT
         if improved:

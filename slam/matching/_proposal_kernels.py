@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slam._array_kernels import copy_values
 from slam._jit import kernel
 from slam._planar_kernels import cholesky, solve, wrap_angle
-from slam.matching._likelihood_kernels import scan_cost
+from slam.matching._likelihood_kernels import scan_costs
 from slam.motion._odometry_model_kernels import motion_cost, sample_motion
 
 IMPROVED, SCAN_MATCH, MOTION = 0, 1, 2
@@ -65,6 +65,18 @@ def draw_near_optimum(laplace, z, out):
 
 
 @kernel
+def draw_poses(laplace, near, offsets, below, poses):
+    """Poses (K, 3) by the variates near (K, 3), as offsets (K, 3) from the optimum too.
+
+    below (K,) out: by how much log q is lower there
+    """
+    for j in range(near.shape[0]):
+        below[j] = draw_near_optimum(laplace, near[j], offsets[j])
+        for a in range(3):
+            poses[j, a] = laplace.optimum[a] + offsets[j, a]
+
+
+@kernel
 def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, weights, mean, covariance):
     """Gaussian through K weighted poses about the optimum (T-RO 2007, equations 16 to 18).
 
@@ -79,16 +91,14 @@ def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, weigh
     hits, model, prior = evidence
     optimum = laplace.optimum
     count = near.shape[0]
-    distances = np.empty((4, hits.shape[0]))
+    poses, costs, below = np.empty((count, 3)), np.empty(count), np.empty(count)
     log_q = log_density_at_optimum(laplace)
+    draw_poses(laplace, near, samples, below, poses)  # the samples are offsets from the optimum, for now
+    scan_costs(grids, particle, poses, hits, model, costs)
     top = -np.inf
     for j in range(count):
-        offset = samples[j]  # from the optimum, for now
-        below = draw_near_optimum(laplace, near[j], offset)
-        x, y, theta = optimum[0] + offset[0], optimum[1] + offset[1], optimum[2] + offset[2]
-        cost = scan_cost(grids, particle, x, y, theta, hits, model, distances)
-        cost += motion_cost(prior, guess, x, y, theta)
-        weights[j] = -cost - log_q + below  # logarithms, for now
+        costs[j] += motion_cost(prior, guess, poses[j, 0], poses[j, 1], poses[j, 2])
+        weights[j] = -costs[j] - log_q + below[j]  # logarithms, for now
         top = max(top, weights[j])
     total = 0.0
     mean[:] = 0.0
@@ -130,8 +140,7 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
     guesses (particles, 3) by odometry;  sampled (particles, 3) by the motion model;  matches: `Matches`
     """
     hits, model, prior = evidence
-    factor, offset = np.empty((3, 3)), np.empty(3)
-    distances = np.empty((4, hits.shape[0]))
+    factor, offset, cost = np.empty((3, 3)), np.empty(3), np.empty(1)
     for i in range(start, stop):
         guess, pose, L = guesses[i], matches.optimum[i], matches.factor[i]
         out.matched[i] = 0.0
@@ -143,8 +152,8 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
             out.failed[i] = not (out.matched[i] >= settings.fail_share and hits.shape[0] > 0)
         if settings.kind == MOTION or out.failed[i]:
             copy_values(sampled[i], out.pose[i])
-            x, y, theta = sampled[i]
-            out.log_gain[i] = -scan_cost(grids, i, x, y, theta, hits, model, distances)
+            scan_costs(grids, i, sampled[i : i + 1], hits, model, cost)
+            out.log_gain[i] = -cost[0]
             copy_values(guess, out.mean[i])
             for a in range(3):
                 for b in range(3):
@@ -163,7 +172,8 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
                 offset[a] = 1.0
                 solve(L, offset)
                 copy_values(offset, out.covariance[i, a])
-            out.log_gain[i] = -scan_cost(grids, i, pose[0], pose[1], pose[2], hits, model, distances)
+            scan_costs(grids, i, matches.optimum[i : i + 1], hits, model, cost)
+            out.log_gain[i] = -cost[0]
         else:
             laplace = Laplace(pose, L, settings.sample_scale, settings.half_width)
             log_eta = fit_gaussian(

@@ -10,7 +10,7 @@ from slam._array_kernels import copy_matrix, copy_values
 from slam._jit import kernel
 from slam._planar_kernels import deviation, from_guess, wrap_angle
 from slam.matching._gauss_newton_kernels import gauss_newton
-from slam.matching._likelihood_kernels import scan_cost
+from slam.matching._likelihood_kernels import scan_costs
 from slam.motion._odometry_model_kernels import motion_cost
 
 SAME_MODE = 9.0
@@ -18,35 +18,34 @@ SAME_MODE = 9.0
 
 
 @kernel
-def best_start(grids, particle, guess, prior, search, distances, pose):
+def best_start(grids, particle, guess, prior, search, pose):
     """Start pose (3,) of the lowest cost under the coarse beam model; the predicted pose itself where none is better.
 
     Returns whether it is another one than the predicted pose.
     """
-    other = np.empty(3)
-    copy_values(guess, pose)
-    lowest = scan_cost(grids, particle, guess[0], guess[1], guess[2], search.coarse_hits, search.coarse, distances)
-    lowest += motion_cost(prior, guess, guess[0], guess[1], guess[2])
-    moved = False
-    for k in range(search.starts.shape[0]):
-        from_guess(guess, search.starts[k, 0], search.starts[k, 1], search.starts[k, 2], other)
-        cost = scan_cost(grids, particle, other[0], other[1], other[2], search.coarse_hits, search.coarse, distances)
-        cost += motion_cost(prior, guess, other[0], other[1], other[2])
-        if cost < lowest:
-            lowest = cost
-            copy_values(other, pose)
-            moved = True
-    return moved
+    count = search.starts.shape[0] + 1
+    poses, costs = np.empty((count, 3)), np.empty(count)
+    copy_values(guess, poses[0])
+    for k in range(1, count):
+        from_guess(guess, search.starts[k - 1, 0], search.starts[k - 1, 1], search.starts[k - 1, 2], poses[k])
+    scan_costs(grids, particle, poses, search.coarse_hits, search.coarse, costs)
+    best = 0
+    for k in range(count):
+        costs[k] += motion_cost(prior, guess, poses[k, 0], poses[k, 1], poses[k, 2])
+        if costs[k] < costs[best]:
+            best = k
+    copy_values(poses[best], pose)
+    return best > 0
 
 
 @kernel
-def match(grids, particle, guess, evidence, search, distances, pose, L):
+def match(grids, particle, guess, evidence, search, pose, L):
     """Lowest local minimum of the cost: from the predicted pose and, where another start looks better, from there too.
 
     Returns the cost and the share of the hits near a wall; pose (3,) and L (3, 3) as in `gauss_newton`.
     """
     start = np.empty(3)
-    moved = best_start(grids, particle, guess, evidence.prior, search, distances, start)
+    moved = best_start(grids, particle, guess, evidence.prior, search, start)
     cost, near = gauss_newton(grids, particle, guess, guess, evidence, search.iterations, pose, L)
     if moved:
         other, other_L = np.empty(3), np.empty((3, 3))
@@ -93,12 +92,9 @@ def match_particles(start, stop, grids, predicted, evidence, search, out):
 
     predicted (particles, 3), about which the motion prior lies;  out: `Matches`
     """
-    distances = np.empty((4, evidence.hits.shape[0]))
     for i in range(start, stop):
         out.probability[i] = 1.0
-        out.cost[i], out.matched[i] = match(
-            grids, i, predicted[i], evidence, search, distances, out.optimum[i], out.factor[i]
-        )
+        out.cost[i], out.matched[i] = match(grids, i, predicted[i], evidence, search, out.optimum[i], out.factor[i])
         out.jump_gain[i] = gain_of_jump(evidence, predicted[i], out.optimum[i], out.matched[i])
 
 

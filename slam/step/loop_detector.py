@@ -48,6 +48,8 @@ class LoopDetector:
     REACH = 0.8
     """… the robot is at those whose middles are within this distance of it [m]: two poses at one place are at most
     1.1 m apart."""
+    AROUND = [(i, j) for i in range(-2, 3) for j in range(-2, 3) if i or j]  # noqa: RUF012
+    """Columns and rows of the squares that can be that near, seen from the square of the robot."""
 
     def __init__(self) -> None:
         self._walls, self._places = Sightings(self.LOOP), Sightings(self.LOOP)
@@ -69,15 +71,15 @@ class LoopDetector:
         self._scans += 1
         squares, counts = _distinct(np.floor(hits / self.SQUARE).astype(np.int64))
         loops = self._walls.see(squares, self._travelled, self._scans)
-        place = self._places.see(self._squares_around(pose), self._travelled, self._scans)[0]
-        gaps = np.array([sight.gap for sight in loops])
+        places = self._places.see(self._squares_around(pose), self._travelled, self._scans)
+        gaps = np.array([gap for _, _, gap, _, _ in loops])
         old = np.flatnonzero(gaps > 0.0)
         if len(old) == 0 or counts[old].sum() < self.SHARE * counts.sum():
             return Loop()
         if self._travelled - self._last_return >= self.LOOP:
             self._closed = 0.0, False
         self._last_return = self._travelled
-        walls = loops[old[np.argsort(gaps[old], kind="stable")[len(old) // 2]]]
+        walls, place = Sight(*loops[old[np.argsort(gaps[old], kind="stable")[len(old) // 2]]]), Sight(*places[0])
         at_place = place.gap >= walls.gap
         sight = place if at_place else walls
         gap, was_at_place = self._closed
@@ -90,10 +92,10 @@ class LoopDetector:
     def _squares_around(self, pose: Pose) -> list[Square]:
         """The squares of places that the robot is at, that of its pose (3,) first."""
         x, y = pose[0] / self.PLACE, pose[1] / self.PLACE
-        column, row, reach = math.floor(x), math.floor(y), self.REACH / self.PLACE
-        steps = range(-math.ceil(reach), math.ceil(reach) + 1)
-        around = [(column + right, row + up) for right in steps for up in steps if right or up]
-        return [(column, row), *(s for s in around if math.dist((s[0] + 0.5, s[1] + 0.5), (x, y)) <= reach)]
+        column, row, reach2 = math.floor(x), math.floor(y), (self.REACH / self.PLACE) ** 2
+        right, up = column + 0.5 - x, row + 0.5 - y  # from the robot to the middle of its square
+        near = [(column + i, row + j) for i, j in self.AROUND if (right + i) ** 2 + (up + j) ** 2 <= reach2]
+        return [(column, row), *near]
 
     def state(self) -> dict[str, Any]:
         """Everything remembered, as plain values."""
@@ -137,22 +139,29 @@ class Sight(NamedTuple):
     """Scan of the last sight before that."""
 
 
+SightValues = tuple[float, int, float, float, int]
+"""The values of a `Sight`."""
+
+
 class Sightings:
     """When squares of the floor were last seen, by the distance driven and by the number of the scan."""
 
     def __init__(self, loop: float) -> None:
         """Nothing was seen. loop: distance driven out of sight that makes the next sight a return [m]."""
         self._loop = loop
-        self._seen: dict[Square, Sight] = {}
+        self._seen: dict[Square, SightValues] = {}
 
-    def see(self, squares: Iterable[Square], travelled: float, scan: int) -> list[Sight]:
-        """Note that squares are seen by a scan, and return what is known of each."""
+    def see(self, squares: Iterable[Square], travelled: float, scan: int) -> list[SightValues]:
+        """Note that squares are seen by a scan, and return what is known of each: the values of a `Sight`.
+
+        Plain tuples are made faster than named ones, and Python's search for garbage passes over them.
+        """
         sights = []
         for square in squares:
             last, last_scan, gap, before, scan_before = self._seen.get(square, (travelled, scan, 0.0, 0.0, 0))
             if travelled - last >= self._loop:
                 gap, before, scan_before = travelled - last, last, last_scan
-            sight = self._seen[square] = Sight(travelled, scan, gap, before, scan_before)
+            sight = self._seen[square] = (travelled, scan, gap, before, scan_before)
             sights.append(sight)
         return sights
 
@@ -163,6 +172,6 @@ class Sightings:
     def restore(self, state: Iterable[list[float]]) -> None:
         """Take over what `state` gave."""
         self._seen = {
-            (int(column), int(row)): Sight(distance, int(scan), gap, distance_before, int(scan_before))
+            (int(column), int(row)): (distance, int(scan), gap, distance_before, int(scan_before))
             for column, row, distance, scan, gap, distance_before, scan_before in state
         }

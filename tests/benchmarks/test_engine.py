@@ -64,12 +64,12 @@ def test_match(benchmark, particles, beams):
     config, grids = stage.mapper.config, stage.mapper.maps.grids
     hits = np.ascontiguousarray(stage.rays.ends[stage.rays.hit])
     evidence = ScanAndPrior(hits, make_beam_model(config.match, config.map), motion_prior(STEP, config.motion))
-    search, distances = make_match_settings(np.array(STEP), hits, config), np.empty((4, len(hits)))
+    search = make_match_settings(np.array(STEP), hits, config)
     pose, L = np.empty(3), np.empty((3, 3))
 
     def match_all():
         for i in range(particles):
-            match(grids, i, stage.guesses[i], evidence, search, distances, pose, L)
+            match(grids, i, stage.guesses[i], evidence, search, pose, L)
 
     benchmark(match_all)
     per_particle(benchmark, particles)

@@ -11,7 +11,7 @@ from slam import se2
 from slam._planar_kernels import cholesky, solve
 from slam.config import MotionConfig
 from slam.matching._gauss_newton_kernels import gauss_newton
-from slam.matching._likelihood_kernels import linearise_scan, scan_cost, wall_distances
+from slam.matching._likelihood_kernels import end_points, linearise_scan, scan_costs, wall_distances, walls_of
 from slam.matching.likelihood import BeamModel
 from slam.matching.proposal import ScanAndPrior
 from slam.motion._odometry_model_kernels import linearise_motion, motion_cost
@@ -44,12 +44,14 @@ def room():
 
 
 def cost_at(grids, pose, hits):
-    return scan_cost(grids, 0, *pose, hits, MODEL, np.empty((4, len(hits))))
+    cost = np.empty(1)
+    scan_costs(grids, 0, np.array([pose]), hits, MODEL, cost)
+    return cost[0]
 
 
 def linearised(grids, pose, hits):
     H, g = np.zeros((3, 3)), np.zeros(3)
-    cost, near = linearise_scan(grids, 0, *pose, hits, MODEL, np.empty((4, len(hits))), H, g)
+    cost, near = linearise_scan(walls_of(grids, 0), end_points(hits), *pose, MODEL, H, g)
     return cost, near, H, g
 
 
@@ -132,7 +134,7 @@ def test_linearisations_are_added_to_what_is_there(room):
     grids, _, last, hits = room
     _, _, H, g = linearised(grids, last, hits)
     more_H, more_g = np.eye(3), np.ones(3)
-    linearise_scan(grids, 0, *last, hits, MODEL, np.empty((4, len(hits))), more_H, more_g)
+    linearise_scan(walls_of(grids, 0), end_points(hits), *last, MODEL, more_H, more_g)
     np.testing.assert_allclose(more_H, H + np.eye(3))
     np.testing.assert_allclose(more_g, g + 1.0)
 
@@ -229,7 +231,7 @@ def test_descent_finds_the_way_back_to_the_truth(room):
         assert cost == pytest.approx(cost_at(grids, pose, hits) + motion_cost(prior, last, *pose), abs=0.005)
         H = np.zeros((3, 3))
         linearise_motion(prior, last, *pose, H, np.zeros(3))
-        linearise_scan(grids, 0, *pose, hits, MODEL, np.empty((4, len(hits))), H, np.zeros(3))
+        linearise_scan(walls_of(grids, 0), end_points(hits), *pose, MODEL, H, np.zeros(3))
         scale = np.sqrt(np.outer(np.diag(H), np.diag(H)))
         np.testing.assert_allclose(L @ L.T / scale, H / scale, atol=0.05)  # a millimetre away
         lowest = minimize(  # no derivatives, so that it does not mind where beams change their piece of wall

@@ -10,7 +10,7 @@ from slam import se2
 from slam._planar_kernels import from_guess
 from slam.config import MotionConfig
 from slam.matching._gauss_newton_kernels import gauss_newton
-from slam.matching._likelihood_kernels import scan_cost
+from slam.matching._likelihood_kernels import scan_costs
 from slam.matching._proposal_kernels import (
     IMPROVED,
     MOTION,
@@ -51,6 +51,13 @@ def room():
     return maps.grids, path[4], np.ascontiguousarray(hits)
 
 
+def costs_of(grids, particle, poses, hits, model):
+    """Costs of a scan at poses (n, 3), (n,)."""
+    out = np.empty(len(poses))
+    scan_costs(grids, particle, poses, hits, model, out)
+    return out
+
+
 def optimum_of(grids, guess, hits, model, prior):
     pose, L = np.empty(3), np.empty((3, 3))
     gauss_newton(grids, 0, guess, guess, ScanAndPrior(hits, model, prior), 30, pose, L)
@@ -62,8 +69,7 @@ def integral(grids, guess, hits, model, prior, optimum, L):
     axis = np.linspace(-6.0, 6.0, 29)  # in standard deviations of the Laplace approximation
     z = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     poses = optimum + z @ np.linalg.inv(L)  # columns of L^-T are the axes of the Laplace approximation
-    distances = np.empty((4, len(hits)))
-    logs = np.array([-scan_cost(grids, 0, *p, hits, model, distances) - motion_cost(prior, guess, *p) for p in poses])
+    logs = -costs_of(grids, 0, poses, hits, model) - [motion_cost(prior, guess, *p) for p in poses]
     weights = np.exp(logs - logs.max())
     volume = (axis[1] - axis[0]) ** 3 / np.linalg.det(L)
     mean = weights @ poses / weights.sum()
@@ -171,11 +177,10 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
     grids, truth, hits = repeated(room, n)
     prior = motion_prior((0.3, 0.0, 0.12), MotionConfig(failure_share=0.0))
     guesses = truth + np.random.default_rng(3).normal(scale=(0.02, 0.02, 0.01), size=(n, 3))
-    distances = np.empty((4, len(hits)))
 
     for kind in (MOTION, SCAN_MATCH):
         out, _ = proposed(grids, hits, guesses, kind, prior=prior)
-        expected = [-scan_cost(grids, i, *out.pose[i], hits, MODEL, distances) for i in range(n)]
+        expected = [-costs_of(grids, i, out.pose[i : i + 1], hits, MODEL)[0] for i in range(n)]
         np.testing.assert_allclose(out.log_gain, expected)
         assert not out.failed.any()
         assert np.isnan(out.samples).all()
@@ -197,8 +202,8 @@ def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
     prior = motion_prior((0.3, 0.0, 0.12), MotionConfig(failure_share=0.0))
     guess = truth + np.array([0.02, -0.02, 0.01])
     out, draws = proposed(grids, hits, guess[None], IMPROVED, prior=prior)
-    samples, distances = out.samples[0], np.empty((4, len(hits)))
-    cost = [scan_cost(grids, 0, *x, hits, MODEL, distances) + motion_cost(prior, guess, *x) for x in samples]
+    samples = out.samples[0]
+    cost = costs_of(grids, 0, samples, hits, MODEL) + [motion_cost(prior, guess, *x) for x in samples]
     logs = 0.5 * (draws.near**2).sum(axis=1) - cost
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
@@ -211,9 +216,8 @@ def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
 def fit_evenly(arguments, near, half_width):
     """Equations 16 to 18 by a loop over the poses, as the paper writes them: log eta, mean, covariance."""
     grids, particle, guess, (hits, model, prior), laplace = arguments
-    poses = [laplace.optimum + half_width * u for u in near]
-    distances = np.empty((4, len(hits)))
-    logs = [-scan_cost(grids, particle, *x, hits, model, distances) - motion_cost(prior, guess, *x) for x in poses]
+    poses = laplace.optimum + half_width * near
+    logs = -costs_of(grids, particle, poses, hits, model) - [motion_cost(prior, guess, *x) for x in poses]
     products = [math.exp(value - max(logs)) for value in logs]
     eta = sum(products)
     mean = sum(p * x for p, x in zip(products, poses, strict=True)) / eta
