@@ -42,7 +42,9 @@ class ReferenceFilter:
         self.beams = Beams(match.hit_sigma, match.outlier_distance, match.beam_weight, far)
         self.coarse = Beams(match.hit_sigma, far, match.beam_weight * match.coarse_share, far)
         self.particles = [
-            Particle(np.zeros(3), Map(grid.cell, grid.occupied_share, round(far / grid.cell)), -math.log(n), [], np.zeros(3))
+            Particle(
+                np.zeros(3), Map(grid.cell, grid.occupied_share, round(far / grid.cell)), -math.log(n), [], np.zeros(3)
+            )
             for _ in range(n)
         ]
 
