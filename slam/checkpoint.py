@@ -21,7 +21,7 @@ from slam.config import FilterConfig
 from slam.config.renamed import with_present_names
 from slam.gmapping import GMapping
 
-VERSION = 7
+VERSION = 8
 MAX_QUOTED = 200
 """Largest number of characters that a complaint quotes of a file."""
 

@@ -61,7 +61,7 @@ def _check_kind(name: str, array: NDArray[Any], expected: NDArray[Any]) -> None:
         finite = np.isfinite(array) | ((array == -np.inf) if name in MAY_BE_NEGATIVE_INFINITE else False)
         _require(bool(finite.all()), f"{name}: numbers that are not finite")
     fixed = array.shape[1:] == expected.shape[1:]
-    if name.endswith(("_data0", "_data1")) or name in ("poses", "spread", "tree_poses"):
+    if name.endswith(("_data0", "_data1")) or name in ("poses", "spread", "errors", "tree_poses"):
         _require(fixed, f"{name}: shape {array.shape}, expected (n, {', '.join(map(str, expected.shape[1:]))})")
 
 
@@ -69,7 +69,15 @@ def _check_sizes(arrays: Arrays) -> None:
     """Check that everything is there once for each particle."""
     particles = len(arrays["poses"])
     _require(particles > 0, "poses: no particle")
-    names = ("log_weights", "spread", "log_histories", "tree_leaves", "tree_founders", *(f"{p}_table" for p in POOLS))
+    names = (
+        "log_weights",
+        "spread",
+        "errors",
+        "log_histories",
+        "tree_leaves",
+        "tree_founders",
+        *(f"{p}_table" for p in POOLS),
+    )
     for name in names:
         _require(len(arrays[name]) == particles, f"{name}: {len(arrays[name])} particles, expected {particles}")
     _require(arrays["map_corner"].shape == (2,), "map_corner: expected two numbers")

@@ -114,6 +114,7 @@ class GMapping:
 
         gain, poses = self.config.match.weight_share * result.log_gain, result.pose.copy()
         evidence = particles.move(poses, result.covariance, gain, history=poses)
+        particles.errors = result.error
         pose, self._matched = poses[self.best].copy(), float(result.matched[self.best])
         moved = float(np.hypot(*(pose - before[self.best])[:2]))
         report = report_update(particles, result, taken.counts, pose=pose, evidence=evidence)
@@ -153,7 +154,10 @@ class GMapping:
         cfg = self.config
         settings = make_match_settings(taken.motion, scan_and_prior.hits, cfg)
         guesses = se2.compose(self._particles.poses, taken.motion)
-        return propose_poses(self.maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=self.weights)
+        weights, errors = self.weights, self._particles.errors
+        return propose_poses(
+            self.maps, guesses, scan_and_prior, settings, cfg, self._rng, weights=weights, errors=errors
+        )
 
     def _compare(self, taken: TakenScan, result: ProposalResult, prior: MotionPrior) -> ScanEvidence:
         """What a scan that is not yet counted into the maps says of the estimate, by the best particle so far."""
@@ -230,6 +234,7 @@ class GMapping:
             "poses": self._particles.poses,
             "log_weights": self._particles.weights.logs,
             "spread": self._particles.covariances,
+            "errors": self._particles.errors,
             "log_histories": self._particles.log_histories,
         }
         arrays = {**particles, **arrays, **self.maps.state(), **self.ancestry.state()}
@@ -242,6 +247,7 @@ class GMapping:
         self._particles = ParticleSet(arrays["poses"])
         self._particles.weights = Weights(arrays["log_weights"])
         self._particles.covariances = arrays["spread"]
+        self._particles.errors = arrays["errors"]
         self._particles.log_histories = arrays["log_histories"]
         self.ancestry.restore(arrays)
         self._intake.restore(arrays, values)

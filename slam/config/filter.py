@@ -44,7 +44,7 @@ class MatchConfig:
     """Standard deviation of beam end points from a wall [m] (sigma)."""
     beam_weight: float = 0.07
     """Share of each beam's log-likelihood that counts in matching and in the proposal: neighbouring beams are not
-    independent."""
+    independent, and the errors of neighbouring scans are alike (`slam.matching.proposal.next_errors`)."""
     outlier_distance: float = 0.3
     """End points farther from a wall than this count as outliers [m]."""
     min_matched_share: float = 0.1

@@ -193,9 +193,9 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
                 for a in range(3):
                     out.pose[i, a] = out.mean[i, a]
                     for b in range(a + 1):
-                        out.pose[i, a] += factor[a, b] * draws.pose[i, b]
+                        out.pose[i, a] += factor[a, b] * draws.error[i, b]
             else:  # too few poses carry weight for a covariance of full rank: Laplace's approximation instead
-                draw_offset(L, draws.pose[i], 1.0, offset)
+                draw_offset(L, draws.error[i], 1.0, offset)
                 out.pose[i, 0], out.pose[i, 1], out.pose[i, 2] = (
                     pose[0] + offset[0],
                     pose[1] + offset[1],

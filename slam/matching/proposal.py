@@ -43,8 +43,11 @@ class Draws(NamedTuple):
     near: NDArray[np.float64]
     """Standard normal variates for the poses about the optimum, (K, 3), or uniform ones in (-1, 1) where they are drawn
     evenly; common to all particles, which makes their weights comparable at small K."""
-    pose: NDArray[np.float64]
-    """Standard normal variates for the new pose, (particles, 3)."""
+    motion: NDArray[np.float64]
+    """Standard normal variates for a pose from the motion model, (particles, 3)."""
+    error: NDArray[np.float64]
+    """Deviation of the new pose from the mean of its Gaussian, in standard deviations along the axes of its Cholesky
+    factor, (particles, 3)."""
     component: NDArray[np.float64]
     """Uniform variates in [0, 1) that choose the component of the motion model, (particles,)."""
     mode: NDArray[np.float64]
@@ -62,6 +65,8 @@ class ProposalResult(NamedTuple):
     """Mean of the fitted Gaussian, (particles, 3)."""
     covariance: NDArray[np.float64]
     """Covariance of the fitted Gaussian in the map's frame, (particles, 3, 3)."""
+    error: NDArray[np.float64]
+    """By how much the new pose was drawn off that mean: `Draws.error`, (particles, 3)."""
     matched: NDArray[np.float64]
     """Share of the hits near a wall, (particles,)."""
     failed: NDArray[np.bool_]
@@ -81,22 +86,26 @@ def propose_poses(
     rng: np.random.Generator,
     *,
     weights: NDArray[np.float64],
+    errors: NDArray[np.float64] | None = None,
 ) -> ProposalResult:
     """Match, sample, fit, draw and weight: particle i starts from `guesses[i]` (particles, 3) and uses its own map.
 
     Fewer maps than particles must all be the same map; particle i then uses number i modulo their count.
-    weights (particles,) before this scan
+    weights (particles,) before this scan;  errors (particles, 3) with which the last poses were drawn (see
+    `next_errors`); None where the map is no work of the particles, whose poses are then drawn independently
     """
     n, samples, count = len(guesses), config.proposal.samples, len(maps.grids.table)
     near = rng.standard_normal((samples, 3))
     if config.proposal.sampling == "even":
         near = _uniform(near)
-    pose, component, mode = rng.standard_normal((n, 3)), rng.uniform(size=n), rng.uniform(size=n)
+    normal, component, mode = rng.standard_normal((n, 3)), rng.uniform(size=n), rng.uniform(size=n)
+    error = normal if errors is None else next_errors(errors, normal, config.match.beam_weight)
     out = ProposalResult(
         pose=np.empty((n, 3)),
         log_gain=np.empty(n),
         mean=np.empty((n, 3)),
         covariance=np.zeros((n, 3, 3)),
+        error=error,
         matched=np.empty(n),
         failed=np.empty(n, np.bool_),
         samples=np.empty((n, samples, 3)),
@@ -104,10 +113,28 @@ def propose_poses(
     )
     for first in range(0, n, count):
         part = slice(first, first + count)
-        draws = Draws(near, pose[part], component[part], mode[part])
+        draws = Draws(near, normal[part], error[part], component[part], mode[part])
         rows = ProposalResult._make(array[part] for array in out)
         _propose_with_own_map(maps, guesses[part], scan_and_prior, search, config, draws, weights[part], rows)
     return out
+
+
+def next_errors(errors: NDArray[np.float64], normal: NDArray[np.float64], beam_weight: float) -> NDArray[np.float64]:
+    """Errors (particles, 3) of the next poses, in standard deviations, from those of the last ones.
+
+    A particle's map errs with its poses, and the scans of neighbouring updates see the same pieces of wall: what they
+    err by is alike, not independent. `beam_weight` w makes up for that where errors add up, over many updates. If each
+    pose had an independent error of the variance 1 that follows from w, neighbouring poses, which the scans determine
+    to millimetres, would differ by centimetres, and walls would be drawn that thick. Therefore the errors are an
+    autoregression of first order (Box and Jenkins 1970) of variance w, which is that of beams that count in full, and
+    with the correlation (1 - w) / (1 + w), with which the sum over many updates has the same variance as with
+    independent errors of variance 1.
+
+    normal (particles, 3): standard normal variates
+    """
+    w = min(beam_weight, 1.0)
+    correlation = (1.0 - w) / (1.0 + w)
+    return correlation * errors + math.sqrt(w * (1.0 - correlation**2)) * normal
 
 
 def _uniform(normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -70,7 +70,7 @@ def sample_motion(guess, prior, draws, particle, out):
         j = 1
     elif u >= 1.0 - prior.share[2]:
         j = 2
-    z = draws.pose[particle]
+    z = draws.motion[particle]
     from_guess(
         guess,
         z[0] / np.sqrt(prior.precision[j, 0]),

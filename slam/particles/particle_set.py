@@ -20,6 +20,8 @@ class ParticleSet:
         """Poses at the last used scan, (particles, 3)."""
         self.covariances = np.zeros((len(poses), 3, 3))
         """Covariances of the proposals that the poses were drawn from, (particles, 3, 3)."""
+        self.errors = np.zeros((len(poses), 3))
+        """By how much the poses were drawn off the means of these proposals, in standard deviations, (particles, 3)."""
         self.weights = Weights.uniform(len(poses))
         """Weights since the last resampling."""
         self.log_histories = np.zeros(len(poses))
@@ -65,6 +67,7 @@ class ParticleSet:
     def resample(self, ancestors: NDArray[np.int64]) -> None:
         """Replace the particles by offspring of equal weight: offspring i continues particle `ancestors[i]`."""
         self.poses, self.covariances = self.poses[ancestors], self.covariances[ancestors]
+        self.errors = self.errors[ancestors]
         self.log_histories = self.log_histories[ancestors]
         self.ancestry.inherit(ancestors)
         self.weights = Weights.uniform(len(ancestors))

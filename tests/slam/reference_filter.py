@@ -22,12 +22,13 @@ SPREAD = 1.2
 
 @dataclass
 class Particle:
-    """A hypothesis: pose, map, logarithm of its weight, and all its poses so far."""
+    """A hypothesis: pose, map, logarithm of its weight, all its poses so far, and the error its pose was drawn with."""
 
     pose: np.ndarray
     map: Map
     log_weight: float
     path: list[np.ndarray]
+    error: np.ndarray
 
 
 class ReferenceFilter:
@@ -41,7 +42,9 @@ class ReferenceFilter:
         self.beams = Beams(match.hit_sigma, match.outlier_distance, match.beam_weight, far)
         self.coarse = Beams(match.hit_sigma, far, match.beam_weight * match.coarse_share, far)
         self.particles = [
-            Particle(np.zeros(3), Map(grid.cell, grid.occupied_share, round(far / grid.cell)), -math.log(n), [])
+            Particle(
+                np.zeros(3), Map(grid.cell, grid.occupied_share, round(far / grid.cell)), -math.log(n), [], np.zeros(3)
+            )
             for _ in range(n)
         ]
 
@@ -65,7 +68,10 @@ class ReferenceFilter:
             jumped = u >= 1.0 - motion_model.jump_share
             sigma = density.sigma[1 if u < motion_model.failure_share else 2 if jumped else 0]
             sample = se2.compose(density.guess, sigma * z[i])
-            particle.pose, log_gains[i] = self.proposed(density, sample, near, z[i])
+            w = self.config.match.beam_weight
+            kept = (1.0 - w) / (1.0 + w)
+            particle.error = kept * particle.error + math.sqrt(w) * math.sqrt(1.0 - kept**2) * z[i]
+            particle.pose, log_gains[i] = self.proposed(density, sample, near, particle.error)
             particle.log_weight += self.config.match.weight_share * log_gains[i]
             particle.map.integrate_scan(particle.pose, rays)
             particle.path.append(particle.pose)
@@ -97,7 +103,7 @@ class ReferenceFilter:
             chosen[-1].log_weight = -math.log(n)
         self.particles = chosen
 
-    def proposed(self, density, sample, near, z):
+    def proposed(self, density, sample, near, error):
         """New pose of one particle and the logarithm of the factor of its weight; sample: from the motion model."""
         kind = self.config.proposal.kind
         if kind == "scan-match":
@@ -107,7 +113,7 @@ class ReferenceFilter:
             return sample, -density.scan(sample)
         if kind == "scan-match":
             return optimum, -density.scan(optimum)
-        return improved(density, optimum, H, near, z)
+        return improved(density, optimum, H, near, error)
 
     def optimum(self, density):
         """The lower of the minima reached from the predicted pose and from the most promising other start."""
@@ -125,7 +131,7 @@ class ReferenceFilter:
         return pose, H
 
 
-def improved(density, optimum, H, near, z):
+def improved(density, optimum, H, near, error):
     """Gaussian through weighted poses about the optimum (equations 16 to 18), a draw from it, and log eta."""
     root = np.linalg.cholesky(np.linalg.inv(H)[::-1, ::-1])[::-1, ::-1]  # upper: covariance = root root^T
     offsets = SPREAD * near @ root.T
@@ -136,7 +142,7 @@ def improved(density, optimum, H, near, z):
     weights /= weights.sum()
     mean = weights @ offsets
     covariance = sum(w * np.outer(o - mean, o - mean) for w, o in zip(weights, offsets, strict=True))
-    pose = optimum + mean + np.linalg.cholesky(covariance) @ z
+    pose = optimum + mean + np.linalg.cholesky(covariance) @ error
     pose[2] = se2.wrap_angle(pose[2])
     return pose, log_eta
 

@@ -226,3 +226,16 @@ def test_after_resampling_the_best_pose_is_of_the_likeliest_history():
         best.append(mapper.best)
         assert report.best < 6
     assert any(number != 0 for number in best)
+
+
+def test_neighbouring_poses_do_not_scatter_as_their_covariances_say():
+    """What a particle errs by changes slowly: its path is smooth, although beams count by a small share."""
+    settings = config(particles=20, match=MatchConfig(beam_weight=0.07))
+    mapper, truth = GMapping(settings, seed=1, threads=1), drive(25, distance=0.1, turn=0.04)
+    for pose in truth:
+        mapper.process(pose, scan_at(pose, beams=180))
+    away = np.array([mapper.path(i) for i in range(20)]) - truth
+    said = np.sqrt(np.diagonal(mapper._particles.covariances.mean(axis=0)))
+    scatter = np.std(np.diff(away[:, 5:], axis=1), axis=(0, 1))  # sqrt(2) times as much if they were independent
+    assert np.all(scatter < 0.4 * said)
+    assert np.all(np.std(away[:, -1], axis=0) > 0.2 * said)  # but particles differ

@@ -18,7 +18,8 @@ def posterior(kind, particles, seed, failure_share):
         particles=particles,
         motion=MotionConfig(failure_share=failure_share, failure_limit=0.2),
         map=MapConfig(cell=0.1, field_radius=0.4),
-        match=MatchConfig(hit_sigma=0.05, beam_weight=0.1, outlier_distance=0.3, weight_share=1.0),
+        # beams that count in full: with a smaller share the poses of neighbouring scans are not drawn independently
+        match=MatchConfig(hit_sigma=0.05 * 10.0**0.5, beam_weight=1.0, outlier_distance=0.3, weight_share=1.0),
         proposal=ProposalConfig(kind=kind, samples=60),
         resample=ResampleConfig(when="ess", threshold=0.5),
         gate=GateConfig(distance=0.0, angle=0.0),

@@ -4,14 +4,16 @@
 
     python -m tools.measure.real_logs --particles 5,30 --seeds 5
     python -m tools.measure.real_logs --logs aces --particles 30 --seeds 20 --set match.beam_weight=0.2
+    python -m tools.measure.real_logs --logs aces --particles 30 --seeds 20 --first-seed 100 --filter-only
 
 Prints: the figures of recorded logs in docs/accuracy.md, one line for each run
 
-Every log is mapped with the same settings. A line gives the error of the filter's own path and that after the final
-pass. For logs with relations it is the mean error of the pairs (translation, rotation); for the others it is the root
-mean square distance to the published gMapping poses after SE(2) alignment, which are themselves some centimetres off:
-it tells which runs are lost, and ranks nothing. The relations of `csail` are from a graph optimiser. The logs are read
-from $TESTBED_DATASETS, by default ../shared/datasets.
+Every log is mapped with the same settings. A line gives the error of the filter's own path, that of the poses that it
+reported online, when nothing later was known, and that after the final pass. For logs with relations it is the mean
+error of the pairs (translation, rotation); for the others it is the root mean square distance to the published gMapping
+poses after SE(2) alignment, which are themselves some centimetres off: it tells which runs are lost, and ranks nothing.
+The relations of `csail` are from a graph optimiser. The logs are read from $TESTBED_DATASETS, by default
+../shared/datasets.
 """
 
 from __future__ import annotations
@@ -86,14 +88,17 @@ def error_of(case: Case, estimate: Estimate, relations: Relations | None) -> tup
     return absolute_error(matched, "se2").translation.rmse, float("nan")
 
 
-def estimate(frames: list[Frame], config: FilterConfig, seed: int) -> tuple[Estimate, Estimate, float]:
-    """The filter's own estimate, the refined estimate, and the time of both together [s]."""
+def estimates(frames: list[Frame], config: FilterConfig, seed: int, *, final: bool) -> tuple[list[Estimate], float]:
+    """The filter's own estimate, that online and, where wanted, that after the final pass; the time of all [s]."""
     start = time.perf_counter()
     estimation = Estimation(config, RunSeeds.from_seed(seed).filter)  # as `testbed slam --seed` does
     for frame in frames:
         estimation.process(frame)
     own = estimation.filtered()
-    return own, estimation.refined(own), time.perf_counter() - start
+    found = [own, replace(own, dense=estimation.online(), scan_frames=np.arange(len(own.scan_frames)))]
+    if final:
+        found.append(estimation.refined(own))
+    return found, time.perf_counter() - start
 
 
 def settings(changes: list[str], particles: int) -> FilterConfig:
@@ -114,9 +119,11 @@ def main() -> None:
     parser.add_argument("--logs", default="intel,fr079,aces")
     parser.add_argument("--particles", default="30")
     parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--filter-only", action="store_true", help="no final pass")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
     args = parser.parse_args()
-    print("log particles seed own_m own_deg refined_m refined_deg seconds", flush=True)
+    print("log particles seed own_m own_deg online_m online_deg refined_m refined_deg seconds", flush=True)
     for name in args.logs.split(","):
         case = CASES[name]
         if not case.log.is_file():
@@ -125,19 +132,18 @@ def main() -> None:
         frames = list(open_log(case.log).frames)
         relations = read_relations(case.relations) if case.relations else None
         for particles in map(int, args.particles.split(",")):
-            finals = []
-            for seed in range(args.seeds):
-                own, refined, seconds = estimate(frames, settings(args.changes, particles), seed)
-                a, b = error_of(case, own, relations), error_of(case, refined, relations)
-                finals.append(b[0])
-                numbers = f"{a[0]:.4f} {a[1]:.3f} {b[0]:.4f} {b[1]:.3f} {seconds:.1f}"
-                print(f"{name} {particles} {seed} {numbers}", flush=True)
-            failed = int(np.sum(np.array(finals) > case.failed))
-            print(
-                f"# {name} {particles} particles: worst {max(finals):.4f} m, median {np.median(finals):.4f} m, "
-                f"{failed} of {len(finals)} failed (> {case.failed} m)",
-                flush=True,
-            )
+            rows = []
+            for seed in range(args.first_seed, args.first_seed + args.seeds):
+                config = settings(args.changes, particles)
+                found, seconds = estimates(frames, config, seed, final=not args.filter_only)
+                errors = [error_of(case, estimate, relations) for estimate in found]
+                numbers = " ".join(f"{metres:.4f} {degrees:.3f}" for metres, degrees in errors)
+                print(f"{name} {particles} {seed} {numbers} {seconds:.1f}", flush=True)
+                rows.append([metres for metres, _ in errors])
+            for label, column in zip(("own path", "online", "final"), np.array(rows).T, strict=False):
+                failed = f"{np.sum(column > case.failed)} of {len(column)} failed (> {case.failed} m)"
+                figures = f"worst {column.max():.4f} m, median {np.median(column):.4f} m"
+                print(f"# {name} {particles} particles, {label}: {figures}, {failed}", flush=True)
 
 
 if __name__ == "__main__":

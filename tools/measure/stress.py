@@ -57,8 +57,8 @@ def drive(world: str, robot: str, lidar: str, seed: int, duration: float) -> lis
         return list(simulation)
 
 
-def can_be_survived(case: Case, frames: list[Frame]) -> bool:
-    """Whether localisation in the true map, from the true start, stays found on these frames."""
+def localised(case: Case, frames: list[Frame]) -> Estimation:
+    """Localisation in the true map, from the true start, on these frames."""
     known = KnownMap(
         grid=grid_from_true_map(worlds.true_map(worlds.load(case.world))),
         start=frames[0].truth,
@@ -68,6 +68,16 @@ def can_be_survived(case: Case, frames: list[Frame]) -> bool:
     estimation = Estimation(FilterConfig(), seed=RunSeeds.from_seed(case.seed).filter, threads=1, known_map=known)
     for frame in frames:
         estimation.process(frame)
+    return estimation
+
+
+def can_be_survived(case: Case, frames: list[Frame]) -> bool:
+    """Whether localisation in the true map, from the true start, stays found on these frames."""
+    return stays_found(localised(case, frames))
+
+
+def stays_found(estimation: Estimation) -> bool:
+    """Whether a localisation was never lost, and its median error is below `MAX_ERROR_M`."""
     status, truth = estimation.mapper.status, estimation.trajectory_at_scans("truth")
     if status.state != "found" or status.lost_at or truth is None:
         return False

@@ -23,7 +23,7 @@ from slam.matching._proposal_kernels import (
 )
 from slam.matching._scan_matching_kernels import match_particles
 from slam.matching.likelihood import BeamModel, ScanAndPrior
-from slam.matching.proposal import Draws, ProposalResult, ProposalSettings, _uniform
+from slam.matching.proposal import Draws, ProposalResult, ProposalSettings, _uniform, next_errors
 from slam.matching.scan_matching import MatchSettings, empty_matches
 from slam.motion._odometry_model_kernels import motion_cost
 from slam.motion.odometry_model import MotionPrior, motion_prior
@@ -136,10 +136,11 @@ def test_offsets_have_the_covariance_of_the_laplace_approximation():
 def proposed(grids, hits, guesses, kind, *, prior, seed=0, model=MODEL, fail_share=0.1, half_width=NOT_EVEN):
     n = len(guesses)
     rng = np.random.default_rng(seed)
-    draws = Draws(rng.standard_normal((20, 3)), rng.standard_normal((n, 3)), *rng.uniform(size=(2, n)))
+    near, normal = rng.standard_normal((20, 3)), rng.standard_normal((n, 3))
+    draws = Draws(near, normal, normal, *rng.uniform(size=(2, n)))
     out = ProposalResult(
         np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan),
-        np.full(n, np.nan), np.zeros(n, bool), np.zeros((n, 20, 3)), np.zeros((n, 20)),
+        normal, np.full(n, np.nan), np.zeros(n, bool), np.zeros((n, 20, 3)), np.zeros((n, 20)),
     )  # fmt: skip
     evidence, search = ScanAndPrior(hits, model, prior), MatchSettings(20, np.zeros((0, 3)), model, hits)
     sampled, matches = np.empty((n, 3)), empty_matches(n)
@@ -192,7 +193,7 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
             (grids, i, guesses[i], ScanAndPrior(hits, MODEL, prior), Laplace(optimum, L, SPREAD, NOT_EVEN)), draws.near
         )
         assert out.log_gain[i] == pytest.approx(log_eta, abs=1e-3)
-        expected = mean + np.linalg.cholesky(covariance) @ draws.pose[i]
+        expected = mean + np.linalg.cholesky(covariance) @ draws.error[i]
         np.testing.assert_allclose(out.pose[i], expected, atol=1e-4)
 
 
@@ -329,3 +330,17 @@ def test_deviations_from_the_guess_are_in_its_frame():
     out = np.empty(3)
     from_guess(np.array([1.0, 2.0, 0.5 * math.pi]), 0.3, 0.1, math.pi, out)
     np.testing.assert_allclose(out, (0.9, 2.3, -0.5 * math.pi), atol=1e-12)
+
+
+@pytest.mark.parametrize("weight", [0.07, 0.3, 1.0, 2.0])
+def test_errors_of_poses_add_up_as_independent_ones_do_and_are_smaller(weight):
+    """Variance: the beam weight, but at most 1; that of the mean of many: 1 / their number."""
+    rng, count = np.random.default_rng(4), 400
+    errors, series = np.zeros((3000, 3)), []
+    for _ in range(count):
+        errors = next_errors(errors, rng.standard_normal(errors.shape), weight)
+        series.append(errors)
+    assert np.var(series[-1]) == pytest.approx(min(weight, 1.0), rel=0.05)
+    assert np.var(np.mean(series[100:], axis=0)) * (count - 100) == pytest.approx(1.0, rel=0.08)
+    alike = np.corrcoef(series[-1].ravel(), series[-2].ravel())[0, 1]
+    assert (abs(alike) < 0.04) == (weight >= 1.0)

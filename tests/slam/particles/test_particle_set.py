@@ -47,3 +47,10 @@ def test_a_particle_without_gain_is_never_the_best_again():
     assert particles.best == 1
     moved(particles, [np.nan, np.nan, np.nan])  # such a scan says nothing
     assert particles.best == 1
+
+
+def test_offspring_go_on_with_the_errors_of_their_ancestors():
+    particles = ParticleSet(np.zeros((3, 3)))
+    particles.errors = np.arange(9.0).reshape(3, 3)
+    particles.resample(np.array([2, 0, 0, 1]))
+    assert particles.errors[:, 0].tolist() == [6.0, 0.0, 0.0, 3.0]
