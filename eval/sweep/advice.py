@@ -106,7 +106,7 @@ def _more_seeds(
     text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(table, open_answers, wanted)}"
     text += f" {_reopened(reopened, table.level)}" if reopened else ""
     number = [] if wanted == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(wanted)]
-    title = f"Raise the limit to {wanted} seeds" if table.is_sequential else "Add seeds"
+    title = f"Raise the limit to {wanted} seeds" if summary.table.is_sequential else "Go on until it is decided"
     return [Advice(title, shlex.join([*words, *number, "--until", "decided"]), text.strip())]
 
 

@@ -288,14 +288,13 @@ def seeds_needed(case: Case) -> str:
 
 
 def _why_no_more(case: Case, outlook: Outlook) -> str:
-    """Why the sweep adds no more seeds although the answer is open: the limit that was set, or that none would tell."""
-    limit, usual = len(case.table.seeds), MAX_SEEDS_UNTIL_DECIDED
-    likely = f" (most likely: {likely_answer(case.decision, case.table.counts)})"
-    rest = f"{chance_words(outlook.chance(limit))}, and a world goes on from {100.0 * MIN_CHANCE:.0f} %"
-    if limit < usual and outlook.chance(usual) >= MIN_CHANCE:
-        higher = f"with a limit of {usual} it is {chance_words(outlook.chance(usual))}{likely}"
-        return f"stopped by the limit of {limit} seeds: the chance of an answer within it is {rest}; {higher}"
-    return f"no more seeds are added: the chance of an answer with up to {limit} is {rest}{likely}"
+    """Why the sweep adds no more seeds although the answer is open: they would hardly tell."""
+    limit = max(len(case.table.seeds), MAX_SEEDS_UNTIL_DECIDED)
+    return (
+        f"no more seeds are added: the chance of an answer with up to {limit} is "
+        f"{chance_words(outlook.chance(limit))}, and a world goes on from {100.0 * MIN_CHANCE:.0f} % (most likely: "
+        f"{likely_answer(case.decision, case.table.counts)})"
+    )
 
 
 def _chance_of_more(case: Case) -> str:

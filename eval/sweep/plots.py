@@ -45,7 +45,7 @@ MARK_COLOURS = {"good": GOOD, "fair": FAIR, "bad": BAD}
 """Colours of answers."""
 ZONE = "#d3f0d9"
 """Colour of the zone within the margin of the largest count."""
-MAX_MARGINS = 8.0
+MAX_MARGINS = 5.0
 """The axis of differences spans at most so many margins to each side."""
 BESIDE = 0.05
 """Distance between runs beyond the axis, in steps of the axis of counts."""

@@ -76,9 +76,9 @@ class Clock(NamedTuple):
 
 MIN_OFFSET = 0.03
 """A smaller offset does no harm [s]."""
-SYSTEMATIC = 0.005
+SYSTEMATIC = 0.01
 """Standard deviation of what noise does not explain: wheels that count ticks, walls that are passed closely [s]. The
-offsets of simulated drives spread by less."""
+offsets of thirty simulated drives are wrong by less, but for one, by 11 ms."""
 
 
 def compare_turns(table: FrameTable) -> Clock | None:
@@ -88,8 +88,10 @@ def compare_turns(table: FrameTable) -> Clock | None:
     if turns is None or len(stamps) < 2:
         return None
     heading = np.unwrap(table.odometry[first, 2])
-    # Twice the usual period: else poses between two stamps have less noise than those at a stamp, and seem to fit best.
-    width = max(turns.sweep, 2.0 * float(np.median(np.diff(stamps))))
+    # A mean over two periods: else poses between two stamps have less noise than those at one, and seem to fit best. Not
+    # where odometry is as rare as scans, as in logs of CARMEN: there it would hide the turns themselves.
+    mean_over, between = 2.0 * float(np.median(np.diff(stamps))), float(np.median(turns.end - turns.begin))
+    width = max(turns.sweep, mean_over) if mean_over <= 1.01 * between else turns.sweep
     within = width * (np.arange(SMOOTHED) / (SMOOTHED - 1) - 0.5)[:, None]
 
     def by_odometry(offset: float) -> Floats:

@@ -8,8 +8,9 @@ by the union bound all looks together are wrong in at most 5 % of cases, however
 Source: Lan, DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70(3), 1983 (linear spending);
 Bonferroni's bound replaces the joint distribution, which is unknown for bootstrapped medians, and is conservative.
 
-A world that all seeds would decide with a chance below `MIN_CHANCE` gets no more either. That adds no wrong answers:
-stopping can only take away answers (non-binding futility; Spiegelhalter, Freedman, Blackburn 1986).
+A world that all seeds up to the usual limit would decide with a chance below `MIN_CHANCE` gets no more either. That
+adds no wrong answers: stopping can only take away answers (non-binding futility; Spiegelhalter, Freedman, Blackburn
+1986).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from functools import partial
 from pathlib import Path
 
 from eval.sweep.decision import Decision
-from eval.sweep.look_schedule import MIN_CHANCE
+from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, MIN_CHANCE
 from eval.sweep.results import GIVEN_UP, SweepTable
 from eval.sweep.summary import SweepSummary
 from testbed.sweep.gather import collect
@@ -185,9 +186,13 @@ def planned(out: Path | None, spec: SweepSpec, table: SweepTable | None) -> Plan
     return Planned(left(look.needed), left(look.possible), look.seeds, finished)
 
 
-def is_hopeless(decision: Decision, bound: int) -> bool:
-    """Whether `bound` seeds in all would decide an open answer with a chance below `MIN_CHANCE`."""
-    return decision.outlook is not None and decision.outlook.chance(bound) < MIN_CHANCE
+def is_hopeless(decision: Decision, limit: int) -> bool:
+    """Whether an open answer would be decided with a chance below `MIN_CHANCE`.
+
+    By as many seeds as the limit allows, or the usual one where that is higher: a lower limit is a matter of time, and
+    may be raised.
+    """
+    return decision.outlook is not None and decision.outlook.chance(max(limit, MAX_SEEDS_UNTIL_DECIDED)) < MIN_CHANCE
 
 
 def undecided(table: SweepTable, candidates: frozenset[Group]) -> Mapping[Group, Decision]:

@@ -17,7 +17,6 @@ from matplotlib.colors import to_hex
 from eval.sweep.advice import advice
 from eval.sweep.answers import answers
 from eval.sweep.job_times import REPORT_SECONDS, duration_words, seconds_for_seeds
-from eval.sweep.look_schedule import level_of
 from eval.sweep.margin import MARGIN
 from eval.sweep.measure import Measure
 from eval.sweep.outlook import bound_for, rule_of_thumb
@@ -368,22 +367,26 @@ def test_a_world_that_no_number_of_seeds_decides_gets_a_margin_that_does(tmp_pat
     assert summarise(read_sweep(tmp_path / "wider")).decision("hall_a", "improved").kind == "enough"
 
 
-def test_where_the_limit_that_was_set_ended_the_sweep_a_higher_one_is_offered(tmp_path):
-    """With up to 16 seeds the chance is below 10 %, with up to 40 above: not the world is to blame, but the limit."""
-    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 16))
-    sweep = {"error": noise(0.004, gain=0.0036), "seeds": 16, "missing": missing, "about": {"level": level_of((8, 16))}}
-    table = read_sweep(write_sweep(tmp_path, **sweep)).judged()
+def test_where_the_limit_that_was_set_is_reached_a_higher_one_is_offered(tmp_path):
+    more, *_ = advised(tmp_path, error=noise(0.004, gain=0.0036), seeds=16, about={"level": 0.99})
+    answer = answers(summarise(read_sweep(tmp_path)), "improved")[0]
+    assert answer.needs.startswith("with 40 seeds the chance of any answer is about ")
+    assert (more.title, more.command) == ("Raise the limit to 40 seeds", "testbed sweep --out OUT --until decided")
+    assert "The next look, with 24 seeds, comes in about " in more.text
+
+
+def test_a_world_that_further_seeds_would_hardly_decide_says_why_it_gets_none(tmp_path):
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(32, 40))
+    options = {"seeds": 40, "missing": missing, "about": {"level": 0.99}}
+    table = read_sweep(write_sweep(tmp_path, error=noise(0.004, gain=0.005), **options)).judged()
     status = table.columns["status"].copy()
     status[status == "missing"] = "given up"
     summary = summarise(replace(table, columns=table.columns | {"status": status}))
-    assert re.search(
-        r"stopped by the limit of 16 seeds: the chance of an answer within it is about 5 %, and a world goes on from "
-        r"10 %; with a limit of 40 it is about \d\d % \(most likely: 5 are enough\)",
+    assert re.fullmatch(
+        r"no more seeds are added: the chance of an answer with up to 40 is (under|about) 5 %, and a world goes on "
+        r"from 10 % \(most likely: .*\)",
         answers(summary, "improved")[0].needs,
     )
-    more, *_ = advice(summary, "OUT", 2)
-    assert (more.title, more.command) == ("Raise the limit to 40 seeds", "testbed sweep --out OUT --until decided")
-    assert "The next look, with 16 seeds, comes in about " in more.text
 
 
 def test_a_margin_within_which_a_count_is_hardly_as_good_is_not_offered(tmp_path):

@@ -152,6 +152,17 @@ def test_sectors_of_a_scan_are_compared_by_their_own_times():
     assert np.abs(offsets).max() < 0.0015
 
 
+def test_odometry_that_is_as_rare_as_scans_is_not_smoothed():
+    """As in logs of CARMEN: the mean over two scans would hide a part of the turns between them."""
+    table = drive(seed=4).table
+    columns = ("stamps", "odometry", "twist", "command", "truth")
+    at_scans = {name: getattr(table, name)[table.scan_rows] for name in columns}
+    rare = replace(table, **at_scans, scan_rows=np.arange(len(table.scan_rows)))
+    clock = compare_turns(rare)
+    assert not clock.is_off
+    assert math.isclose(clock.scale, compare_turns(table).scale, abs_tol=0.02)
+
+
 def test_a_shift_and_back_is_the_same_recording(log):
     there, lost = shifted(log.table, -0.15)
     again, _ = shifted(there, 0.15)
