@@ -88,8 +88,8 @@ def compare_turns(table: FrameTable) -> Clock | None:
     if turns is None or len(stamps) < 2:
         return None
     heading = np.unwrap(table.odometry[first, 2])
-    # A mean over two periods: else poses between two stamps have less noise than those at one, and seem to fit best. Not
-    # where odometry is as rare as scans, as in logs of CARMEN: there it would hide the turns themselves.
+    # A mean over two periods: else poses between two stamps have less noise than those at one, and seem to fit best.
+    # Not where odometry is as rare as scans, as in logs of CARMEN: there it would hide the turns themselves.
     mean_over, between = 2.0 * float(np.median(np.diff(stamps))), float(np.median(turns.end - turns.begin))
     width = max(turns.sweep, mean_over) if mean_over <= 1.01 * between else turns.sweep
     within = width * (np.arange(SMOOTHED) / (SMOOTHED - 1) - 0.5)[:, None]
