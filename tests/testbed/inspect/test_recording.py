@@ -158,7 +158,7 @@ def test_sectors_of_a_scan_are_compared_by_their_own_times():
 
 @pytest.mark.skipif(not INTEL.is_file(), reason="needs the recorded log intel-merged")
 def test_odometry_that_is_as_rare_as_scans_is_not_smoothed():
-    """As in logs of CARMEN: a mean over two scans would hide a part of the turns between them (0.92 instead of 0.99)."""
+    """As in logs of CARMEN: a mean over two scans would hide a part of the turns between them (scale 0.92)."""
     clock = compare_turns(open_log(INTEL).table)
     assert not clock.is_off
     assert abs(clock.offset) < 0.01
