@@ -81,13 +81,18 @@ def test_it_is_no_worse_over_ten_seeds(name):
 
 
 def test_an_odometry_that_fails_is_not_preferred():
+    """In most drives: where a slip is larger than what the camera sees, nothing brings the path back."""
     slipping = OdometryConfig(grade="poor", slip_rate=0.3, slip_distance=0.05)
-    estimation = run(weak("depth_camera"), seed=1, odometry=slipping)
-    filtered = estimation.filtered()
-    estimate = estimation.refined(filtered)
-    assert "began at the filter's path" in estimate.notes[0]
-    paths = estimation.odometry, filtered.dense.poses
-    assert error_of(estimation, estimate.dense.poses) < 0.5 * min(error_of(estimation, path) for path in paths)
+    shares, began_there = [], 0
+    for seed in (20, 21, 22):
+        estimation = run(weak("depth_camera"), seed=seed, odometry=slipping)
+        filtered = estimation.filtered()
+        estimate = estimation.refined(filtered)
+        began_there += "began at the filter's path" in estimate.notes[0]
+        best = min(error_of(estimation, path) for path in (estimation.odometry, filtered.dense.poses))
+        shares.append(error_of(estimation, estimate.dense.poses) / best)
+    assert began_there >= 2
+    assert np.median(shares) < 0.5
 
 
 @pytest.mark.parametrize("name", ["rplidar_a2", "tim571"])
