@@ -16,6 +16,8 @@ from eval.sweep.outlook import Outlook, bound_for, chance_sentence, chance_words
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import Interval, min_values, wilson_interval
 
+MAX_DECIMALS = 4
+"""No end of an interval is shown with more decimals to tell it from the margin."""
 MIN_INSIDE = 0.8
 """A filter whose 95 % ellipsoid holds the truth in less than this share of the updates is called overconfident."""
 
@@ -175,7 +177,7 @@ def difference_to_largest(case: Case, c: int) -> str:
         return f"{count} {_were(count)} {_few_words(case, difference)}; {matters}"
     unit = case.shown_in
     value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
-    digits = _decimals(value, low, high)
+    digits = _decimals_apart((low, high), unit.factor * case.decision.limit, _decimals(value, low, high))
     size = f"{abs(value):.{digits}f} {unit.name}".rstrip()
     compared = f"{size} {_side(value)} than {case.largest} in the median pair of runs"
     ends = f"{abs(low):.{digits}f}{'' if _side(low) == _side(high) else f' {_side(low)}'} to {abs(high):.{digits}f}"
@@ -214,12 +216,24 @@ def _were(count: int) -> str:
     return "particle was" if count == 1 else "particles were"
 
 
-def difference_words(difference: Interval, unit: Unit) -> str:
-    """A difference with its interval; for fewer runs than an interval needs, the range of the runs. Empty for none."""
+def _decimals_apart(ends: Sequence[float], limit: float, decimals: int) -> int:
+    """So many decimals that an end of an interval is not shown as the limit where it lies beside it; at most 4."""
+    while decimals < MAX_DECIMALS and any(
+        round(end, decimals) == round(limit, decimals) and end != limit for end in ends
+    ):
+        decimals += 1
+    return decimals
+
+
+def difference_words(difference: Interval, unit: Unit, limit: float = math.nan) -> str:
+    """A difference with its interval; for fewer runs than an interval needs, the range of the runs. Empty for none.
+
+    limit: which the interval is compared with, in the unit of the measure
+    """
     if not difference.count:
         return ""
     value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
-    digits = _decimals(value, low, high)
+    digits = _decimals_apart((low, high), unit.factor * limit, _decimals(value, low, high))
     value, low, high = (round(v, digits) + 0.0 for v in (value, low, high))  # no -0.00
     name = f" {unit.name}" if unit.name else ""
     if difference.count == 1:
@@ -337,12 +351,14 @@ def lower_counts(case: Case) -> str:
     if failed > case.failed_of(case.largest)[0]:
         return f"{count} {'is' if count == 1 else 'are'} not shown to be enough, and failed in {failed} of {runs} runs"
     words = f"{count} may be enough too"
-    if case.table.is_sequential:
-        new = (
-            f"a new sweep of {count} and {case.largest} without --until would show it, as this one ends with its answer"
-        )
-        return f"{words}: {new}" + ("" if decision.outlook is None else f"; {_chance_of_more(case)}")
-    return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
+    if not case.table.is_sequential:
+        return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
+    smaller = case.table.counts[: decision.largest_open + 1]
+    counts = ", ".join(map(str, smaller)) + f" and {case.largest}"
+    return (
+        f"{words}; this sweep ends with its answer, a new one of {counts} in another directory (--out), with the same "
+        "settings, would go on to it"
+    )
 
 
 def failure_rate(failures: int, runs: int) -> str:

@@ -104,7 +104,7 @@ def _differences(summary: SweepSummary, panel: Panel, c: int, lines: Iterable[in
     unit = replace(summary.unit, name="")
     if c == len(summary.table.counts) - 1:
         return ["" for _ in lines]
-    return [difference_words(panel.decisions[k].differences[c], unit) or "-" for k in lines]
+    return [difference_words(panel.decisions[k].differences[c], unit, panel.decisions[k].limit) or "-" for k in lines]
 
 
 def _with_rule(part: _Part) -> list[list[str]]:

@@ -11,6 +11,7 @@ import pytest
 from eval.sweep.answer_words import alone, likely_answer
 from eval.sweep.answers import answers
 from eval.sweep.outlook import bound_for, chance_sentence
+from eval.sweep.paper_tables import markdown_table
 from eval.sweep.report import write_sweep_report
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
@@ -48,12 +49,25 @@ def test_a_smaller_count_of_a_decided_world_takes_a_new_sweep(tmp_path):
     write_sweep(tmp_path, spread, seeds=40, missing=missing, about={"level": 0.99})
     answer = answers(summarise(read_sweep(tmp_path).judged()), "improved")[0]
     assert answer.headline == "5 particles are enough"
-    said = (
-        "1 may be enough too: a new sweep of 1 and 20 without --until would show it, as this one ends with its answer; "
+    assert answer.needs == (
+        "1 may be enough too; this sweep ends with its answer, a new one of 1 and 20 in another directory (--out), "
+        "with the same settings, would go on to it"
     )
-    assert answer.needs.startswith(said)
     assert answer.lines[1].startswith("  5 particles are 0.00 cm worse than 20 in the median pair of runs")
-    assert answer.lines[2].startswith("  1 may be enough too: a new sweep")
+    assert answer.lines[2].startswith("  1 may be enough too; this sweep ends")
+
+
+def test_an_end_of_an_interval_beside_the_margin_is_not_shown_as_the_margin(tmp_path):
+    """Half of the pairs of runs of 5 and 20 differ by 5.04 mm, where up to 5 mm would not matter."""
+
+    def error(p, k, c, s):
+        return (0.5, 0.02 + (0.00504 if s % 2 else 0.001), 0.02)[c]
+
+    summary = summarise(read_sweep(write_sweep(tmp_path, error)))
+    answer = answers(summary, "improved")[0]
+    assert answer.kind == "undecided"
+    assert "0.504 worse; 95 % interval]; up to 0.5 cm" in answer.difference
+    assert "+0.504]" in markdown_table(summary)
 
 
 def test_medians_that_round_alike_have_another_digit(tmp_path):
