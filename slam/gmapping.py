@@ -21,7 +21,7 @@ from slam.diagnosis.path_check import WheelStep, compare_scan
 from slam.diagnosis.wheel_speed import WheelSpeed
 from slam.grid.particle_maps import ParticleMaps
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
-from slam.matching.proposal import ProposalResult, propose_poses
+from slam.matching.proposal import ProposalResult, first_errors, propose_poses
 from slam.matching.scan_matching import make_match_settings, shows_a_jump
 from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.occupancy import OccupancyGrid
@@ -57,6 +57,9 @@ class GMapping:
         self._rng = np.random.default_rng(seed)
         self._intake = ScanIntake(self.config, first_needs_hits=False)
         self._particles = ParticleSet(np.zeros((self.config.first_particles, 3)))
+        self._particles.errors = first_errors(
+            self.config.first_particles, self.config.match.beam_weight, self._rng.bit_generator
+        )
         self._loops = LoopDetector()
         self._monitor = ContradictionMonitor()
         self._wheels = WheelSpeed()

@@ -119,6 +119,16 @@ def propose_poses(
     return out
 
 
+def first_errors(count: int, beam_weight: float, generator: np.random.BitGenerator) -> NDArray[np.float64]:
+    """Errors (count, 3) to begin the autoregression of `next_errors` with, of its variance: from zero on it would take
+    many updates to reach that, in which the particles would be too sure.
+
+    generator: its state is the seed, and stays as it is
+    """
+    rng = np.random.default_rng(generator.state["state"]["state"])
+    return math.sqrt(min(beam_weight, 1.0)) * rng.standard_normal((count, 3))
+
+
 def next_errors(errors: NDArray[np.float64], normal: NDArray[np.float64], beam_weight: float) -> NDArray[np.float64]:
     """Errors (particles, 3) of the next poses, in standard deviations, from those of the last ones.
 

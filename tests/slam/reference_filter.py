@@ -41,11 +41,11 @@ class ReferenceFilter:
         far = grid.field_radius
         self.beams = Beams(match.hit_sigma, match.outlier_distance, match.beam_weight, far)
         self.coarse = Beams(match.hit_sigma, far, match.beam_weight * match.coarse_share, far)
+        rng = np.random.default_rng(self.rng.bit_generator.state["state"]["state"])
+        errors = math.sqrt(match.beam_weight) * rng.standard_normal((n, 3))
         self.particles = [
-            Particle(
-                np.zeros(3), Map(grid.cell, grid.occupied_share, round(far / grid.cell)), -math.log(n), [], np.zeros(3)
-            )
-            for _ in range(n)
+            Particle(np.zeros(3), Map(grid.cell, grid.occupied_share, round(far / grid.cell)), -math.log(n), [], error)
+            for error in errors
         ]
 
     def begin(self, rays):

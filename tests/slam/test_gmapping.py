@@ -75,7 +75,7 @@ def test_motion_proposal_follows_the_robot_with_enough_particles():
     assert np.hypot(*(mapper.path() - truth)[:, :2].T).max() < 0.15
 
 
-@pytest.mark.parametrize("threshold", [0.3, 0.9])
+@pytest.mark.parametrize("threshold", [0.5, 0.9])
 def test_resampling_by_effective_sample_size(threshold):
     settings = config(resample=ResampleConfig(when="ess", threshold=threshold), particles=10)
     _, reports, _, _ = run(settings)

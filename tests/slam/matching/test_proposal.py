@@ -23,7 +23,7 @@ from slam.matching._proposal_kernels import (
 )
 from slam.matching._scan_matching_kernels import match_particles
 from slam.matching.likelihood import BeamModel, ScanAndPrior
-from slam.matching.proposal import Draws, ProposalResult, ProposalSettings, _uniform, next_errors
+from slam.matching.proposal import Draws, ProposalResult, ProposalSettings, _uniform, first_errors, next_errors
 from slam.matching.scan_matching import MatchSettings, empty_matches
 from slam.motion._odometry_model_kernels import motion_cost
 from slam.motion.odometry_model import MotionPrior, motion_prior
@@ -336,7 +336,8 @@ def test_deviations_from_the_guess_are_in_its_frame():
 def test_errors_of_poses_add_up_as_independent_ones_do_and_are_smaller(weight):
     """Variance: the beam weight, but at most 1; that of the mean of many: 1 / their number."""
     rng, count = np.random.default_rng(4), 400
-    errors, series = np.zeros((3000, 3)), []
+    errors, series = first_errors(3000, weight, rng.bit_generator), []
+    assert np.var(errors) == pytest.approx(min(weight, 1.0), rel=0.05)
     for _ in range(count):
         errors = next_errors(errors, rng.standard_normal(errors.shape), weight)
         series.append(errors)

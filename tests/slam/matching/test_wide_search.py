@@ -61,7 +61,7 @@ def test_a_jump_of_which_the_odometry_says_nothing_is_found(jump):
     truth = se2.compose(predicted, jump)
     found = matches_of(ScanAndPrior(hits_at(truth), BEAMS, PRIOR), predicted[None]).optimum[0]
     away = se2.between(truth, found)
-    assert math.hypot(away[0], away[1]) < 0.02
+    assert math.hypot(away[0], away[1]) < 0.025  # half a cell
     assert abs(away[2]) < 0.02
 
 
