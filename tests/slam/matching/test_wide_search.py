@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from slam import FilterConfig, GMapping, se2
@@ -55,14 +55,18 @@ def matches_of(evidence, predicted, u=0.5, maps=MAPS):
 
 
 @given(JUMPS)
+@example((0.10132476415411074, 0.0, 0.10132476415411074))
 @settings(max_examples=30, deadline=None)
 def test_a_jump_of_which_the_odometry_says_nothing_is_found(jump):
     predicted = drive(4)[4]
     truth = se2.compose(predicted, jump)
-    found = matches_of(ScanAndPrior(hits_at(truth), BEAMS, PRIOR), predicted[None]).optimum[0]
+    evidence = ScanAndPrior(hits_at(truth), BEAMS, PRIOR)
+    found = matches_of(evidence, predicted[None]).optimum[0]
     away = se2.between(truth, found)
-    assert math.hypot(away[0], away[1]) < 0.025  # half a cell
-    assert abs(away[2]) < 0.02
+    is_near = math.hypot(away[0], away[1]) < 0.02 and abs(away[2]) < 0.02
+    # the odometry draws a small jump back, by up to half a cell: then that pose must be likelier than the true one
+    assert is_near or cost_of(evidence, predicted, found) <= cost_of(evidence, predicted, truth)
+    assert math.hypot(away[0], away[1]) < 0.025
 
 
 def test_without_jumps_in_the_model_the_search_stays_narrow():
