@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 
 from testbed.cli.shared.status import INTERRUPTED
-from testbed.run.interruption import sigterm_interrupts
+from testbed.run.interruption import signals_interrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # an ASCII terminal must not end a run
     try:
-        with sigterm_interrupts():
+        with signals_interrupt():
             from testbed.cli.shared.app import run_app
 
             status = run_app(arguments)

@@ -1,15 +1,35 @@
 # SPDX-License-Identifier: MIT
-"""Ctrl-C and SIGTERM during a run, which finish the current frame, then end the run and keep the result so far."""
+"""Ctrl-C and SIGTERM: they raise KeyboardInterrupt, or during a run finish the current frame and end it.
+
+KeyboardInterrupt must not be raised within libraries that lose it: numba's wrappers of compiled functions look up
+types in Python and turn any exception there into a SystemError, weak references drop those of their callbacks, and a
+module whose import ends half way may be left broken. There the signal waits for a moment. Where a library has dropped
+it all the same ("Exception ignored in …") it is raised again.
+"""
 
 from __future__ import annotations
 
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from _thread import start_new_thread
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+OURS = frozenset(("testbed", "slam", "eval"))
+CARELESS = frozenset(("importlib", "llvmlite", "numba", "numpy", "weakref"))
+"""Packages that may lose a KeyboardInterrupt."""
+WAIT = 0.01
+"""Time until a signal is tried again [s]."""
+LONGEST_WAIT = 2.0
+"""After so long it is raised all the same: compiling all kernels takes longer [s]."""
 
 
 class Interruption:
@@ -25,16 +45,75 @@ class Interruption:
 
 
 @contextmanager
-def sigterm_interrupts() -> Iterator[None]:
-    """Make SIGTERM, which batch systems send, raise KeyboardInterrupt as Ctrl-C does; only in the main thread."""
+def signals_interrupt() -> Iterator[None]:
+    """Make SIGTERM, which batch systems send, raise KeyboardInterrupt as Ctrl-C does; only in the main thread.
+
+    Where Ctrl-C is ignored, as in the background of a shell, it stays so.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    numbers = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        numbers.append(signal.SIGINT)
+    patience = _Patience()
+    previous, hook = {number: signal.signal(number, patience.interrupt) for number in numbers}, sys.unraisablehook
+    sys.unraisablehook = patience.hook_before(hook)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, previous)
+        patience.is_over = True
+        sys.unraisablehook = hook
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+class _Patience:
+    """Raises KeyboardInterrupt on a signal, as soon as no library is at work that would lose it."""
+
+    def __init__(self) -> None:
+        self.is_over = False
+        """Whether the command has ended: a signal that waits is then forgotten."""
+        self._since: float | None = None
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """Handle the signal: raise, or send it again shortly after; `LONGEST_WAIT` after the first one, raise."""
+        now = time.monotonic()
+        self._since = now if self._since is None else self._since
+        if now - self._since < LONGEST_WAIT and _would_be_lost(frame):
+            start_new_thread(self._send_again, (number,))  # threading.Timer takes locks, which this thread may hold
+            return
+        self._since = None
+        raise KeyboardInterrupt
+
+    def hook_before(self, hook: Callable[[UnraisableHookArgs], object]) -> Callable[[UnraisableHookArgs], None]:
+        """A hook for exceptions that were dropped: an interrupt is raised again, others go to `hook`."""
+
+        def notice(dropped: UnraisableHookArgs) -> None:
+            if issubclass(dropped.exc_type, KeyboardInterrupt):
+                start_new_thread(self._send_again, (signal.SIGTERM,))
+            else:
+                hook(dropped)
+
+        return notice
+
+    def _send_again(self, number: int) -> None:
+        time.sleep(WAIT)
+        main = threading.main_thread().ident
+        if main is not None and not self.is_over:
+            signal.pthread_kill(main, number)
+
+
+def _would_be_lost(frame: FrameType | None) -> bool:
+    """Whether a library that loses KeyboardInterrupt was called, directly or not, by the innermost frame of ours."""
+    while frame is not None:
+        package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if package in OURS:
+            return False
+        if package in CARELESS:
+            return True
+        frame = frame.f_back
+    return False
 
 
 @contextmanager
