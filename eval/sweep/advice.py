@@ -16,13 +16,11 @@ from eval.sweep.decision import Decision
 from eval.sweep.job_times import duration_words, seconds_for_seeds
 from eval.sweep.look_schedule import ADDING_LEVEL, MAX_SEEDS_UNTIL_DECIDED, MIN_CHANCE, level_of, looks_for
 from eval.sweep.margin import Margin
-from eval.sweep.outlook import bound_for, chance_words, rule_of_thumb
+from eval.sweep.outlook import PROBABLE, bound_for, chance_words, likely_words, rule_of_thumb
 from eval.sweep.results import SweepTable
 from eval.sweep.statistics import LEVEL, min_values
 from eval.sweep.summary import SweepSummary
 
-PROBABLE = 0.5
-"""Worlds whose chance of an answer is lower may be left while others get more seeds."""
 MAX_OFFERED_SHARE = 0.25
 """A margin that is a larger share of the error is not offered: within it a count would hardly be as good."""
 
@@ -39,20 +37,19 @@ class Advice:
 
 
 def advice(summary: SweepSummary, directory: str, workers: int) -> list[Advice]:
-    """What to do about the open answers of the baseline; nothing where none is open, or for kinds of buildings.
+    """What to do about the open answers of the baseline, and about fewer particles; nothing for kinds of buildings.
 
     directory and workers: as in the commands, `--out` and the worker processes of this machine.
     """
     table = summary.table
     if table.family_names():
         return []
-    open_answers = _open_answers(summary)
+    open_answers, words = _open_answers(summary), ["testbed", "sweep", "--out", directory]
     if not open_answers:
-        return []
-    words = ["testbed", "sweep", "--out", directory]
+        return _fewer_particles(summary, words, workers)
     own = {place: decision for place, decision in open_answers.items() if place not in table.left}
     found = _more_seeds(summary, own, words, workers) if own else []
-    ways = found + _ways_out(summary, open_answers, found)
+    ways = found + _fewer_particles(summary, words, workers) + _ways_out(summary, open_answers, found)
     return ways + _taken_up_again(table, [place for place in open_answers if place in table.left], words, workers)
 
 
@@ -71,13 +68,37 @@ def chances(summary: SweepSummary, seeds: int) -> str:
 
 
 def _open_answers(summary: SweepSummary) -> dict[str, Decision]:
-    table = summary.table
-    decisions = {place: summary.decision(place, table.baseline) for place in table.places}
+    """Worlds without an answer; with `--until smallest` also those where a smaller count may be enough too."""
+    is_open = {"undecided", "enough"} if summary.table.until == "smallest" else {"undecided"}
     return {
         place: decision
-        for place, decision in decisions.items()
-        if decision.kind == "undecided" and decision.largest_open is not None
+        for place, decision in _decisions(summary).items()
+        if decision.kind in is_open and decision.largest_open is not None
     }
+
+
+def _decisions(summary: SweepSummary) -> dict[str, Decision]:
+    return {place: summary.decision(place, summary.table.baseline) for place in summary.table.places}
+
+
+def _fewer_particles(summary: SweepSummary, words: list[str], workers: int) -> list[Advice]:
+    """How to go on, where a count is enough and the sweep has ended, to whether a smaller one is too."""
+    table, bound = summary.table, max(len(summary.table.seeds), MAX_SEEDS_UNTIL_DECIDED)
+    if table.until != "decided":
+        return []
+    smaller = {
+        place: decision
+        for place, decision in _decisions(summary).items()
+        if decision.may_be_smaller and place not in table.left and _chance(decision, bound) >= MIN_CHANCE
+    }
+    if not smaller:
+        return []
+    number = [] if bound == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(bound)]
+    text = (
+        f"The answers stay; this asks whether a smaller count is enough too in {' and '.join(smaller)}. "
+        f"{_cost_of_looks(table, list(smaller), bound, workers)} {_chances(table, smaller, bound)}"
+    )
+    return [Advice("Go on to fewer particles", shlex.join([*words, *number, "--until", "smallest"]), text)]
 
 
 def _more_seeds(
@@ -105,9 +126,21 @@ def _more_seeds(
     places = [p for p, d in open_answers.items() if not _is_known(table, d) or _chance(d, wanted) >= MIN_CHANCE]
     text = f"{_cost_of_looks(table, places, wanted, workers)} {_chances(table, open_answers, wanted)}"
     text += f" {_reopened(reopened, table.level)}" if reopened else ""
+    text += _with_fewer_seeds(table, {place: open_answers[place] for place in places}, wanted)
     number = [] if wanted == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(wanted)]
+    until = summary.table.until or "decided"
     title = f"Raise the limit to {wanted} seeds" if summary.table.is_sequential else "Go on until it is decided"
-    return [Advice(title, shlex.join([*words, *number, "--until", "decided"]), text.strip())]
+    return [Advice(title, shlex.join([*words, *number, "--until", until]), text.strip())]
+
+
+def _with_fewer_seeds(table: SweepTable, open_answers: dict[str, Decision], wanted: int) -> str:
+    """That a lower limit will probably do as well, where each open answer has a bound of its own below `wanted`."""
+    outlooks = [decision.outlook for decision in open_answers.values() if _is_known(table, decision)]
+    enough = max((bound_for(outlook) for outlook in outlooks if outlook is not None), default=wanted)
+    if len(outlooks) < len(open_answers) or enough >= wanted or enough <= len(table.seeds):
+        return ""
+    words = [f"{place} {chance_words(_chance(decision, enough))}" for place, decision in open_answers.items()]
+    return f" With --seeds {enough} as the limit: {', '.join(words)}."
 
 
 def _reopened(places: Sequence[str], level: float) -> str:
@@ -180,8 +213,9 @@ def _chances(table: SweepTable, open_answers: dict[str, Decision], seeds: int) -
     known = {place: d for place, d in open_answers.items() if _is_known(table, d)}
     few = {place: d for place, d in open_answers.items() if d.units < min_values(table.level)}
     words = [
-        f"{place} {chance_words(_chance(decision, seeds))} (most likely: {likely_answer(decision, table.counts)})"
+        f"{place} {chance_words(chance)}{likely_words(chance, likely_answer(decision, table.counts))}"
         for place, decision in known.items()
+        for chance in [_chance(decision, seeds)]
     ]
     sentences = [f"Chance of an answer with {seeds} seeds: {', '.join(words)}."] if words else []
     if few:
@@ -195,6 +229,8 @@ def _ways_out(summary: SweepSummary, open_answers: dict[str, Decision], found: S
     table = summary.table
     ways = []
     for place, decision in open_answers.items():
+        if decision.kind != "undecided":
+            continue
         outlook = decision.outlook
         is_probable = outlook is not None and outlook.high is not None and bool(found)
         if decision.units < min_values(table.level) or (is_probable and not table.given_up([place], table.baseline)):

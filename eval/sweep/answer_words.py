@@ -173,6 +173,7 @@ def difference_to_largest(case: Case, c: int) -> str:
     if not difference.count:
         return ""
     matters = f"up to {_margin_length(case)} {'would' if case.decision.kind == 'undecided' else 'does'} not matter"
+    after = f" after {counted(difference.count, case.unit)}" if difference.count < case.decision.units else ""
     if difference.count < min_values():
         return f"{count} {_were(count)} {_few_words(case, difference)}; {matters}"
     unit = case.shown_in
@@ -181,7 +182,7 @@ def difference_to_largest(case: Case, c: int) -> str:
     size = f"{abs(value):.{digits}f} {unit.name}".rstrip()
     compared = f"{size} {_side(value)} than {case.largest} in the median pair of runs"
     ends = f"{abs(low):.{digits}f}{'' if _side(low) == _side(high) else f' {_side(low)}'} to {abs(high):.{digits}f}"
-    interval = f"[{ends} {_side(high)}; {100.0 * case.table.level:.3g} % interval]"
+    interval = f"[{ends} {_side(high)}; {100.0 * case.table.level:.3g} % interval{after}]"
     return f"{particles(count)} {'is' if count == 1 else 'are'} {compared} {interval}; {matters}"
 
 
@@ -306,8 +307,7 @@ def _why_no_more(case: Case, outlook: Outlook) -> str:
     limit = max(len(case.table.seeds), MAX_SEEDS_UNTIL_DECIDED)
     return (
         f"no more seeds are added: the chance of an answer with up to {limit} is "
-        f"{chance_words(outlook.chance(limit))}, and a world goes on from {100.0 * MIN_CHANCE:.0f} % (most likely: "
-        f"{likely_answer(case.decision, case.table.counts)})"
+        f"{chance_words(outlook.chance(limit))}, and a world goes on from {100.0 * MIN_CHANCE:.0f} %"
     )
 
 
@@ -316,7 +316,8 @@ def _chance_of_more(case: Case) -> str:
     decision, table = case.decision, case.table
     assert decision.outlook is not None
     bound, likely = len(table.seeds), likely_answer(decision, table.counts)
-    if case.unit == "seed" and table.is_sequential and bound > decision.units and decision.kind == "undecided":
+    is_added = decision.kind == "undecided" or table.until == "smallest"
+    if case.unit == "seed" and table.is_sequential and bound > decision.units and is_added:
         return chance_sentence(decision.outlook, [look for look in looks_for(bound) if look > decision.units], likely)
     wanted, usual = bound_for(decision.outlook), MAX_SEEDS_UNTIL_DECIDED
     # beyond the usual limit the sentence says how many are needed
@@ -353,12 +354,12 @@ def lower_counts(case: Case) -> str:
     words = f"{count} may be enough too"
     if not case.table.is_sequential:
         return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
-    smaller = case.table.counts[: decision.largest_open + 1]
-    counts = ", ".join(map(str, smaller)) + f" and {case.largest}"
-    return (
-        f"{words}; this sweep ends with its answer, a new one of {counts} in another directory (--out), with the same "
-        "settings, would go on to it"
-    )
+    if decision.outlook is None:
+        return words
+    if case.given_up:
+        return f"{words}; {_why_no_more(case, decision.outlook)}"
+    goes_on = "" if case.table.until == "smallest" else "; --until smallest goes on to it"
+    return f"{words}: {_chance_of_more(case)}{goes_on}"
 
 
 def failure_rate(failures: int, runs: int) -> str:

@@ -276,13 +276,13 @@ def _final_pass(
     level = f"; {100.0 * table.level:.3g} % interval" if difference.count >= min_values() else ""
     does = f"{counts[0]} {'does' if counts[0] == 1 else 'do'} as well"
     margin = f"{unit.factor * decision.limit:.2g} {unit.name}".rstrip()
-    if decision.limit > medians[1]:
-        margin += ", more than the whole error there"
-    elif share := share_words(decision.limit, medians[1]):
-        margin += f", {share} of the error there"
+    share = share_words(decision.limit, medians[1])
     compared = f": {difference_words(difference, unit)}"
+    good = f"{does}{compared} (margin {margin}{f', {share} of the error there' if share else ''})"
+    if decision.limit > max(medians):  # that the difference is smaller then says nothing
+        good = f"{does}: both errors, {' and '.join(shown)}, are below the margin of {margin}"
     conclusions: dict[State, str] = {
-        "good": f"{does}{compared} (margin {margin})",
+        "good": good,
         "worse": f"the count still matters{compared}",
         "open": f"it is not shown whether {does}{_too_few(difference, table)}",
     }

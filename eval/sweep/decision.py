@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,14 +38,41 @@ class Decision:
     limit: float
     """How much larger an error may be than that of the largest count, in the unit of the measure; NaN if unknown."""
     differences: tuple[Interval, ...]
-    """Median paired difference of each count below the largest to it, with the interval that decides."""
+    """Median paired difference of each count below the largest to it, with the interval that decides: that of the look
+    at which the verdict fell, or of the last one where it is open."""
     outlook: Outlook | None
     """What it would take to decide the largest open count; None if none is open, or if that cannot be said."""
 
     @property
     def largest_open(self) -> int | None:
-        """Index of the largest count whose verdict is open; None if there is none."""
-        return next((c for c in reversed(range(len(self.states))) if self.states[c] == "open"), None)
+        """Index of the count on which the answer, or a smaller one, depends: the largest whose verdict is not good, if
+        it is open. None if that one is worse, so that no smaller count can be an answer, or if all are good."""
+        c = next((c for c in reversed(range(len(self.states))) if self.states[c] != "good"), None)
+        return c if c is not None and self.states[c] == "open" else None
+
+    @property
+    def may_be_smaller(self) -> bool:
+        """Whether a count is enough, and a smaller one may be too."""
+        return self.kind == "enough" and self.largest_open is not None
+
+
+class _Verdict(NamedTuple):
+    """What is known of one count at a look."""
+
+    state: State
+    difference: Interval
+    """Median paired difference to the largest count."""
+
+
+class _Seen(NamedTuple):
+    """The runs that a look at the results has seen."""
+
+    differences: NDArray[np.float64]
+    """Of the counts below the largest to it, (counts - 1, units)."""
+    largest: NDArray[np.float64]
+    """Errors of the largest count, (units,)."""
+    failures: NDArray[np.float64]
+    """1 = failed, 0 = not, NaN = not run, (counts, units); or shares of the seeds of a world."""
 
 
 def decide(
@@ -54,6 +82,7 @@ def decide(
     *,
     margin: Margin = MARGIN,
     level: float = LEVEL,
+    looks: Sequence[int] = (),
 ) -> Decision:
     """Decide which particle count is enough.
 
@@ -63,9 +92,15 @@ def decide(
     `level` (median paired difference), and fails no more often. This is a test of non-inferiority: few seeds give wide
     intervals and no answer, fewer than `min_values(level)` none at all. Nothing is said about the largest count itself,
     since no larger one was tested.
+
+    looks: after how many seeds the results were looked at; empty = once. The verdict on a count is final at the look
+    at which it falls, so that seeds which are added for smaller counts take back no answer; `level` has to allow for so
+    many looks (`eval.sweep.look_schedule`).
     """
-    differences = errors[:-1] - errors[-1]
-    return decide_by_differences(counts, differences, errors[-1], failures, margin=margin, level=level)
+    seen = [
+        _Seen(errors[:-1, :n] - errors[-1, :n], errors[-1, :n], failures[:, :n]) for n in _with_results(looks, failures)
+    ]
+    return _decide(counts, seen, margin, level)
 
 
 def decide_kind_of_building(
@@ -75,37 +110,62 @@ def decide_kind_of_building(
     *,
     margin: Margin = MARGIN,
     level: float = LEVEL,
+    looks: Sequence[int] = (),
 ) -> Decision:
-    """Decide which count is enough for a kind of building, with the world as the unit.
+    """Decide which count is enough for a kind of building, with the world as the unit; looks: as of `decide`.
 
     errors and failures (worlds, counts, seeds). Each world counts once, with the median of its seeds: runs of one world
     are alike, and taking them for independent ones would make the intervals too narrow (cluster bootstrap over worlds;
     Davison, Hinkley, "Bootstrap Methods and their Application", 1997, section 3.8).
     """
-    differences = median_over_last(errors[:, :-1] - errors[:, -1:]).T
-    largest, rate = median_over_last(errors[:, -1]), _mean_over_last(failures).T
-    return decide_by_differences(counts, differences, largest, rate, margin=margin, level=level)
+    seen = [
+        _Seen(
+            median_over_last(errors[:, :-1, :n] - errors[:, -1:, :n]).T,
+            median_over_last(errors[:, -1, :n]),
+            _mean_over_last(failures[..., :n]).T,
+        )
+        for n in _with_results(looks, failures)
+    ]
+    return _decide(counts, seen, margin, level)
 
 
-def decide_by_differences(
-    counts: tuple[int, ...],
-    differences: NDArray[np.float64],
-    largest: NDArray[np.float64],
-    failures: NDArray[np.float64],
-    *,
-    margin: Margin,
-    level: float,
-) -> Decision:
-    """`decide` from differences (counts - 1, units) to the errors `largest` (units,) of the largest count."""
-    known = largest[np.isfinite(largest)]
-    limit = margin.of(float(np.median(known))) if len(known) else math.nan
-    intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in differences]
-    states = tuple(_state(interval, limit, failures[c], failures[-1], level) for c, interval in enumerate(intervals))
-    kind, count = _answer(counts, states, failures[-1])
-    decision = Decision(kind, count, states, len(known), limit, tuple(intervals), None)
+def _with_results(looks: Sequence[int], failures: NDArray[np.float64]) -> list[int]:
+    """After how many seeds there was something to look at; the last has all that was run. failures: (…, seeds)."""
+    ran = np.isfinite(failures).reshape(-1, failures.shape[-1]).any(axis=0)
+    last = int(np.flatnonzero(ran)[-1]) + 1 if ran.any() else failures.shape[-1]
+    return [*(look for look in looks if look < last), last]
+
+
+def _decide(counts: tuple[int, ...], looks: Sequence[_Seen], margin: Margin, level: float) -> Decision:
+    """The decision after these looks, each of which has seen the runs of its predecessor and more."""
+    verdicts = _verdicts(looks[0], margin, level)
+    for seen in looks[1:]:
+        later = _verdicts(seen, margin, level)
+        verdicts = [new if old.state == "open" else old for old, new in zip(verdicts, later, strict=True)]
+    states, intervals = tuple(v.state for v in verdicts), tuple(v.difference for v in verdicts)
+    known = looks[-1].largest[np.isfinite(looks[-1].largest)]
+    limit = _limit(looks[-1], margin)
+    kind, count = _answer(counts, states, looks[-1].failures[-1])
+    decision = Decision(kind, count, states, len(known), limit, intervals, None)
     c = decision.largest_open
     units = len(known) if kind != "undecided" or c is None else intervals[c].count
     return replace(decision, units=units, outlook=_outlook(decision, level))
+
+
+def _verdicts(seen: _Seen, margin: Margin, level: float) -> list[_Verdict]:
+    """What one look says of each count below the largest."""
+    limit, (*failures, of_largest) = _limit(seen, margin), seen.failures
+    intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in seen.differences]
+    return [
+        _Verdict(_state(interval, limit, failed, of_largest, level), interval)
+        for interval, failed in zip(intervals, failures, strict=True)
+    ]
+
+
+def _limit(seen: _Seen, margin: Margin) -> float:
+    """How much larger an error may be than that of the largest count; NaN without results."""
+    known = seen.largest[np.isfinite(seen.largest)]
+    return margin.of(float(np.median(known))) if len(known) else math.nan
 
 
 def _outlook(decision: Decision, level: float) -> Outlook | None:

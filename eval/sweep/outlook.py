@@ -113,6 +113,15 @@ def bound_for(outlook: Outlook) -> int:
     return next((number for number in steps if number >= high), MAX_UNITS)
 
 
+PROBABLE = 0.5
+"""Which answer is the likely one is said where there will be one with at least this chance."""
+
+
+def likely_words(chance: float, likely: str) -> str:
+    """` (most likely: 5 are enough)` beside a chance of any answer; empty where most likely there will be none."""
+    return f" (most likely: {likely})" if chance >= PROBABLE and likely else ""
+
+
 def chance_sentence(outlook: Outlook, looks: Sequence[int], likely: str, unit: str = "seed") -> str:
     """The chance of an answer at the first of these looks that probably has one, else at the last.
 
@@ -121,8 +130,9 @@ def chance_sentence(outlook: Outlook, looks: Sequence[int], likely: str, unit: s
     """
     chances = {look: outlook.chance(look) for look in looks}
     look = next((look for look, chance in chances.items() if chance >= MOST), looks[-1])
-    said = f"with {look} {unit}s the chance of any answer is {chance_words(chances[look])} (most likely: {likely})"
-    if chances[look] >= MOST or look >= MAX_UNITS:
+    chance = chances[look]
+    said = f"with {look} {unit}s the chance of any answer is {chance_words(chance)}{likely_words(chance, likely)}"
+    if chance >= MOST or look >= MAX_UNITS:
         return said
     more = bound_for(outlook)
     needed = f"more than {MAX_UNITS}" if outlook.high is None or more <= look else f"about {more}"

@@ -21,7 +21,7 @@ def foresight(units: int, unit: str = "seed", *, level: float = LEVEL, margin: M
     share = 100.0 * outlook.detectable(units, level=level) / TYPICAL_ERROR
     chance = chance_words(outlook.chance(units, level=level))
     return [
-        f"{units} {unit}s show differences from about {share:.0f} % of the error on.",
+        f"{units} {unit}s show a difference of about {share:.0f} % of the error, or more.",
         f"Chance of an answer for {'a world' if unit == 'seed' else 'the kind of building'}: {chance} ({CONDITION}).",
     ]
 

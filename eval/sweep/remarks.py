@@ -154,11 +154,12 @@ def look_rule(table: SweepTable) -> str:
     *earlier, last = map(str, looks)
     after = f"{', '.join(earlier)} and {last}" if earlier else last
     times = f"up to {len(looks)} times" if earlier else "once"
+    ends = "it is known which count is the smallest" if table.until == "smallest" else "it has an answer"
     return (
-        f"The results are looked at {times} (after {after} seeds). Each look uses {100.0 * table.level:.3g} % "
-        f"intervals, so that for each world the answers of up to {max(len(looks), USUAL_LOOKS)} looks together hold "
-        f"with {100.0 * LEVEL:.0f} % confidence (Bonferroni). A world gets no more seeds once it "
-        f"has an answer, or where the chance of one is below {100.0 * MIN_CHANCE:.0f} %. "
+        f"The results are looked at {times} (after {after} seeds), with {100.0 * table.level:.3g} % intervals, so that "
+        f"the answers of up to {max(len(looks), USUAL_LOOKS)} looks at a world together hold with "
+        f"{100.0 * LEVEL:.0f} % confidence (Bonferroni); the verdict on a count is final at the look where it falls. "
+        f"A world gets no more seeds once {ends}, or where the chance of that is below {100.0 * MIN_CHANCE:.0f} %. "
         f"{_present_look(table)}{_left_words(table)}"
     )
 

@@ -74,6 +74,8 @@ class SweepTable:
     seeds: tuple[int, ...]
     families: tuple[str | None, ...]
     """The kind of building that each place is a sample of, such as `rooms`; None for single worlds and logs."""
+    until: str
+    """When seeds are no longer added: "decided" or "smallest", as `--until` has it; empty = all are computed."""
     level: float
     """Confidence level of the decisions: higher than 0.95 where the sweep was looked at several times."""
     margin: Margin
@@ -277,6 +279,7 @@ def _sweep_table(of_runs: _Content, of_curves: _Content, of_timings: _Content) -
         counts=tuple(axes[2]),
         seeds=tuple(axes[3]),
         families=_families(runs, axes[0]),
+        until=str(about.get("until", "")),
         level=float(about.get("level", LEVEL)),
         margin=parse_margin(str(about.get("margin", ""))),
         margin_changes=tuple(MarginChange(**change) for change in about.get("margin_changes", ())),

@@ -80,7 +80,7 @@ class SweepSummary:
         """Which particle count is enough in one world, see `eval.sweep.decision.decide`."""
         t = self.table
         p, k = t.places.index(place), t.lines.index(line)
-        return decide(t.counts, t.error[p, k], t.failures[p, k], margin=t.margin, level=t.level)
+        return decide(t.counts, t.error[p, k], t.failures[p, k], margin=t.margin, level=t.level, looks=t.looks)
 
     @lru_cache(maxsize=512)  # noqa: B019
     def decision_of_family(self, family: str, line: str) -> Decision:
@@ -88,7 +88,7 @@ class SweepSummary:
         t = self.table
         worlds, k = [p for p, name in enumerate(t.families) if name == family], t.lines.index(line)
         return decide_kind_of_building(
-            t.counts, t.error[worlds, k], t.failures[worlds, k], margin=t.margin, level=t.level
+            t.counts, t.error[worlds, k], t.failures[worlds, k], margin=t.margin, level=t.level, looks=t.looks
         )
 
     def median_of_family(self, family: str, line: str, count: int) -> float:

@@ -137,6 +137,7 @@ def _about(directory: SweepDirectory) -> dict[str, Any]:
         "code": manifest.code,
         "commit": manifest.commit,
         "command": command_of(spec),
+        "until": spec.until,
         "level": spec.level,
         "margin": spec.margin,
         "margin_changes": [asdict(change) for change in manifest.margin_changes],

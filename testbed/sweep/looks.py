@@ -2,7 +2,8 @@
 """Adding seeds until the answer is known: which cells are needed after each look at the results.
 
 With `until = "decided"` the seeds of a sweep are an upper bound. Its results are looked at after 8, 16, 24, … seeds,
-and a world (or kind of building) and line that is decided gets no more. Looking J times would give J chances to be
+and a world (or kind of building) and line that is decided gets no more; with `until = "smallest"` it gets more also
+where a count is enough and a smaller one may be. Looking J times would give J chances to be
 wrong, so each look uses intervals of the level 1 - 0.05 / J: the error probability is spent evenly over the looks, and
 by the union bound all looks together are wrong in at most 5 % of cases, however they depend on each other.
 Source: Lan, DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70(3), 1983 (linear spending);
@@ -113,7 +114,7 @@ def look_of(spec: SweepSpec, cells: Sequence[Cell], table: SweepTable | None, is
         added = {group: [cell for cell in cells if cell.seed in seeds and _group(cell) == group] for group in moving}
         keys |= {cell.key for own in added.values() for cell in own}
         whole = _whole(table, added, is_finished)
-        found = undecided(_first_seeds(table, look), whole) if table is not None and whole else {}
+        found = undecided(_first_seeds(table, look), whole, spec.until) if table is not None and whole else {}
         hopeless = {
             group
             for group, decision in found.items()
@@ -195,14 +196,17 @@ def is_hopeless(decision: Decision, limit: int) -> bool:
     return decision.outlook is not None and decision.outlook.chance(max(limit, MAX_SEEDS_UNTIL_DECIDED)) < MIN_CHANCE
 
 
-def undecided(table: SweepTable, candidates: frozenset[Group]) -> Mapping[Group, Decision]:
-    """Those of the candidates, worlds and lines, that have no answer yet; a kind of building is one answer."""
+def undecided(table: SweepTable, candidates: frozenset[Group], until: str) -> Mapping[Group, Decision]:
+    """Those of the candidates, worlds and lines, that have no answer yet; a kind of building is one answer.
+
+    until: with "smallest" also those where a count is enough and a smaller one may be.
+    """
     summary = SweepSummary(table, ())
     found = {}
     for place, line in sorted(candidates):
         kind = _kind(table, place)
         decision = summary.decision(place, line) if kind is None else summary.decision_of_family(kind, line)
-        if decision.kind == "undecided":
+        if decision.kind == "undecided" or (until == "smallest" and decision.may_be_smaller):
             found[place, line] = decision
     return found
 

@@ -67,6 +67,7 @@ def done_so_far(out: Path | None, spec: SweepSpec) -> SweepTable | None:
         return None
     table = replace(
         table,
+        until=spec.until,
         level=spec.level,
         margin=parse_margin(spec.margin),
         measure=Measure(spec.key_measure),

@@ -62,12 +62,13 @@ class SweepOptions:
     refine: Literal["ends", "all", "none"] | None = None
     """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
     all where the measure needs it."""
-    until: Literal["decided"] | None = None
+    until: Literal["decided", "smallest"] | None = None
     """decided: look at the results after 8 seeds (9 for --seeds above 51), then after every 8 more, and add seeds only
     where the answer is open and can still be found, up to --seeds (default: 40). Each look uses higher confidence, so
-    that all looks together keep 95 %."""
+    that all looks together keep 95 %. smallest: the same, and where a count is enough go on until it is known whether
+    a smaller one is too."""
     give_up: str | None = None
-    """Worlds or logs that get no more seeds with --until decided, separated by commas; none: all get them again. What
+    """Worlds or logs that get no more seeds with --until, separated by commas; none: all get them again. What
     is computed stays, and no answer becomes wrong by it."""
     filter: str | None = None
     """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""

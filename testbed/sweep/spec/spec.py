@@ -109,8 +109,9 @@ class SweepSpec(BaseModel):
     margin: str = ""
     """How much larger an error may be than that of the largest count before it matters: a share such as "10%", a length
     such as "2mm", or both, of which the larger counts. Default: "10%,5mm"."""
-    until: Literal["", "decided"] = ""
-    """decided: the seeds are an upper bound, and worlds whose answer is known get no more (`testbed.sweep.looks`)."""
+    until: Literal["", "decided", "smallest"] = ""
+    """The seeds are an upper bound, and worlds whose answer is known get no more (`testbed.sweep.looks`). decided: they
+    end with the first answer; smallest: when it is also known whether fewer particles are enough."""
 
     give_up: tuple[str, ...] = ()
     """Worlds or logs that get no more seeds with `until`, by their names in the tables."""
@@ -186,7 +187,7 @@ class SweepSpec(BaseModel):
             raise ValueError(f"baseline {self.baseline!r}: no such line, expected one of {', '.join(names)}")
         self._check_give_up()
         if self.drawn_seeds is not None and self.until:
-            raise ValueError("drawn_seeds: expected without --until decided, which gives all worlds as many seeds")
+            raise ValueError("drawn_seeds: expected without --until, which gives each world as many seeds as it needs")
         if self.names_systems and self.until:
             raise ValueError("until: asks how many particles are enough, expected it without SLAM systems")
         if self.names_systems and len(self.particles) > 1:
@@ -201,7 +202,7 @@ class SweepSpec(BaseModel):
         """Raise ValueError if worlds that get no more seeds are named wrongly, or without `until`."""
         places = [*map(label, self.worlds), *(log.name for log in self.logs)]
         if self.give_up and not self.until:
-            raise ValueError("give_up: expected with --until decided only, which adds seeds")
+            raise ValueError("give_up: expected with --until only, which adds seeds")
         if unknown := [name for name in self.give_up if name not in places]:
             raise ValueError(f"give_up: {unknown[0]!r}: no such world or log here, expected one of {', '.join(places)}")
 

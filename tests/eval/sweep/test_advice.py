@@ -102,7 +102,7 @@ def test_a_world_that_further_seeds_would_hardly_decide_says_why_it_gets_none(tm
     summary = summarise(replace(table, columns=table.columns | {"status": status}))
     assert re.fullmatch(
         r"no more seeds are added: the chance of an answer with up to 40 is (under|about) 5 %, and a world goes on "
-        r"from 10 % \(most likely: .*\)",
+        r"from 10 %",
         answers(summary, "improved")[0].needs,
     )
 
@@ -183,3 +183,26 @@ def test_where_all_open_worlds_were_given_up_the_page_says_how_to_take_them_up_a
         "testbed sweep --out OUT --until decided --give-up none",
     )
     assert again.text.startswith("The next look, with 8 seeds, comes in about ")
+
+
+def test_a_sweep_that_has_its_answers_may_go_on_to_fewer_particles(tmp_path):
+    """With cost and chance; where that is what it does, the same command goes on."""
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40))
+    error = lambda p, k, c, s: 0.02 + (0.0015 * ((5 * s) % 8 - 3.5) if (p, c) == (0, 0) else 0.0)  # noqa: E731
+    write_sweep(tmp_path, error=error, seeds=40, missing=missing, about={"level": 0.99, "until": "decided"})
+    table = read_sweep(tmp_path).judged()
+    (fewer,) = advice(summarise(table), "OUT", 2)
+    assert fewer.title == "Go on to fewer particles"
+    assert fewer.command == "testbed sweep --out OUT --until smallest"
+    assert fewer.text.startswith(
+        "The answers stay; this asks whether a smaller count is enough too in hall_a. The next "
+    )
+    assert re.search(r"Chance of an answer with 40 seeds: hall_a (about|over) \d+ % \(most likely: 1 is ", fewer.text)
+    go_on, *_ = advice(summarise(replace(table, until="smallest")), "OUT", 2)
+    assert (go_on.title, go_on.command) == ("Go on", "testbed sweep --out OUT")
+
+
+def test_a_lower_limit_is_named_where_it_will_probably_do(tmp_path):
+    (more,) = advised(tmp_path, error=noise(0.005, gain=0.0), seeds=8, about={"level": 0.99, "until": "decided"})
+    limit = int(re.search(r"With --seeds (\d+) as the limit: hall_a (about|over) ", more.text)[1])
+    assert 16 <= limit < 40

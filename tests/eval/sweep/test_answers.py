@@ -41,7 +41,7 @@ def test_a_count_that_is_enough_stands_with_its_error(tmp_path):
     )
 
 
-def test_a_smaller_count_of_a_decided_world_takes_a_new_sweep(tmp_path):
+def test_a_card_says_how_a_decided_world_goes_on_to_smaller_counts(tmp_path):
     def spread(p, k, c, s):
         return 0.02 + (0.0015 * ((5 * s) % 8 - 3.5) if c == 0 else 0.0)
 
@@ -49,12 +49,27 @@ def test_a_smaller_count_of_a_decided_world_takes_a_new_sweep(tmp_path):
     write_sweep(tmp_path, spread, seeds=40, missing=missing, about={"level": 0.99})
     answer = answers(summarise(read_sweep(tmp_path).judged()), "improved")[0]
     assert answer.headline == "5 particles are enough"
-    assert answer.needs == (
-        "1 may be enough too; this sweep ends with its answer, a new one of 1 and 20 in another directory (--out), "
-        "with the same settings, would go on to it"
+    assert re.fullmatch(
+        r"1 may be enough too: with \d+ seeds the chance of any answer is about \d+ % \(most likely: 1 is enough\); "
+        "--until smallest goes on to it",
+        answer.needs,
     )
     assert answer.lines[1].startswith("  5 particles are 0.00 cm worse than 20 in the median pair of runs")
-    assert answer.lines[2].startswith("  1 may be enough too; this sweep ends")
+    assert answer.lines[2].startswith("  1 may be enough too: with")
+    going_on = summarise(dataclasses.replace(read_sweep(tmp_path), until="smallest").judged())
+    assert "--until smallest" not in answers(going_on, "improved")[0].needs
+
+
+def test_a_count_below_one_that_is_worse_may_not_be_enough(tmp_path):
+    """Counts are tested from the largest down: 5 is shown to be worse, so 1 cannot be an answer, open as it is."""
+
+    def error(p, k, c, s):
+        return (0.02 + 0.004 * ((5 * s) % 8 - 3.5), 0.05, 0.02)[c]
+
+    summary = summarise(read_sweep(write_sweep(tmp_path, error)))
+    assert summary.decision("cave", "improved").states == ("open", "worse")
+    answer = answers(summary, "improved")[0]
+    assert (answer.kind, answer.needs) == ("more", "")
 
 
 def test_an_end_of_an_interval_beside_the_margin_is_not_shown_as_the_margin(tmp_path):
@@ -398,4 +413,6 @@ def test_a_world_that_was_given_up_says_so_also_with_too_few_seeds(tmp_path):
 
 def test_a_margin_above_the_whole_error_is_called_so(tmp_path):
     hall, _ = answers(summarise(read_sweep(write_sweep(tmp_path, level(0.02, 0.02, 0.02), seeds=8))), "improved")
-    assert hall.final_pass.endswith("(margin 0.5 cm, more than the whole error there)")
+    assert hall.final_pass == (
+        f"{KEPT}1 does as well: both errors, 0.40 cm and 0.40 cm, are below the margin of 0.5 cm"
+    )

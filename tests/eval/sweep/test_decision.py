@@ -105,6 +105,34 @@ def test_the_largest_open_count_is_what_the_outlook_is_about():
     assert decision.outlook.units == 10
 
 
+def test_a_verdict_is_final_at_the_look_where_it_falls():
+    """5 is as good as 10 in the first 8 seeds, and by much noise not shown to be in 16; 1 is decided by the others."""
+    errors = np.full((3, 16), 0.1)
+    errors[0] += 0.02 * (np.arange(16) % 2)  # as often equal as worse by 2 cm: open after 8 seeds
+    errors[0, 8:] = 0.1
+    errors[1, 8:] += 0.05
+    none = np.zeros((3, 16))
+    first = decide((1, 5, 10), errors[:, :8], none[:, :8], looks=(8, 16))
+    assert (first.kind, first.count, first.states) == ("enough", 5, ("open", "good"))
+    assert first.may_be_smaller
+    assert decide((1, 5, 10), errors, none).states[1] != "good"  # looked at once
+    later = decide((1, 5, 10), errors, none, looks=(8, 16))
+    assert (later.kind, later.states[1], later.differences[1].count) == ("enough", "good", 8)
+
+
+def test_a_look_that_has_not_come_yet_changes_nothing():
+    errors = sweep([0.3, 0.1, 0.1, 0.1, 0.1, 0.1], noise=0.02)
+    assert decide(COUNTS, errors, NONE, looks=(10, 20, 40)) == decide(COUNTS, errors, NONE)
+
+
+def test_the_verdict_of_a_kind_of_building_is_final_too():
+    errors = np.full((8, 2, 16), 0.1)
+    errors[:, 0, 8:] = 0.3
+    none = np.zeros((8, 2, 16))
+    assert decide_kind_of_building((1, 5), errors, none, looks=(8, 16)).kind == "enough"
+    assert decide_kind_of_building((1, 5), errors, none).kind == "more"
+
+
 def test_worlds_not_runs_are_the_unit_of_a_kind_of_building():
     """Runs of one world are alike: with the run as the unit differences between worlds would look certain."""
     rng = np.random.default_rng(1)

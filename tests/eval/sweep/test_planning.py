@@ -35,7 +35,7 @@ def test_the_smallest_difference_that_seeds_show_is_said():
     """Of a median of 10 values with a standard deviation of a quarter of the error, by Bloom's formula."""
     error = 0.25 * 1.2533 / 10.0**0.5
     smallest = (2.2622 + 0.8834) * error  # quantiles of t with 9 degrees of freedom
-    assert foresight(10)[0] == f"10 seeds show differences from about {100.0 * smallest:.0f} % of the error on."
+    assert foresight(10)[0] == f"10 seeds show a difference of about {100.0 * smallest:.0f} % of the error, or more."
 
 
 def test_an_unknown_time_is_said():

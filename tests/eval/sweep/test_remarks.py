@@ -144,8 +144,9 @@ def test_the_rule_of_looks_says_where_each_world_stands(tmp_path):
     done = frozenset((0, k, c, s) for k in range(2) for c in range(3) for s in range(16, 40))
     table = read_sweep(write_sweep(tmp_path / "b", seeds=40, missing=later | done, about={"level": 0.99})).judged()
     assert look_rule(table) == (
-        "The results are looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds). Each look uses 99 % intervals, "
-        "so that for each world the answers of up to 5 looks together hold with 95 % confidence (Bonferroni). "
-        "A world gets no more seeds once it has an answer, or where the chance of one is below 10 %. "
+        "The results are looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), with 99 % intervals, so that the "
+        "answers of up to 5 looks at a world together hold with 95 % confidence (Bonferroni); the verdict on a count "
+        "is final at the look where it falls. "
+        "A world gets no more seeds once it has an answer, or where the chance of that is below 10 %. "
         "hall_a is at look 2 (16 seeds), cave is at look 1 (8 seeds), of at most 40 seeds."
     )

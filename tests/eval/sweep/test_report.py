@@ -152,7 +152,7 @@ def test_a_single_line_has_errors_and_differences_side_by_side(tmp_path, monkeyp
     assert "with the 99 % interval that decides" in caption
     assert len(caption.split(". ")) <= 4
     assert method.startswith("Method: ")
-    assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds). Each look uses 99 % intervals" in method
+    assert "looked at up to 5 times (after 8, 16, 24, 32 and 40 seeds), with 99 % intervals" in method
     assert "This is look 1, with 8 of at most 40 seeds." in method
     assert "looked at" not in caption
     assert "Dots: runs (8 for each count); large marks" in figure_caption(summary)

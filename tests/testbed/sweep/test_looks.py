@@ -10,6 +10,7 @@ import pytest
 
 from eval.sweep.decision import decide
 from eval.sweep.results import read_sweep
+from eval.sweep.summary import summarise
 from testbed.sweep.errors import SweepError
 from testbed.sweep.gather import gather
 from testbed.sweep.looks import is_hopeless, look_at, needed_cells, planned, statuses
@@ -19,9 +20,10 @@ from testbed.sweep.spec.spec import parse_spec
 from testbed.sweep.store import Manifest, SweepDirectory
 
 
-def directory_of(folder: Path, worlds, seeds=24):
+def directory_of(folder: Path, worlds, seeds=24, **options):
+    usual = {"particles": [1, 5], "until": "decided", "settings": {"refine": False}}
     spec = parse_spec(
-        {"worlds": worlds, "particles": [1, 5], "seeds": seeds, "until": "decided", "settings": {"refine": False}},
+        {"worlds": worlds, "seeds": seeds} | usual | options,
         "x.toml",
         Path(),
     )
@@ -69,6 +71,33 @@ def test_only_open_answers_get_more_seeds(tmp_path):
     assert carried_out(directory, clear) == {"office": 8, "loop": 24}
     gathered = gather(directory, statuses(directory))
     assert (gathered.done, gathered.complete) == (2 * 8 + 2 * 24, True)
+
+
+def smaller(place, particles, seed):
+    """15 are as good as 30; 5 are too, which more than 8 seeds show; 1 is worse."""
+    noise = 0.004 * ((5 * seed) % 8 - 3.5) / 3.5
+    return {1: 0.08, 5: 0.023 + noise, 15: 0.02, 30: 0.02}[particles]
+
+
+def test_a_world_with_an_answer_goes_on_to_smaller_counts_where_that_is_asked(tmp_path):
+    """In the directory of a sweep that ended with its first answer; the answer that was given stays."""
+    directory = directory_of(tmp_path, ["loop"], seeds=40, particles=[1, 5, 15, 30])
+    assert carried_out(directory, smaller) == {"loop": 8}
+    assert decision_of(directory).count == 15
+    further = parse_spec(directory.manifest.spec.document() | {"until": "smallest"}, "x.toml", Path())
+    directory = SweepDirectory.prepare(directory.path, Manifest(further, code_version(), {}))
+    assert {cell.seed for cell in needed_cells(directory)} == set(range(16))
+    seeds = carried_out(directory, smaller)["loop"]
+    assert 16 <= seeds < 40
+    found = decision_of(directory)
+    assert (found.count, found.states, found.largest_open) == (5, ("worse", "good", "good"), None)
+    assert found.differences[2].count == 8
+    assert {states_of(directory, "status")[seed] for seed in range(seeds, 40)} == {"not needed"}
+
+
+def decision_of(directory):
+    look_at(directory)  # writes the tables
+    return summarise(read_sweep(directory.path).judged()).decision("loop", "default")
 
 
 def test_a_world_that_cannot_be_decided_gets_no_more_seeds(tmp_path):
@@ -231,3 +260,17 @@ def test_looking_several_times_keeps_the_error_rate():
             wrong[level] += any(found)
     assert wrong[spec.level] / 300 < 0.05
     assert wrong[0.95] > wrong[spec.level]
+
+
+@pytest.mark.slow
+def test_going_on_to_smaller_counts_keeps_the_error_rate():
+    """5 is worse than 30 by exactly the limit, 15 as good: 5 is found enough by chance at any look, but rarely."""
+    spec = parse_spec({"worlds": ["office"], "seeds": 40, "until": "smallest"}, "x.toml", Path())
+    rng = np.random.default_rng(2)
+    wrong = 0
+    for _ in range(300):
+        errors = 0.1 * (1.0 + np.array([[0.1], [0.0], [0.0]]) + 0.1 * rng.normal(size=(3, 40)))
+        errors[2] = 0.1
+        found = decide((5, 15, 30), errors, np.zeros((3, 40)), level=spec.level, looks=spec.looks)
+        wrong += found.kind == "enough" and found.count == 5
+    assert wrong / 300 < 0.05

@@ -168,7 +168,7 @@ def test_values_take_the_type_of_their_setting():
         ({"worlds": ["office"], "seeds": list(range(20_000))}, "seeds: "),
         ({"worlds": ["generated:rooms*3", "office"], "seeds": 10_000}, "280000 jobs, expected at most 100000"),
         ({"worlds": ["generated:rooms*1000000000"]}, "expected a number of worlds from 1 to 1000"),
-        ({"worlds": ["office"], "until": "decided", "drawn_seeds": 1}, "drawn_seeds: expected without --until decided"),
+        ({"worlds": ["office"], "until": "decided", "drawn_seeds": 1}, "drawn_seeds: expected without --until, "),
         ({"worlds": ["generated:castle*3"]}, "unknown kind of world 'castle'"),
         ({"worlds": ["office"], "measure": "accuracy"}, "measure 'accuracy': expected one of online, filter, refined"),
         ({"worlds": ["office"], "measure": "trajectory"}, "measure 'trajectory': expected one of"),
