@@ -19,10 +19,15 @@ from matplotlib.figure import Figure
 
 from eval.files.atomic_write import atomic_write
 from eval.report.page import render
-from eval.sweep import plots as sweep_plots
 from eval.sweep.advice import advice
 from eval.sweep.answer_words import difference_words
 from eval.sweep.answers import Answer, answer_of_place, answers
+from eval.sweep.figures.accuracy import accuracy
+from eval.sweep.figures.cost import cost_against_accuracy
+from eval.sweep.figures.differences import differences
+from eval.sweep.figures.failures import failures
+from eval.sweep.figures.filter_health import coverage_of_95_percent, health
+from eval.sweep.figures.layout import style
 from eval.sweep.forecast_remarks import forecast_against_runs, suggested_counts
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
@@ -75,7 +80,7 @@ DRAWINGS = (
     Drawing(
         "accuracy",
         "Accuracy against particle count",
-        sweep_plots.accuracy,
+        accuracy,
         "Line: median. Band: 95 % interval of the median (none where there are too few runs), which does not decide: "
         "the figure below the answers shows what does. Faint dots: single runs (triangle: beyond the axis). "
         f"{_ZONE_AND_PASS}",
@@ -85,7 +90,7 @@ DRAWINGS = (
     Drawing(
         "differences",
         "What decides: paired differences to the largest count",
-        sweep_plots.differences,
+        differences,
         "How much worse each count is than the largest one on the same data: dots for the runs, their median, and the "
         "interval that decides. A count passes its own test (filled) where the whole interval lies in the green zone, "
         "below the dashed margin, and is shown to be worse (cross) where it lies above; otherwise it is open (hollow). "
@@ -100,7 +105,7 @@ DRAWINGS = (
     Drawing(
         "failures",
         "Failed runs",
-        sweep_plots.failures,
+        failures,
         "Runs that ended lost, with broken loops or without a result, of all runs. Small figures: the failure rates "
         "that are compatible with it (95 % Wilson interval).",
         is_first=True,
@@ -108,7 +113,7 @@ DRAWINGS = (
     Drawing(
         "cost",
         "Cost against accuracy",
-        sweep_plots.cost_against_accuracy,
+        cost_against_accuracy,
         "Time of the filter per update and median error; numbers are particle counts. Grey discs and line: the "
         "front, the points than which no other is both faster and better. Times depend on the machine.",
         is_first=True,
@@ -116,20 +121,20 @@ DRAWINGS = (
     Drawing(
         "honesty",
         "Does the filter know how large its error is?",
-        sweep_plots.coverage_of_95_percent,
+        coverage_of_95_percent,
         "Share of the updates with the true pose inside the 95 % ellipsoid of the particles. Below the dashed line the "
         "filter is overconfident (Bailey, Nieto, Nebot 2006).",
     ),
     Drawing(
         "ess",
         "Effective sample size along the run",
-        partial(sweep_plots.health, curve="ess", label="effective particles [%]"),
+        partial(health, curve="ess", label="effective particles [%]"),
         "Effective sample size as a share of the particles, median over the runs.",
     ),
     Drawing(
         "ancestors",
         "Ancestors along the run",
-        partial(sweep_plots.health, curve="unique_ancestors", label="unique ancestors [%]"),
+        partial(health, curve="unique_ancestors", label="unique ancestors [%]"),
         "Unique ancestors of the current particles as a share of their number, median over the runs. "
         "When one ancestor is left, counting starts again.",
     ),
@@ -159,7 +164,7 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
     summary = summarise(read_sweep(folder).judged())
     (folder / "figures").mkdir(exist_ok=True)
     compares = len(summary.table.counts) > 1
-    drawings = [drawing for drawing in DRAWINGS if compares or drawing.draw is not sweep_plots.differences]
+    drawings = [drawing for drawing in DRAWINGS if compares or drawing.draw is not differences]
     figures = [_figure(drawing, summary, folder / "figures") for drawing in drawings]
     tables = {"table.md": markdown_table(summary), "table.tex": latex_table(summary)}
     page = render("sweep.html.j2", **_context(folder, summary), figures=figures, tables=tables)
@@ -172,7 +177,7 @@ def write_sweep_report(directory: str | os.PathLike[str]) -> Path:
 def _figure(drawing: Drawing, summary: SweepSummary, folder: Path) -> ShownFigure:
     """Write a figure to its files; the page shows the SVG."""
     svg = folder / f"{drawing.name}.svg"
-    with sweep_plots.style():
+    with style():
         figure = drawing.draw(summary)
         for path, metadata in (
             (svg, {"Date": None, "Creator": None}),

@@ -19,9 +19,9 @@ import numpy as np
 
 from eval.sweep.answers import answers
 from eval.sweep.decision import median_over_last
+from eval.sweep.figures.layout import style
 from eval.sweep.panels import panels
 from eval.sweep.paper_tables import markdown_table
-from eval.sweep.plots import style
 from eval.sweep.report import DRAWINGS
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import SweepSummary, summarise

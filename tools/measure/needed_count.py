@@ -29,8 +29,8 @@ from eval.report.comparison_plots import COLOURS
 from eval.sweep import needed_count
 from eval.sweep.answer_words import particles
 from eval.sweep.experiment import HeldOut, brier_score, joined, predict_held_out, predicted, runs_of
+from eval.sweep.figures.layout import WIDTHS, style
 from eval.sweep.needed_count import PREDICTORS, NeededCount, fit
-from eval.sweep.plots import WIDTHS, style
 from eval.sweep.results import SweepTable, read_sweep
 from tools.pages import DOCS, write_table
 

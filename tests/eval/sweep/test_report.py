@@ -14,9 +14,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 
+from eval.sweep.figures.accuracy import accuracy
+from eval.sweep.figures.cost import pareto_front
+from eval.sweep.figures.differences import differences
+from eval.sweep.figures.layout import style
+from eval.sweep.figures.marks import ZONE
 from eval.sweep.measure import Measure
 from eval.sweep.paper_tables import figure_caption, latex_table, markdown_table
-from eval.sweep.plots import ZONE, accuracy, differences, pareto_front, style
 from eval.sweep.report import DRAWINGS, write_sweep_report
 from eval.sweep.results import SweepTableError, read_sweep
 from eval.sweep.statistics import paired_difference
