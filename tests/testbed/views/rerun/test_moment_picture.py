@@ -21,7 +21,9 @@ from testbed.views import moments_of
 from testbed.views.map_cells import grey_levels, probability_of_greys
 from testbed.views.rerun import entities
 from testbed.views.rerun.figure_parts import show_around
-from testbed.views.rerun.moment_picture import MAX_SCAN_REACH, PAIR_WIDE, SCAN_SHARE, MomentPictures, _weight
+from testbed.views.rerun.moment_picture import MomentPictures
+from testbed.views.rerun.moment_scene import MAX_SCAN_REACH, PAIR_WIDE, SCAN_SHARE
+from testbed.views.rerun.moment_words import _weight
 from testbed.views.rerun.recorded import Event, points
 from testbed.views.rerun.recorded import Recorded as Reader
 from testbed.views.rerun.scene import styles
@@ -56,7 +58,7 @@ def test_picture_and_viewer_say_the_same_of_both_positions(recorded: Recorded) -
         row = rows.latest(entities.NOW, time)
         assert row is not None
         (words,) = row["TextDocument:text"].as_py()
-        assert words == pictures._places(time)
+        assert words == pictures._words._places(time)
         x, y, _ = snapshot.truth
         assert f"truth ({x:.2f}, {y:.2f}) m" in words
         said.update(word for word in ("inside", "outside", "is", "was") if f" {word} " in words)
@@ -70,10 +72,10 @@ def test_histories_reach_the_particles_at_every_time(recorded: Recorded) -> None
     between = updates[~np.isclose(updates[:, None], logged).any(axis=1)]
     assert len(between) > 10
     for time in [*between[::9].tolist(), between[-1]]:
-        ends = np.array([line[-1] for line in pictures._histories(time)])
-        origins = pictures._origins(rows.latest(entities.PARTICLES, time))
+        ends = np.array([line[-1] for line in pictures._scene._histories(time)])
+        origins = pictures._scene._origins(rows.latest(entities.PARTICLES, time))
         assert (ends[-len(origins) :] == origins).all()
-        longest = max(len(line) for line in pictures._histories(time)[-len(origins) :])
+        longest = max(len(line) for line in pictures._scene._histories(time)[-len(origins) :])
         since = logged[logged < time].max(initial=0.0)
         assert longest == np.count_nonzero((updates >= since - 1e-6) & (updates <= time + 1e-6))
 
@@ -81,13 +83,13 @@ def test_histories_reach_the_particles_at_every_time(recorded: Recorded) -> None
 def test_two_pictures_to_compare_show_the_same_places(recorded: Recorded) -> None:
     pictures = MomentPictures(recorded.path)
     (centre, reach), (same_centre, same_reach) = (
-        pictures._frame_around(time, [time, other]) for time, other in ((5.0, 6.0), (6.0, 5.0))
+        pictures._scene.frame_around(time, [time, other]) for time, other in ((5.0, 6.0), (6.0, 5.0))
     )
     assert (centre == same_centre).all()
     assert reach == same_reach
     for time in (5.0, 6.0):
-        assert np.hypot(*(pictures._robot(time)[:2] - centre)) < reach
-    assert reach > pictures._frame_around(5.0, [5.0])[1]
+        assert np.hypot(*(pictures._scene.robot(time)[:2] - centre)) < reach
+    assert reach > pictures._scene.frame_around(5.0, [5.0])[1]
 
 
 def test_the_scale_is_seen_on_a_black_wall() -> None:
@@ -111,20 +113,20 @@ def test_pictures_of_places_far_apart_have_one_scale(recorded: Recorded) -> None
     """The robot has driven so far that one view of both places would show the particles as specks."""
     pictures = MomentPictures(recorded.path)
     times = [1.0, 15.0]
-    frames = [pictures._frame_around(time, [time, *times]) for time in times]
+    frames = [pictures._scene.frame_around(time, [time, *times]) for time in times]
     for time, (centre, reach) in zip(times, frames, strict=True):
-        assert (centre == pictures._robot(time)[:2]).all()
-        assert reach == max(pictures._frame_around(other, [other])[1] for other in times)
+        assert (centre == pictures._scene.robot(time)[:2]).all()
+        assert reach == max(pictures._scene.frame_around(other, [other])[1] for other in times)
 
 
 def test_two_moments_side_by_side_hold_robots_and_most_of_the_scans(recorded: Recorded) -> None:
     rows, pictures = Reader(recorded.path), MomentPictures(recorded.path)
     times = [5.0, 7.0]
-    centre, reach = pictures._frame_of_scans(times)
+    centre, reach = pictures._scene.frame_of_scans(times)
     for time in times:
         scan = rows.latest(entities.SCAN, time)
         assert scan is not None
-        robot = pictures._robot(time)
+        robot = pictures._scene.robot(time)
         ends = transform_points(robot, points(scan["Points3D:positions"]))
         near = ends[np.hypot(*(ends - robot[:2]).T) <= MAX_SCAN_REACH]
         assert len(near) > 50
@@ -152,7 +154,7 @@ def test_the_sample_size_is_named_before_and_after_a_resampling(recorded: Record
             assert weights is not None
             assert len(set(weights["Arrows3D:colors"].as_py())) == 1
             words += f" before resampling, {len(snapshot.poses)} after"
-        assert pictures._sample_size(time) == words
+        assert pictures._words._sample_size(time) == words
         said.add(snapshot.step.resampled)
     assert said == {True, False}
 
