@@ -3,8 +3,8 @@
 
 KeyboardInterrupt must not be raised within libraries that lose it: numba's wrappers of compiled functions look up
 types in Python and turn any exception there into a SystemError, weak references drop those of their callbacks, and a
-module whose import ends half way may be left broken. There the signal waits for a moment. Where a library has dropped
-it all the same ("Exception ignored in …") it is raised again.
+module whose import ends half way may be left broken. There the signal waits for a moment. Where Python or a library has
+dropped it all the same ("Exception ignored in …") or turned it into another exception it is raised again.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 OURS = frozenset(("testbed", "slam", "eval"))
-CARELESS = frozenset(("importlib", "llvmlite", "numba", "numpy", "weakref"))
+CARELESS = frozenset(("llvmlite", "numba", "numpy", "weakref"))
 """Packages that may lose a KeyboardInterrupt."""
 WAIT = 0.01
 """Time until a signal is tried again [s]."""
-LONGEST_WAIT = 2.0
+LONGEST_WAIT = 5.0
 """After so long it is raised all the same: compiling all kernels takes longer [s]."""
 
 
@@ -61,6 +61,10 @@ def signals_interrupt() -> Iterator[None]:
     sys.unraisablehook = patience.hook_before(hook)
     try:
         yield
+    except (RuntimeError, SystemError) as error:  # as C code and the making of classes report any exception
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        raise
     finally:
         patience.is_over = True
         sys.unraisablehook = hook
@@ -105,12 +109,12 @@ class _Patience:
 
 
 def _would_be_lost(frame: FrameType | None) -> bool:
-    """Whether a library that loses KeyboardInterrupt was called, directly or not, by the innermost frame of ours."""
+    """Whether something is being imported, or the innermost frame of ours has called a library that loses the signal."""
+    is_ours = False
     while frame is not None:
         package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if package in OURS:
-            return False
-        if package in CARELESS:
+        is_ours |= package in OURS
+        if package == "importlib" or (package in CARELESS and not is_ours):
             return True
         frame = frame.f_back
     return False

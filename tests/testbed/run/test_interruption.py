@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Signals raise KeyboardInterrupt, but never where a library would lose it."""
 
+import importlib
 import os
 import signal
 import sys
@@ -56,7 +57,7 @@ def test_a_signal_raises_at_once(number):
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-@pytest.mark.parametrize("library", ["numba.core.serialize", "importlib._bootstrap"])
+@pytest.mark.parametrize("library", ["numba.core.serialize", "numpy._core"])
 def test_a_signal_waits_for_a_library_that_would_lose_it(number, library):
     steps = []
 
@@ -83,6 +84,29 @@ def test_a_signal_within_a_callback_of_a_weak_reference_is_not_lost(number):
 
     weakref.finalize(things[0], of_module(forget, "weakref"))
     assert is_interrupted(things.clear)
+
+
+def test_a_signal_waits_for_the_import_of_a_module_of_ours(tmp_path, monkeypatch):
+    """Python turns an exception in the making of a class into a RuntimeError."""
+    (tmp_path / "testbed_made.py").write_text(
+        "import os, signal, time\n"
+        "os.kill(os.getpid(), signal.SIGTERM)\n"
+        "for _ in range(200): time.sleep(0.001)\n"
+        "is_whole = True\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert is_interrupted(lambda: importlib.import_module("testbed_made"))
+    assert sys.modules.pop("testbed_made").is_whole
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, SystemError])
+def test_a_signal_that_was_turned_into_another_exception_is_one_again(kind):
+    def turn() -> None:
+        raise kind("returned a result with an exception set") from KeyboardInterrupt()
+
+    assert is_interrupted(turn)
+    with pytest.raises(kind, match="own"), signals_interrupt():
+        raise kind("own")
 
 
 @pytest.mark.parametrize("number", NUMBERS)
