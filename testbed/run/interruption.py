@@ -109,7 +109,7 @@ class _Patience:
 
 
 def _would_be_lost(frame: FrameType | None) -> bool:
-    """Whether something is being imported, or the innermost frame of ours has called a library that loses the signal."""
+    """Whether something is being imported, or the innermost frame of ours called a library that loses the signal."""
     is_ours = False
     while frame is not None:
         package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
