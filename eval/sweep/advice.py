@@ -113,7 +113,7 @@ def _more_seeds(
         seconds = seconds_for_seeds(table, going_on, bound, workers)
         text = text or (f"In about {duration_words(seconds)}." if math.isfinite(seconds) else "")
         chance = _chances(table, {place: open_answers[place] for place in going_on}, bound)
-        found = [Advice("Go on", shlex.join(words), f"{text} {chance}".strip())]
+        found = [Advice("Go on, where it was stopped", shlex.join(words), f"{text} {chance}".strip())]
         return found + _go_on_with_some(table, {place: open_answers[place] for place in going_on}, words, workers)
     if not table.is_sequential:  # with several looks the intervals are wider, also for worlds that have their answer
         table = replace(table, level=ADDING_LEVEL)

@@ -85,6 +85,19 @@ def compared_medians(case: Case, count: int) -> str:
     return f"{texts[0]}; {case.largest} give {texts[1]}"
 
 
+def of_seeds(case: Case) -> str:
+    """` in the first 8 seeds` where the answer is that of an earlier look than the last one; else empty."""
+    decision, counts = case.decision, case.table.counts
+    if decision.count is None or decision.count == case.largest:
+        return ""
+    return after_seeds(decision, counts.index(decision.count), " in the first {} seeds")
+
+
+def after_seeds(decision: Decision, c: int, words: str) -> str:
+    """Words with the number of seeds after which the verdict on a count fell, if there have been more; else empty."""
+    return words.format(decision.seeds[c]) if decision.seeds[c] < decision.looked_at else ""
+
+
 def why_medians_differ(case: Case, count: int) -> str:
     """A clause where the medians put a count on the other side of the largest one than the pairs of runs do.
 
@@ -152,10 +165,7 @@ def medians_so_far(case: Case) -> str:
         return f"{first} {unit.name}".rstrip() + f" with {counts[0]} to {counts[-1]}"
     # in the order of the counts: a range would be read as that of the first count to that of the last
     named = [f"{first} {unit.name}".rstrip(), *others]
-    listed = ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
-    if values[-1] < min(values[:-1], default=math.inf) and texts[-1] not in texts[:-1]:
-        return f"{listed}; whether {counts[-1]}, the best so far, are enough is not shown either"
-    return listed
+    return ", ".join(f"{text} with {count}" for text, count in zip(named, counts, strict=True))
 
 
 def particles(count: int) -> str:
@@ -173,7 +183,7 @@ def difference_to_largest(case: Case, c: int) -> str:
     if not difference.count:
         return ""
     matters = f"up to {_margin_length(case)} {'would' if case.decision.kind == 'undecided' else 'does'} not matter"
-    after = f" after {counted(difference.count, case.unit)}" if difference.count < case.decision.units else ""
+    after = after_seeds(case.decision, c, " after {} seeds")
     if difference.count < min_values():
         return f"{count} {_were(count)} {_few_words(case, difference)}; {matters}"
     unit = case.shown_in

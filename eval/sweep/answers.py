@@ -19,6 +19,7 @@ from eval.sweep.answer_words import (
     failure_rate,
     lower_counts,
     medians_so_far,
+    of_seeds,
     particles,
     reversal,
     seeds_needed,
@@ -134,13 +135,14 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
         group = summary.group(place, line, count)
         return group.failures, group.runs
 
+    decision = summary.decision(place, line)
     case = Case(
         summary.table,
-        summary.decision(place, line),
-        lambda count: summary.group(place, line, count).median.value,
+        decision,
+        _median(summary, [place], line, decision),
         lambda count: summary.group(place, line, count).inside_share,
         failed_of,
-        _pair(summary, [place], line),
+        _pair(summary, [place], line, decision),
         "seed",
         summary.table.given_up([place], line),
         _caution(summary, [place], line),
@@ -159,13 +161,14 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
         groups = [summary.group(place, line, count) for place in worlds]
         return sum(group.failures for group in groups), sum(group.runs for group in groups)
 
+    decision = summary.decision_of_family(family, line)
     case = Case(
         table,
-        summary.decision_of_family(family, line),
-        lambda count: summary.median_of_family(family, line, count),
+        decision,
+        _median(summary, worlds, line, decision),
         lambda count: float(np.median([summary.group(place, line, count).inside_share for place in worlds])),
         failed_of,
-        _pair(summary, worlds, line),
+        _pair(summary, worlds, line, decision),
         "world",
         table.given_up(worlds, line),
         _caution(summary, worlds, line),
@@ -181,7 +184,7 @@ def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
         assert count is not None
         short, are = str(count), "is" if count == 1 else "are"
         headline, panel = f"{particles(count)} {are} enough", f"{count} {are} enough"
-        detail, decides = compared_medians(case, count), why_medians_differ(case, count)
+        detail, decides = f"{compared_medians(case, count)}{of_seeds(case)}", why_medians_differ(case, count)
         difference, needs = difference_to_largest(case, case.table.counts.index(count)), lower_counts(case)
         risk = failure_rate(*case.failed_of(count))
     elif decision.kind == "more":
@@ -226,10 +229,31 @@ def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
     )
 
 
-def _pair(summary: SweepSummary, places: Sequence[str], line: str) -> Callable[[int, int], Interval]:
-    """The paired differences between counts, with one value per seed, or per world where there are several."""
+def _seeds_of_answer(decision: Decision, counts: Sequence[int]) -> slice:
+    """The seeds on which an answer rests: where a count is enough those of the look at which that was found."""
+    if decision.kind != "enough" or decision.count is None:
+        return slice(None)
+    return decision.until_verdict(counts.index(decision.count))
+
+
+def _median(summary: SweepSummary, places: Sequence[str], line: str, decision: Decision) -> Callable[[int], float]:
+    """The median error of a count over the seeds that the answer rests on, or over worlds where there are several."""
     table = summary.table
-    error = _of_places(table.error, table, places, line)
+    error = _of_places(table.error, table, places, line)[..., _seeds_of_answer(decision, table.counts)]
+
+    def median(count: int) -> float:
+        return float(median_over_last(_units(error[:, table.counts.index(count)])))
+
+    return median
+
+
+def _pair(
+    summary: SweepSummary, places: Sequence[str], line: str, decision: Decision
+) -> Callable[[int, int], Interval]:
+    """The paired differences between counts, of the seeds that the answer rests on; one value per seed, or per world
+    where there are several."""
+    table = summary.table
+    error = _of_places(table.error, table, places, line)[..., _seeds_of_answer(decision, table.counts)]
 
     def pair(count: int, other: int) -> Interval:
         c, of = table.counts.index(count), table.counts.index(other)
@@ -263,12 +287,15 @@ def _final_pass(
     """
     table = summary.table
     final = after_the_final_pass(table)
-    counts, refined = table.counts, _of_places(table.refined, table, places, line)[:, [0, -1]]
+    if final is None:
+        return "", ""
+    decision, counts = decide(final), table.counts
+    seeds = decision.until_verdict(0) if decision.seeds else slice(None)
+    refined = _of_places(table.refined, table, places, line)[:, [0, -1], seeds]
     refined = np.where(np.isfinite(refined).all(axis=1, keepdims=True), refined, np.nan)  # the same drives
     difference = _interval(_units(refined[:, 0] - refined[:, 1]), table)
-    if final is None or not difference.count:
+    if not difference.count:
         return "", ""
-    decision = decide(final)
     medians = [float(np.nanmedian(_units(refined[:, c]))) for c in range(2)]
     unit = table.measure.unit(max(medians))
     shown = [f"{unit.factor * value:.2f} {unit.name}".rstrip() for value in medians]
@@ -284,7 +311,7 @@ def _final_pass(
     conclusions: dict[State, str] = {
         "good": good,
         "worse": f"the count still matters{compared}",
-        "open": f"it is not shown whether {does}{_too_few(difference, table)}",
+        "open": f"it is not shown whether {does}: {' against '.join(shown)}{_too_few(difference, table)}",
     }
     return (
         f"if you keep the final pass, the default of testbed run, {conclusions[decision.states[0]]}",
@@ -295,7 +322,9 @@ def _final_pass(
 
 def _too_few(difference: Interval, table: SweepTable) -> str:
     """That there are too few runs to show anything; empty where there are enough."""
-    return "" if difference.count >= min_values(table.level) else f", for which {difference.count} runs are too few"
+    if difference.count >= min_values(table.level):
+        return ""
+    return f", {difference.count} run{' is' if difference.count == 1 else 's are'} too few to tell"
 
 
 def _caution(summary: SweepSummary, places: Sequence[str], line: str) -> str:

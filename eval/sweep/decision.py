@@ -40,6 +40,10 @@ class Decision:
     differences: tuple[Interval, ...]
     """Median paired difference of each count below the largest to it, with the interval that decides: that of the look
     at which the verdict fell, or of the last one where it is open."""
+    seeds: tuple[int, ...]
+    """How many seeds had been looked at when the verdict on each count fell; of an open one, all so far."""
+    looked_at: int
+    """How many seeds have been looked at."""
     outlook: Outlook | None
     """What it would take to decide the largest open count; None if none is open, or if that cannot be said."""
 
@@ -49,6 +53,10 @@ class Decision:
         it is open. None if that one is worse, so that no smaller count can be an answer, or if all are good."""
         c = next((c for c in reversed(range(len(self.states))) if self.states[c] != "good"), None)
         return c if c is not None and self.states[c] == "open" else None
+
+    def until_verdict(self, c: int) -> slice:
+        """The seeds on which the verdict on a count rests, c: its index."""
+        return slice(self.seeds[c])
 
     @property
     def may_be_smaller(self) -> bool:
@@ -62,11 +70,14 @@ class _Verdict(NamedTuple):
     state: State
     difference: Interval
     """Median paired difference to the largest count."""
+    seeds: int
+    """Seeds that had been looked at."""
 
 
 class _Seen(NamedTuple):
     """The runs that a look at the results has seen."""
 
+    seeds: int
     differences: NDArray[np.float64]
     """Of the counts below the largest to it, (counts - 1, units)."""
     largest: NDArray[np.float64]
@@ -98,7 +109,8 @@ def decide(
     many looks (`eval.sweep.look_schedule`).
     """
     seen = [
-        _Seen(errors[:-1, :n] - errors[-1, :n], errors[-1, :n], failures[:, :n]) for n in _with_results(looks, failures)
+        _Seen(n, errors[:-1, :n] - errors[-1, :n], errors[-1, :n], failures[:, :n])
+        for n in _with_results(looks, failures)
     ]
     return _decide(counts, seen, margin, level)
 
@@ -120,6 +132,7 @@ def decide_kind_of_building(
     """
     seen = [
         _Seen(
+            n,
             median_over_last(errors[:, :-1, :n] - errors[:, -1:, :n]).T,
             median_over_last(errors[:, -1, :n]),
             _mean_over_last(failures[..., :n]).T,
@@ -146,7 +159,8 @@ def _decide(counts: tuple[int, ...], looks: Sequence[_Seen], margin: Margin, lev
     known = looks[-1].largest[np.isfinite(looks[-1].largest)]
     limit = _limit(looks[-1], margin)
     kind, count = _answer(counts, states, looks[-1].failures[-1])
-    decision = Decision(kind, count, states, len(known), limit, intervals, None)
+    seeds = tuple(v.seeds for v in verdicts)
+    decision = Decision(kind, count, states, len(known), limit, intervals, seeds, looks[-1].seeds, None)
     c = decision.largest_open
     units = len(known) if kind != "undecided" or c is None else intervals[c].count
     return replace(decision, units=units, outlook=_outlook(decision, level))
@@ -157,7 +171,7 @@ def _verdicts(seen: _Seen, margin: Margin, level: float) -> list[_Verdict]:
     limit, (*failures, of_largest) = _limit(seen, margin), seen.failures
     intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in seen.differences]
     return [
-        _Verdict(_state(interval, limit, failed, of_largest, level), interval)
+        _Verdict(_state(interval, limit, failed, of_largest, level), interval, seen.seeds)
         for interval, failed in zip(intervals, failures, strict=True)
     ]
 

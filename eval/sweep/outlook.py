@@ -35,7 +35,7 @@ SOME, MOST = 0.2, 0.8
 TYPICAL_DEVIATION = 0.25
 """Standard deviation between seeds of the paired difference of two counts, as a share of the error. A rule of thumb:
 0.1 to 0.45 in apartment, office and loop (the two largest counts of several sweeps with random routes)."""
-TYPICAL_ERROR = 0.02
+TYPICAL_ERROR = 0.015
 """Error of the filter's path in these worlds [m]."""
 TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
@@ -132,7 +132,7 @@ def chance_sentence(outlook: Outlook, looks: Sequence[int], likely: str, unit: s
     look = next((look for look, chance in chances.items() if chance >= MOST), looks[-1])
     chance = chances[look]
     said = f"with {look} {unit}s the chance of any answer is {chance_words(chance)}{likely_words(chance, likely)}"
-    if chance >= MOST or look >= MAX_UNITS:
+    if round(20.0 * chance) >= 20.0 * MOST or look >= MAX_UNITS:
         return said
     more = bound_for(outlook)
     needed = f"more than {MAX_UNITS}" if outlook.high is None or more <= look else f"about {more}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.sweep.answer_words import difference_words
+from eval.sweep.answer_words import after_seeds, difference_words
 from eval.sweep.look_schedule import fewest_seeds_to_go_on
 from eval.sweep.measure import Unit
 from eval.sweep.panels import Panel, panels
@@ -104,7 +104,9 @@ def _differences(summary: SweepSummary, panel: Panel, c: int, lines: Iterable[in
     unit = replace(summary.unit, name="")
     if c == len(summary.table.counts) - 1:
         return ["" for _ in lines]
-    return [difference_words(panel.decisions[k].differences[c], unit, panel.decisions[k].limit) or "-" for k in lines]
+    decisions = [panel.decisions[k] for k in lines]
+    texts = [difference_words(decision.differences[c], unit, decision.limit) or "-" for decision in decisions]
+    return [text + after_seeds(decision, c, " ({})") for text, decision in zip(texts, decisions, strict=True)]
 
 
 def _with_rule(part: _Part) -> list[list[str]]:
@@ -149,9 +151,18 @@ def _caption(summary: SweepSummary) -> str:
             f"Enough: at most {margin_words(summary)} worse than {largest} particles, with 95 % confidence.",
         ]
     sentences.append(margin_choice(table))  # no reader may take such an answer for a test
+    if earlier := _earlier_looks(summary):
+        numbers = " and ".join(f"({number})" for number in earlier)
+        sentences.append(f"{numbers}: decided by the first {' or '.join(map(str, earlier))} seeds, and of these.")
     if _has_marks(summary):
         sentences.append(f"{MARK} Too few runs for an interval: smallest and largest run.")
     return " ".join(filter(None, sentences))
+
+
+def _earlier_looks(summary: SweepSummary) -> list[int]:
+    """After how many seeds verdicts fell at an earlier look than the last one."""
+    decisions = [decision for panel in panels(summary) for decision in panel.decisions]
+    return sorted({seeds for decision in decisions for seeds in decision.seeds if seeds < decision.looked_at})
 
 
 def figure_caption(summary: SweepSummary) -> str:
@@ -168,9 +179,11 @@ def figure_caption(summary: SweepSummary) -> str:
     )
     numbers = {place: table.seeds_of(p) for p, place in enumerate(table.places)}
     each = f" ({_runs_of(numbers)})" if len(numbers) <= MAX_NAMED else ""
+    earlier = " or ".join(map(str, _earlier_looks(summary)))
+    decided = f" Where the first {earlier} seeds decided, marks are of these." if earlier else ""
     return (
         f"{measure.words[0].upper()}{measure.words[1:]} of {measure.estimate_is}, above that with {largest} particles "
-        f"on the same data, by number of particles. Dots: runs{each}; large marks: {what} Triangles "
+        f"on the same data, by number of particles. Dots: runs{each}; large marks: {what}{decided} Triangles "
         f"and arrow heads: beyond the axis. Margin: {margin_words(summary)}."
     )
 

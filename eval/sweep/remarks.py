@@ -214,12 +214,14 @@ def after_final_pass(summary: SweepSummary) -> str:
     known: dict[str, tuple[float, float]] = {}
     states: dict[str, State] = {}
     differences: dict[str, Interval] = {}
-    for p, place in enumerate(table.places):
-        few, many = table.refined[p, base, 0], table.refined[p, base, -1]
+    for p, place in enumerate(table.places if len(counts) > 1 else ()):
+        if final is None:
+            break
+        decision = final.decision(place, table.baseline)
+        few, many = (table.refined[p, base, c, decision.until_verdict(0)] for c in (0, -1))
         both = np.isfinite(few) & np.isfinite(many)
-        if final is not None and both.any():
+        if both.any():
             known[place] = float(np.median(few[both])), float(np.median(many[both]))
-            decision = final.decision(place, table.baseline)
             states[place], differences[place] = decision.states[0], decision.differences[0]
     if not known:
         return ""

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from eval.files.atomic_write import atomic_write
 from eval.report.page import render
 from eval.sweep.advice import advice
-from eval.sweep.answer_words import difference_words
+from eval.sweep.answer_words import after_seeds, difference_words
 from eval.sweep.answers import Answer, answer_of_place, answers
 from eval.sweep.figures.accuracy import accuracy
 from eval.sweep.figures.cost import cost_against_accuracy
@@ -234,7 +234,7 @@ def _context(folder: Path, summary: SweepSummary) -> dict[str, Any]:
         "goes_on": bool(np.isin(status, ("missing", "later")).any()),
         "left_out": int((status == LEFT_OUT).sum()),
         "commit": table.commit,
-        "differences": [row for group in summary.groups if (row := _difference_row(group, unit)) is not None],
+        "differences": [row for group in summary.groups if (row := _difference_row(summary, group)) is not None],
         "worst": [(run, unit.text(run.error), _links(folder, run)) for run in _shown_worst(folder, table)],
         "level": LEVEL,
         "power": POWER,
@@ -305,14 +305,19 @@ def _single_worlds(summary: SweepSummary) -> list[Answer]:
     ]
 
 
-def _difference_row(group: Group, unit: Unit) -> tuple[Group, str, str, str] | None:
-    """Row of the differences to the baseline and to the largest count; None if there are none."""
+def _difference_row(summary: SweepSummary, group: Group) -> tuple[Group, str, str, str] | None:
+    """Row of the differences to the baseline and to the largest count, which decide; None if there are none."""
+    unit = summary.unit
     if group.to_baseline is None and group.to_largest is None:
         return None
     compared = group.to_baseline or group.to_largest
     is_known = compared is not None and compared.count >= min_values() and np.isfinite(group.detectable)
     detectable = f"{unit.factor * group.detectable:.2f}" if is_known else "–"
-    return group, _difference(group.to_baseline, unit), _difference(group.to_largest, unit), detectable
+    to_largest = "–"
+    if group.to_largest is not None:
+        decision, c = summary.decision(group.place, group.line), summary.table.counts.index(group.count)
+        to_largest = _difference(decision.differences[c], unit) + after_seeds(decision, c, " (first {} seeds)")
+    return group, _difference(group.to_baseline, unit), to_largest, detectable
 
 
 def _difference(interval: Interval | None, unit: Unit) -> str:

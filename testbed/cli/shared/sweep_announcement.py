@@ -172,7 +172,8 @@ def _margin(work: Work) -> str:
     usual = ""
     if key == USUAL_MEASURE:
         share = share_words(margin.of(TYPICAL_ERROR), TYPICAL_ERROR)
-        usual = f" That is {share} of a usual error, about {100.0 * TYPICAL_ERROR:.0f} cm."
+        size = f"about {100.0 * TYPICAL_ERROR:.1f} cm; after some seeds it is said of your worlds"
+        usual = f" That is {share} of a usual error, {size}."
     words = margin.words(is_length=key.endswith("_m"))
     return f"{said.format(words)}{usual}\n  Choose it before you see results: --margin 2mm, 5% or 5%,2mm."
 

@@ -26,8 +26,6 @@ def command_of(spec: SweepSpec) -> str:
         words += ["--route", "fixed"]
     if spec.until:
         words += ["--until", spec.until]
-    if spec.give_up:
-        words += ["--give-up", ",".join(spec.give_up)]
     for name, values in spec.axes.items():
         words += ["--axis", f"{name}={','.join(map(_text, values))}"]
     for name, value in spec.settings.items():

@@ -199,7 +199,7 @@ def test_a_sweep_that_has_its_answers_may_go_on_to_fewer_particles(tmp_path):
     )
     assert re.search(r"Chance of an answer with 40 seeds: hall_a (about|over) \d+ % \(most likely: 1 is ", fewer.text)
     go_on, *_ = advice(summarise(replace(table, until="smallest")), "OUT", 2)
-    assert (go_on.title, go_on.command) == ("Go on", "testbed sweep --out OUT")
+    assert (go_on.title, go_on.command) == ("Go on, where it was stopped", "testbed sweep --out OUT")
 
 
 def test_a_lower_limit_is_named_where_it_will_probably_do(tmp_path):
