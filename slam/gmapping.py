@@ -125,7 +125,7 @@ class GMapping:
         resampled = self._resample(report)
         clock.end_stage("resample")
 
-        loop = self._loops.update(se2.transform_points(pose, taken.hits), pose, moved)
+        loop = self._loops.update(se2.transform_points(pose, scan_and_prior.hits), pose, moved)
         return replace(
             report,
             resampled=resampled,

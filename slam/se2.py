@@ -60,13 +60,11 @@ def transform_points(T_a_b: ArrayLike, points_b: ArrayLike) -> NDArray[np.float6
     """Points `(..., n, 2)` [m] of frame b, seen from frame a; `T_a_b` (..., 3)."""
     a, p = np.asarray(T_a_b, dtype=np.float64), np.asarray(points_b, dtype=np.float64)
     cos, sin = np.cos(a[..., None, 2]), np.sin(a[..., None, 2])
-    return np.stack(
-        [
-            a[..., None, 0] + cos * p[..., 0] - sin * p[..., 1],
-            a[..., None, 1] + sin * p[..., 0] + cos * p[..., 1],
-        ],
-        axis=-1,
-    )
+    x = a[..., None, 0] + cos * p[..., 0] - sin * p[..., 1]
+    points_a = np.empty((*x.shape, 2))  # filled: np.stack takes as long as the arithmetic
+    points_a[..., 0] = x
+    points_a[..., 1] = a[..., None, 1] + sin * p[..., 0] + cos * p[..., 1]
+    return points_a
 
 
 def rotation(angle: ArrayLike) -> NDArray[np.float64]:

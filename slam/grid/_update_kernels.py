@@ -29,6 +29,17 @@ from slam.grid._traversal_kernels import count_misses, rays_in_cells, tiles_on_r
 
 LINE_REACH = 2
 """Half side of the square of cells in which a line is fitted [cells]."""
+LINE_SIDE = 2 * LINE_REACH + 1
+"""Side of that square."""
+ROW_CELLS = np.array(
+    [
+        [k for k in range(LINE_SIDE) if row >> k & 1] + [0] * (LINE_SIDE - row.bit_count())
+        for row in range(1 << LINE_SIDE)
+    ]
+)
+"""Places of the walls in a row of the square, by the bits of the row, filled up with 0."""
+ROW_WALLS = np.array([row.bit_count() for row in range(1 << LINE_SIDE)])
+"""Their number."""
 LINE_FLATNESS = 0.1
 """Walls form a line where their variance across it is at most this share of that along it."""
 
@@ -101,32 +112,49 @@ def bits_between(low, high, left, right):
     return (both >> np.uint32(left & MASK)) & ((np.uint32(2) << np.uint32(right - left)) - np.uint32(1))
 
 
-@kernel
-def line_direction(table, walls, surface_table, surface, cx, cy):
-    """Direction code of the line that the walls about a cell form; 0 where they form none.
+@inlined
+def walls_about(table, walls, cx, cy, found):
+    """List the walls within `LINE_REACH` cells of a cell as `packed`, row by row: found (m,); returns their number.
 
-    The smaller principal axis of the mean end points within `LINE_REACH` cells, if its variance is at most
-    `LINE_FLATNESS` of the larger one.
+    Without a branch: where the walls about a cell lie cannot be guessed. Each row writes all places of `ROW_CELLS`, and
+    the next row begins after the last one that counts.
     """
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
     left, right = max(cx - LINE_REACH, 0), min(cx + LINE_REACH, columns - 1)
-    n, sx, sy, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    n = 0
     for y in range(max(cy - LINE_REACH, 0), min(cy + LINE_REACH + 1, rows)):
-        row = np.uint64(y & MASK)
-        bits = bits_between(walls[tile_at(table, left, y), row], walls[tile_at(table, right, y), row], left, right)
-        x = left
-        while bits != 0:
-            if bits & np.uint32(1):
-                word = surface[fine_tile_at(surface_table, x, y), in_fine_tile(x, y)]
-                mx, my = mean_x(word) + (x - cx), mean_y(word) + (y - cy)
-                n += 1
-                sx += mx
-                sy += my
-                sxx += mx * mx
-                sxy += mx * my
-                syy += my * my
-            bits >>= np.uint32(1)
-            x += 1
+        row, first = np.uint64(y & MASK), packed(left, y)
+        bits = np.uint64(
+            bits_between(walls[tile_at(table, left, y), row], walls[tile_at(table, right, y), row], left, right)
+        )
+        for k in range(LINE_SIDE):
+            found[np.uint64(n + k)] = first + ROW_CELLS[bits, np.uint64(k)]
+        n += ROW_WALLS[bits]
+    return n
+
+
+@inlined
+def moments_of_walls(surface_table, surface, cx, cy, found, n):
+    """Sums x, y, xx, xy, yy of the mean end points of the walls found (n,), counted from a cell's corner [cells]."""
+    sx, sy, sxx, sxy, syy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(n):
+        x, y = packed_x(found[np.uint64(k)]), packed_y(found[np.uint64(k)])
+        word = surface[fine_tile_at(surface_table, x, y), in_fine_tile(x, y)]
+        mx, my = mean_x(word) + (x - cx), mean_y(word) + (y - cy)
+        sx += mx
+        sy += my
+        sxx += mx * mx
+        sxy += mx * my
+        syy += my * my
+    return sx, sy, sxx, sxy, syy
+
+
+@inlined
+def line_direction(n, sx, sy, sxx, sxy, syy):
+    """Direction code of the line that n walls form, from the sums of their mean end points; 0 where they form none.
+
+    The smaller principal axis of the mean end points, if its variance is at most `LINE_FLATNESS` of the larger one.
+    """
     if n < 3:
         return np.uint32(0)
     cxx, cxy, cyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
@@ -140,14 +168,16 @@ def line_direction(table, walls, surface_table, surface, cx, cy):
 @kernel
 def refresh_lines(table, walls, surface_table, surface, segments, hit):
     """Fit the line direction of every cell in which a beam has just ended."""
+    found = np.empty(LINE_SIDE * LINE_SIDE + LINE_SIDE, np.int64)
     last_x, last_y = -1, -1
     for beam in range(segments.shape[0]):
         cx, cy = int(segments[beam, 2]), int(segments[beam, 3])
         if hit[beam] and not (cx == last_x and cy == last_y):
             last_x, last_y = cx, cy
-            direction = line_direction(table, walls, surface_table, surface, cx, cy)
+            n = walls_about(table, walls, cx, cy, found)
+            sx, sy, sxx, sxy, syy = moments_of_walls(surface_table, surface, cx, cy, found, n)
             tile, k = fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)
-            surface[tile, k] = (surface[tile, k] & ~DIRECTION) | direction
+            surface[tile, k] = (surface[tile, k] & ~DIRECTION) | line_direction(n, sx, sy, sxx, sxy, syy)
 
 
 @kernel

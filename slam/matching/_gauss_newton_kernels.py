@@ -9,7 +9,7 @@ import numpy as np
 from slam._array_kernels import copy_values
 from slam._jit import kernel
 from slam._planar_kernels import cholesky, solve
-from slam.matching._likelihood_kernels import end_points, linearise_scan, walls_of
+from slam.matching._likelihood_kernels import linearise_scan
 from slam.motion._odometry_model_kernels import linearise_motion
 
 MIN_TRANSLATION, MIN_ROTATION = 1e-3, 5e-4
@@ -19,16 +19,16 @@ MIN_IMPROVEMENT = 1e-6
 
 
 @kernel
-def gauss_newton(grids, particle, guess, start, evidence, iterations, pose, L):
+def gauss_newton(walls, guess, start, evidence, iterations, pose, L):
     """Local minimum of the cost from `start` (3,) by Gauss-Newton with step halving.
 
+    evidence: `EndPoints`, `BeamModel`, `MotionPrior`
     The last step, of less than a millimetre, is taken unseen, and the cost after it is that of the quadratic form.
     pose (3,) out: the optimum;  L (3, 3) out: Cholesky factor of the Hessian before the last step
     Returns the cost and the number of end points near a wall.
     """
-    hits, model, prior = evidence
+    points, model, prior = evidence
     H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
-    walls, points = walls_of(grids, particle), end_points(hits)
     x, y, theta = start[0], start[1], start[2]
     best = np.inf
     best_near = 0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slam._array_kernels import copy_values
 from slam._jit import kernel
 from slam._planar_kernels import cholesky, solve, wrap_angle
-from slam.matching._likelihood_kernels import scan_costs
+from slam.matching._likelihood_kernels import end_points, scan_costs, walls_of
 from slam.motion._odometry_model_kernels import motion_cost, sample_motion
 
 IMPROVED, SCAN_MATCH, MOTION = 0, 1, 2
@@ -77,24 +77,25 @@ def draw_poses(laplace, near, offsets, below, poses):
 
 
 @kernel
-def fit_gaussian(grids, particle, guess, evidence, laplace, near, samples, weights, mean, covariance):
+def fit_gaussian(walls, guess, evidence, laplace, near, samples, weights, mean, covariance):
     """Gaussian through K weighted poses about the optimum (T-RO 2007, equations 16 to 18).
 
     The paper draws the poses evenly in an interval, with weights in proportion to the product. Here they come from q,
     the Laplace approximation widened by `scale`, and each is weighted by product / q, which estimates the same integral
     with far less variance; with a `half_width` they come from the interval, and q is its constant density.
+    evidence: `EndPoints`, `BeamModel`, `MotionPrior`
     near (K, 3) standard normal variates, or with a `half_width` uniform ones in (-1, 1)
     samples (K, 3) out: the poses;  weights (K,) out: their weights, sum 1
     mean (3,), covariance (3, 3) out
     Returns log eta, eta the integral of p(z | m, x) p(x | x', u).
     """
-    hits, model, prior = evidence
+    points, model, prior = evidence
     optimum = laplace.optimum
     count = near.shape[0]
     poses, costs, below = np.empty((count, 3)), np.empty(count), np.empty(count)
     log_q = log_density_at_optimum(laplace)
     draw_poses(laplace, near, samples, below, poses)  # the samples are offsets from the optimum, for now
-    scan_costs(grids, particle, poses, hits, model, costs)
+    scan_costs(walls, poses, points, model, costs)
     top = -np.inf
     for j in range(count):
         costs[j] += motion_cost(prior, guess, poses[j, 0], poses[j, 1], poses[j, 2])
@@ -140,9 +141,10 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
     guesses (particles, 3) by odometry;  sampled (particles, 3) by the motion model;  matches: `Matches`
     """
     hits, model, prior = evidence
+    points = end_points(hits)
     factor, offset, cost = np.empty((3, 3)), np.empty(3), np.empty(1)
     for i in range(start, stop):
-        guess, pose, L = guesses[i], matches.optimum[i], matches.factor[i]
+        walls, guess, pose, L = walls_of(grids, i), guesses[i], matches.optimum[i], matches.factor[i]
         out.matched[i] = 0.0
         out.failed[i] = False
         out.samples[i] = np.nan
@@ -152,7 +154,7 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
             out.failed[i] = not (out.matched[i] >= settings.fail_share and hits.shape[0] > 0)
         if settings.kind == MOTION or out.failed[i]:
             copy_values(sampled[i], out.pose[i])
-            scan_costs(grids, i, sampled[i : i + 1], hits, model, cost)
+            scan_costs(walls, sampled[i : i + 1], points, model, cost)
             out.log_gain[i] = -cost[0]
             copy_values(guess, out.mean[i])
             for a in range(3):
@@ -172,15 +174,14 @@ def propose(start, stop, grids, guesses, evidence, settings, sampled, matches, d
                 offset[a] = 1.0
                 solve(L, offset)
                 copy_values(offset, out.covariance[i, a])
-            scan_costs(grids, i, matches.optimum[i : i + 1], hits, model, cost)
+            scan_costs(walls, matches.optimum[i : i + 1], points, model, cost)
             out.log_gain[i] = -cost[0]
         else:
             laplace = Laplace(pose, L, settings.sample_scale, settings.half_width)
             log_eta = fit_gaussian(
-                grids,
-                i,
+                walls,
                 guess,
-                evidence,
+                (points, model, prior),
                 laplace,
                 draws.near,
                 out.samples[i],

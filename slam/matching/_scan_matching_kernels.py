@@ -10,7 +10,7 @@ from slam._array_kernels import copy_matrix, copy_values
 from slam._jit import kernel
 from slam._planar_kernels import deviation, from_guess, wrap_angle
 from slam.matching._gauss_newton_kernels import gauss_newton
-from slam.matching._likelihood_kernels import scan_costs
+from slam.matching._likelihood_kernels import end_points, scan_costs, walls_of
 from slam.motion._odometry_model_kernels import motion_cost
 
 SAME_MODE = 9.0
@@ -18,9 +18,10 @@ SAME_MODE = 9.0
 
 
 @kernel
-def best_start(grids, particle, guess, prior, search, pose):
+def best_start(walls, guess, prior, coarse, search, pose):
     """Start pose (3,) of the lowest cost under the coarse beam model; the predicted pose itself where none is better.
 
+    coarse: `EndPoints` of the coarse hits
     Returns whether it is another one than the predicted pose.
     """
     count = search.starts.shape[0] + 1
@@ -28,7 +29,7 @@ def best_start(grids, particle, guess, prior, search, pose):
     copy_values(guess, poses[0])
     for k in range(1, count):
         from_guess(guess, search.starts[k - 1, 0], search.starts[k - 1, 1], search.starts[k - 1, 2], poses[k])
-    scan_costs(grids, particle, poses, search.coarse_hits, search.coarse, costs)
+    scan_costs(walls, poses, coarse, search.coarse, costs)
     best = 0
     for k in range(count):
         costs[k] += motion_cost(prior, guess, poses[k, 0], poses[k, 1], poses[k, 2])
@@ -39,24 +40,22 @@ def best_start(grids, particle, guess, prior, search, pose):
 
 
 @kernel
-def match(grids, particle, guess, evidence, search, pose, L):
+def match(walls, guess, evidence, coarse, search, pose, L):
     """Lowest local minimum of the cost: from the predicted pose and, where another start looks better, from there too.
 
-    Returns the cost and the share of the hits near a wall; pose (3,) and L (3, 3) as in `gauss_newton`.
+    Returns the cost and the share of the hits near a wall; evidence, pose (3,) and L (3, 3) as in `gauss_newton`.
     """
     start = np.empty(3)
-    moved = best_start(grids, particle, guess, evidence.prior, search, start)
-    cost, near = gauss_newton(grids, particle, guess, guess, evidence, search.iterations, pose, L)
+    moved = best_start(walls, guess, evidence[2], coarse, search, start)
+    cost, near = gauss_newton(walls, guess, guess, evidence, search.iterations, pose, L)
     if moved:
         other, other_L = np.empty(3), np.empty((3, 3))
-        other_cost, other_near = gauss_newton(
-            grids, particle, guess, start, evidence, search.iterations, other, other_L
-        )
+        other_cost, other_near = gauss_newton(walls, guess, start, evidence, search.iterations, other, other_L)
         if other_cost < cost:
             cost, near = other_cost, other_near
             copy_values(other, pose)
             copy_matrix(other_L, L)
-    return cost, near / max(evidence.hits.shape[0], 1)
+    return cost, near / max(evidence[0].x.shape[0], 1)
 
 
 @kernel
@@ -92,16 +91,19 @@ def match_particles(start, stop, grids, predicted, evidence, search, out):
 
     predicted (particles, 3), about which the motion prior lies;  out: `Matches`
     """
+    scan, coarse = (end_points(evidence.hits), evidence.beams, evidence.prior), end_points(search.coarse_hits)
     for i in range(start, stop):
+        walls, optimum, factor = walls_of(grids, i), out.optimum[i], out.factor[i]
         out.probability[i] = 1.0
-        out.cost[i], out.matched[i] = match(grids, i, predicted[i], evidence, search, out.optimum[i], out.factor[i])
+        out.cost[i], out.matched[i] = match(walls, predicted[i], scan, coarse, search, optimum, factor)
         out.jump_gain[i] = gain_of_jump(evidence, predicted[i], out.optimum[i], out.matched[i])
 
 
 @kernel
-def find_modes(grids, particle, predicted, evidence, iterations, starts, pose, L, cost, matched, mass):
+def find_modes(walls, predicted, evidence, iterations, starts, pose, L, cost, matched, mass):
     """Optima reached from further starting points, each once, with the mass of each mode by Laplace's approximation.
 
+    evidence as in `gauss_newton`
     starts (n, 3) seen from the predicted pose (3,);  pose (n + 1, 3), L (n + 1, 3, 3), cost (n + 1,), matched (n + 1,):
     the first row is known, the others are out;  mass (n + 1,) out: share in the integral of the product
     Returns the number of optima.
@@ -109,10 +111,8 @@ def find_modes(grids, particle, predicted, evidence, iterations, starts, pose, L
     origin, modes = np.empty(3), 1
     for k in range(starts.shape[0]):
         from_guess(predicted, starts[k, 0], starts[k, 1], starts[k, 2], origin)
-        cost[modes], near = gauss_newton(
-            grids, particle, predicted, origin, evidence, iterations, pose[modes], L[modes]
-        )
-        matched[modes] = near / max(evidence.hits.shape[0], 1)
+        cost[modes], near = gauss_newton(walls, predicted, origin, evidence, iterations, pose[modes], L[modes])
+        matched[modes] = near / max(evidence[0].x.shape[0], 1)
         if np.isfinite(cost[modes]) and is_new_mode(pose, L, modes):
             modes += 1
     top, total = -np.inf, 0.0
@@ -136,7 +136,8 @@ def likely_starts(grids, particle, predicted, evidence, iterations, starts, matc
     copy_values(matches.optimum[particle], pose[0])
     copy_matrix(matches.factor[particle], L[0])
     cost[0], matched[0] = matches.cost[particle], matches.matched[particle]
-    modes = find_modes(grids, particle, predicted, evidence, iterations, starts, pose, L, cost, matched, mass)
+    walls, scan = walls_of(grids, particle), (end_points(evidence.hits), evidence.beams, evidence.prior)
+    modes = find_modes(walls, predicted, scan, iterations, starts, pose, L, cost, matched, mass)
     count = 0
     for j in range(1, modes):
         if mass[j] >= least:
@@ -153,7 +154,7 @@ def match_from(start, stop, grids, predicted, evidence, iterations, starts, want
     out: `Matches`; its optima are the first candidates. An optimum is drawn with the share of its mode in the integral
     of the product: particles stand in each of several optima of like value.
     """
-    n = starts.shape[0] + 1
+    n, scan = starts.shape[0] + 1, (end_points(evidence.hits), evidence.beams, evidence.prior)
     pose, L, cost, matched, mass = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n), np.empty(n), np.empty(n)
     for i in range(start, stop):
         if not wanted[i]:
@@ -161,7 +162,8 @@ def match_from(start, stop, grids, predicted, evidence, iterations, starts, want
         copy_values(out.optimum[i], pose[0])
         copy_matrix(out.factor[i], L[0])
         cost[0], matched[0] = out.cost[i], out.matched[i]
-        modes = find_modes(grids, i, predicted[i], evidence, iterations, starts, pose, L, cost, matched, mass)
+        walls = walls_of(grids, i)
+        modes = find_modes(walls, predicted[i], scan, iterations, starts, pose, L, cost, matched, mass)
         left, chosen = u[i], 0
         while chosen + 1 < modes and left >= mass[chosen]:
             left -= mass[chosen]

@@ -86,11 +86,12 @@ def _rays_of_one(scan: Scan, usable_range: float, free_range: float, twist: Arra
         used = hit | aimed & (scan.no_return | scan.hit)
         lengths = np.where(hit, scan.ranges, min(free_range, scan.range_max))
     length, angles = lengths[used], scan.angles[used]
-    in_lidar = np.stack([length * np.cos(angles), length * np.sin(angles)], axis=-1)
+    in_lidar = np.empty((length.size, 2))
+    in_lidar[:, 0], in_lidar[:, 1] = length * np.cos(angles), length * np.sin(angles)
     mount = np.asarray(scan.mount, dtype=np.float64)
     if twist is None or scan.time_offsets is None:
         return Rays(
-            origins=np.tile(mount[:2], (length.size, 1)), ends=se2.transform_points(mount, in_lidar), hit=hit[used]
+            origins=np.full((length.size, 2), mount[:2]), ends=se2.transform_points(mount, in_lidar), hit=hit[used]
         )
     T_robot_lidar = deskewed_mounts(mount, twist, scan.stamp - reference + scan.time_offsets[used])
     ends = se2.transform_points(T_robot_lidar, in_lidar[:, None, :])[:, 0, :]

@@ -13,7 +13,6 @@ from slam.config import MotionConfig
 from slam.matching._gauss_newton_kernels import gauss_newton
 from slam.matching._likelihood_kernels import end_points, linearise_scan, scan_costs, wall_distances, walls_of
 from slam.matching.likelihood import BeamModel
-from slam.matching.proposal import ScanAndPrior
 from slam.motion._odometry_model_kernels import linearise_motion, motion_cost
 from slam.motion.odometry_model import motion_prior
 from slam.sensor.rays import make_rays
@@ -45,7 +44,7 @@ def room():
 
 def cost_at(grids, pose, hits):
     cost = np.empty(1)
-    scan_costs(grids, 0, np.array([pose]), hits, MODEL, cost)
+    scan_costs(walls_of(grids, 0), np.array([pose]), end_points(hits), MODEL, cost)
     return cost[0]
 
 
@@ -225,7 +224,7 @@ def test_descent_finds_the_way_back_to_the_truth(room):
     prior = motion_prior((1.0, 0.0, 1.0), SURE)
     for start in last + np.random.default_rng(4).uniform(-1.0, 1.0, (10, 3)) * (0.1, 0.1, 0.05):
         pose, L = np.empty(3), np.empty((3, 3))
-        cost, near = gauss_newton(grids, 0, last, start, ScanAndPrior(hits, MODEL, prior), 30, pose, L)
+        cost, near = gauss_newton(walls_of(grids, 0), last, start, (end_points(hits), MODEL, prior), 30, pose, L)
         np.testing.assert_allclose(pose, last, atol=0.012)  # a quarter of a cell
         assert near == len(hits)
         assert cost == pytest.approx(cost_at(grids, pose, hits) + motion_cost(prior, last, *pose), abs=0.005)
@@ -246,5 +245,5 @@ def test_descent_never_ends_above_where_it_began(room):
     prior = motion_prior((0.3, 0.0, 0.1), MOTION)
     for start in near_poses(last + ASTRAY, 20, seed=5):
         pose, L = np.empty(3), np.empty((3, 3))
-        cost, _ = gauss_newton(grids, 0, last, start, ScanAndPrior(hits, MODEL, prior), 20, pose, L)
+        cost, _ = gauss_newton(walls_of(grids, 0), last, start, (end_points(hits), MODEL, prior), 20, pose, L)
         assert cost <= cost_at(grids, start, hits) + motion_cost(prior, last, *start) + 1e-9

@@ -10,7 +10,7 @@ from slam import se2
 from slam._planar_kernels import from_guess
 from slam.config import MotionConfig
 from slam.matching._gauss_newton_kernels import gauss_newton
-from slam.matching._likelihood_kernels import scan_costs
+from slam.matching._likelihood_kernels import end_points, scan_costs, walls_of
 from slam.matching._proposal_kernels import (
     IMPROVED,
     MOTION,
@@ -54,13 +54,13 @@ def room():
 def costs_of(grids, particle, poses, hits, model):
     """Costs of a scan at poses (n, 3), (n,)."""
     out = np.empty(len(poses))
-    scan_costs(grids, particle, poses, hits, model, out)
+    scan_costs(walls_of(grids, particle), poses, end_points(hits), model, out)
     return out
 
 
 def optimum_of(grids, guess, hits, model, prior):
     pose, L = np.empty(3), np.empty((3, 3))
-    gauss_newton(grids, 0, guess, guess, ScanAndPrior(hits, model, prior), 30, pose, L)
+    gauss_newton(walls_of(grids, 0), guess, guess, (end_points(hits), model, prior), 30, pose, L)
     return pose, L
 
 
@@ -93,7 +93,7 @@ def case(request, room):
     guess = se2.compose(truth, off)
     prior = motion_prior((0.3, 0.0, 0.12), config)
     optimum, L = optimum_of(grids, guess, hits, model, prior)
-    arguments = (grids, 0, guess, ScanAndPrior(hits, model, prior), Laplace(optimum, L, SPREAD, NOT_EVEN))
+    arguments = (walls_of(grids, 0), guess, (end_points(hits), model, prior), Laplace(optimum, L, SPREAD, NOT_EVEN))
     return arguments, integral(grids, guess, hits, model, prior, optimum, L)
 
 
@@ -189,9 +189,8 @@ def test_each_kind_weighs_by_what_the_paper_says(room):
     out, draws = proposed(grids, hits, guesses, IMPROVED, prior=prior)
     for i in range(n):
         optimum, L = optimum_of(grids, guesses[i], hits, MODEL, prior)
-        log_eta, mean, covariance = fitted(
-            (grids, i, guesses[i], ScanAndPrior(hits, MODEL, prior), Laplace(optimum, L, SPREAD, NOT_EVEN)), draws.near
-        )
+        scan, laplace = (end_points(hits), MODEL, prior), Laplace(optimum, L, SPREAD, NOT_EVEN)
+        log_eta, mean, covariance = fitted((walls_of(grids, i), guesses[i], scan, laplace), draws.near)
         assert out.log_gain[i] == pytest.approx(log_eta, abs=1e-3)
         expected = mean + np.linalg.cholesky(covariance) @ draws.error[i]
         np.testing.assert_allclose(out.pose[i], expected, atol=1e-4)
@@ -216,9 +215,11 @@ def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
 
 def fit_evenly(arguments, near, half_width):
     """Equations 16 to 18 by a loop over the poses, as the paper writes them: log eta, mean, covariance."""
-    grids, particle, guess, (hits, model, prior), laplace = arguments
+    walls, guess, (points, model, prior), laplace = arguments
     poses = laplace.optimum + half_width * near
-    logs = -costs_of(grids, particle, poses, hits, model) - [motion_cost(prior, guess, *x) for x in poses]
+    costs = np.empty(len(poses))
+    scan_costs(walls, poses, points, model, costs)
+    logs = -costs - [motion_cost(prior, guess, *x) for x in poses]
     products = [math.exp(value - max(logs)) for value in logs]
     eta = sum(products)
     mean = sum(p * x for p, x in zip(products, poses, strict=True)) / eta

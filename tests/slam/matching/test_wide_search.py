@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from slam import FilterConfig, GMapping, se2
 from slam.config import GateConfig, MapConfig, MatchConfig, MotionConfig
-from slam.matching._likelihood_kernels import scan_costs
+from slam.matching._likelihood_kernels import end_points, scan_costs, walls_of
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
 from slam.matching.scan_matching import empty_matches, make_match_settings, match_scan
 from slam.matching.wide_search import make_lattice, wide_starts
@@ -43,7 +43,7 @@ def hits_at(pose, beams=181):
 def cost_of(evidence, predicted, pose):
     hits, beams, prior = evidence
     cost = np.empty(1)
-    scan_costs(MAPS.grids, 0, np.array([pose]), hits, beams, cost)
+    scan_costs(walls_of(MAPS.grids, 0), np.array([pose]), end_points(hits), beams, cost)
     return cost[0] + motion_cost(prior, predicted, *pose)
 
 

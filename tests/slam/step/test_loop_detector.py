@@ -36,6 +36,12 @@ def test_a_loop_is_as_long_as_the_way_since_its_walls_were_last_seen():
     assert found[21] == 0.0  # the same loop is reported once
 
 
+def test_squares_on_all_sides_of_the_origin_are_remembered_as_columns_and_rows():
+    detector = LoopDetector()
+    detector.update(0.4 * np.array([[-3, -2], [-3, 2], [3, -2], [3, 2], [0, -1]]) + 0.1, np.zeros(3), 0.0)
+    assert [entry[:2] for entry in detector.state()["seen"]] == [[-3, -2], [-3, 2], [0, -1], [3, -2], [3, 2]]
+
+
 def test_walls_that_come_into_sight_one_by_one_close_a_loop_together():
     """The robot sees a tenth of the old walls more with each scan: each was seen a moment ago but for the first."""
     old = around(0.0)
