@@ -72,6 +72,7 @@ class Adjustment:
         """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
         n, k = len(poses), self.with_scan
         diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
+        self.calibration.follow(poses)
         motions, calibration = self.calibration.motions(), self.calibration.equations(self.prior, poses)
         add_odometry_steps(self.prior, poses, motions, diagonal, coupling, gradient)
         diagonal[0] += np.eye(3) * GAUGE
