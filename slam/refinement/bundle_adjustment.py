@@ -70,8 +70,10 @@ class Adjustment:
 
     def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
         """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
+        vars(self).pop("solved", None)  # the equations of the step before, whose memory this one needs
         n, k = len(poses), self.with_scan
         diagonal, coupling, gradient = np.zeros((n, 3, 3)), np.zeros((n - 1, 3, 3)), np.zeros((n, 3))
+        self.calibration.follow(poses)
         motions, calibration = self.calibration.motions(), self.calibration.equations(self.prior, poses)
         add_odometry_steps(self.prior, poses, motions, diagonal, coupling, gradient)
         diagonal[0] += np.eye(3) * GAUGE
@@ -141,8 +143,10 @@ class Adjustment:
         m = 2 * n  # an end point may be the only one of its scan on its surfel, which has an offset and a slope
         rows = SurfelObservations(2 * first, np.empty(m, np.int32), np.empty(m), np.empty(m), np.empty(m))
         self.threads.run(collect, scans, first, poses, points, matches, normal, diagonal, gradient, rows, count)
-        room = np.diff(rows.first)
-        used = np.arange(m) - np.repeat(rows.first[:-1], room) < np.repeat(count, room)
+        edges = np.zeros(m + 1, np.int8)  # 1 where the rows of a scan begin, -1 after the last that is used
+        np.add.at(edges, rows.first[:-1], 1)
+        np.add.at(edges, rows.first[:-1] + count, -1)
+        used = np.cumsum(edges[:-1], dtype=np.int8).view(np.bool_)
         begins = np.concatenate([[0], np.cumsum(count)])
         observations = SurfelObservations(
             begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used], rows.residual[used]

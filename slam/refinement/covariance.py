@@ -13,6 +13,8 @@ linear models", Biometrika 1986; White 1980). No direction is taken to be surer 
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, solve_triangular
@@ -27,6 +29,8 @@ KEY_DISTANCE = 0.5
 """Way between key poses [m] where their number allows it, by `way_along`."""
 MAX_KEYS = 200
 """Largest number of key poses: the dense equations have three unknowns for each."""
+OBSERVATIONS_AT_ONCE = 500_000
+"""Blocks between scans and surfels that are projected at once: 100 bytes each."""
 HELD = 1e12
 """Precision with which key poses are held while the poses between them are looked at [1/m^2, 1/rad^2]."""
 
@@ -88,10 +92,10 @@ def _carry(
 def _covariance_of_keys(equations: Equations, P: csr_matrix) -> NDArray[np.float64]:
     """Covariance (3 keys, 3 keys) of the key poses, the first held; P (3 frames, 3 keys): how poses move with them."""
     size = P.shape[1]
-    to_walls, gradients = _surfel_columns(equations)
-    seen, calibrated = (P.T @ to_walls).tocsr(), P.T @ equations.calibration.taken_from_poses().reshape(-1, 3)
+    seen, gradients = _projected_surfels(equations, P)
+    calibrated = P.T @ equations.calibration.taken_from_poses().reshape(-1, 3)
     H = ((P.T @ _chain_matrix(equations) @ P - seen @ seen.T).toarray() - calibrated @ calibrated.T)[3:, 3:]
-    summed = (P.T @ gradients).tocsr()[3:]
+    summed = gradients[3:]
     lower = np.linalg.cholesky(H)
     whitened = solve_triangular(lower, summed.toarray(), lower=True)
     ratios, directions = eigh(whitened @ whitened.T)
@@ -113,18 +117,32 @@ def _chain_matrix(equations: Equations) -> csr_matrix:
     return csr_matrix((entries, (rows, columns)), shape=(3 * n, 3 * n))
 
 
-def _surfel_columns(equations: Equations) -> tuple[csr_matrix, csr_matrix]:
-    """Two matrices (3 frames, 2 surfels): B W^-1/2, whose product with its transpose is what the surfels take from the
-    equations by following, and the gradients that the end points on each surfel make (none by its slope)."""
+def _projected_surfels(equations: Equations, P: csr_matrix) -> tuple[csr_matrix, csr_matrix]:
+    """P^T (3 keys, 3 frames) times both matrices of `_surfel_columns`, a part of the scans at a time."""
+    first = equations.observations.first
+    parts = np.searchsorted(first, np.arange(0, first[-1], OBSERVATIONS_AT_ONCE), side="right") - 1
+    bounds = [*np.unique(parts).tolist(), len(first) - 1] if len(parts) else [0, len(first) - 1]
+    projected = [[(P.T @ M).tocsr() for M in _surfel_columns(equations, a, b)] for a, b in pairwise(bounds)]
+    seen, gradients = (sum(matrices[1:], start=matrices[0]) for matrices in zip(*projected, strict=True))
+    return seen, gradients
+
+
+def _surfel_columns(equations: Equations, begin: int, end: int) -> tuple[csr_matrix, csr_matrix]:
+    """Two matrices (3 frames, 2 surfels) of the scans [begin, end): B W^-1/2, whose product with its transpose is what
+    the surfels take from the equations by following, and the gradients that the end points on each surfel make (none by
+    its slope)."""
     seen = equations.observations
-    frame = np.repeat(equations.with_scan, np.diff(seen.first))
-    normal = equations.normal[seen.surfel]
-    blocks = np.stack([seen.weight * normal[:, 0], seen.weight * normal[:, 1], seen.heading_jacobian])
+    first = seen.first[begin : end + 1]
+    of_these = slice(first[0], first[-1])
+    surfel, weight, residual = seen.surfel[of_these], seen.weight[of_these], seen.residual[of_these]
+    frame = np.repeat(equations.with_scan[begin:end], np.diff(first))
+    normal = equations.normal[surfel]
+    blocks = np.stack([weight * normal[:, 0], weight * normal[:, 1], seen.heading_jacobian[of_these]])
     rows = 3 * frame + np.arange(3)[:, None]
     shape = (3 * len(equations.poses), len(equations.normal))
-    place = rows.ravel(), np.tile(seen.surfel, 3)
-    follow = blocks / np.sqrt(np.maximum(equations.total[seen.surfel], np.finfo(float).tiny))
-    pull = blocks * np.divide(seen.residual, seen.weight, out=np.zeros_like(seen.weight), where=seen.weight > 0.0)
+    place = rows.ravel(), np.tile(surfel, 3)
+    follow = blocks / np.sqrt(np.maximum(equations.total[surfel], np.finfo(float).tiny))
+    pull = blocks * np.divide(residual, weight, out=np.zeros_like(weight), where=weight > 0.0)
     return csr_matrix((follow.ravel(), place), shape=shape), csr_matrix((pull.ravel(), place), shape=shape)
 
 

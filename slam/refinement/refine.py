@@ -31,6 +31,7 @@ from slam.occupancy import OccupancyGrid
 from slam.refinement.bundle_adjustment import Adjustment
 from slam.refinement.covariance import pose_covariances
 from slam.refinement.noise import Noise
+from slam.refinement.progress import LOOPS_SHARE, ROUNDS_SHARE, Watch, WatchedScans, unwatched
 from slam.refinement.redraw_map import max_snap_distance, redraw_map
 from slam.refinement.scan_frames import ScanLayout
 from slam.refinement.surfels import make_cloud, transform_cloud
@@ -61,6 +62,8 @@ class Refined:
     heading per metre [rad/m], (3,); see `slam.refinement.odometry_calibration`."""
     odometry_correction_sigma: NDArray[np.float64]
     """Standard deviations of these, (3,)."""
+    rounds: int
+    """Rounds of the adjustment that were made: fewer than `RefineConfig.rounds` where the pass was ended before."""
 
 
 def refine(
@@ -72,6 +75,7 @@ def refine(
     twists: Sequence[NDArray[np.float64] | None] | None = None,
     stamps: NDArray[np.float64] | None = None,
     threads: int | None = None,
+    watch: Watch = unwatched,
 ) -> Refined:
     """Refine a trajectory and its map.
 
@@ -79,6 +83,8 @@ def refine(
     twists: velocity (3,) of the robot while each scan was taken, or None
     stamps (frames,): increasing times of the frames [s]; with them a scan is seen from the frame nearest to the middle
     of its sweep, without them from its own
+    watch: is told how far the pass has come; where it returns False, no further round is begun after the first, and the
+    result is what the rounds so far have made
 
     Raises:
         ValueError: the lengths differ, a pose is not finite, or no frame has a scan with a hit.
@@ -96,12 +102,16 @@ def refine(
     workers, settings = Threads(threads), config.refine
     cloud = make_cloud(seen.values(), settings.max_points)
     adjustment = Adjustment(odometry, cloud, np.fromiter(seen, np.int64), settings, workers)
-    closing = close_loops(odometry, initial, seen, config, workers) if settings.close_loops else None
+    closing = None
+    if settings.close_loops:
+        closing = close_loops(odometry, initial, WatchedScans(seen, watch, 0.0, LOOPS_SHARE), config, workers)
     poses = np.array(initial if closing is None else closing.path, dtype=np.float64)
-    for passed in range(settings.rounds):
-        gate = max(settings.first_gate * settings.gate_decay**passed, settings.last_gate)
-        poses = _moved(poses, adjustment.step(poses, gate))
-    if (straightened := layout.straighten(poses)) is not None:
+    goes_on, rounds = True, 0
+    while goes_on and rounds < settings.rounds:
+        gate = max(settings.first_gate * settings.gate_decay**rounds, settings.last_gate)
+        poses, rounds = _moved(poses, adjustment.step(poses, gate)), rounds + 1
+        goes_on = watch(LOOPS_SHARE + ROUNDS_SHARE * rounds / settings.rounds)
+    if goes_on and (straightened := layout.straighten(poses)) is not None:
         poses, cloud = straightened, make_cloud(seen.values(), settings.max_points)
         adjustment.cloud = cloud
         for _ in range(ROUNDS_AFTER):
@@ -111,7 +121,8 @@ def refine(
     cells, _, surfels = adjustment.walls(
         transform_cloud(cloud, poses[adjustment.with_scan], workers), max_snap_distance(settings, adjustment.noise)
     )
-    drawn = redraw_map(poses, layout, (cells, surfels), adjustment.noise, config, workers)
+    drawn_from = WatchedScans(layout, watch, LOOPS_SHARE + ROUNDS_SHARE, 1.0)
+    drawn = redraw_map(poses, drawn_from, (cells, surfels), adjustment.noise, config, workers)
     position, heading = adjustment.odometry_variance.tolist()
     solved = adjustment.solved.equations
     return Refined(
@@ -123,6 +134,7 @@ def refine(
         odometry_variance=(position, heading),
         odometry_correction=adjustment.calibration.values,
         odometry_correction_sigma=np.sqrt(np.diag(adjustment.solved.calibration_covariance())),
+        rounds=rounds,
     )
 
 

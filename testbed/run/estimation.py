@@ -20,6 +20,7 @@ from slam.motion.continuous_odometry import join_odometry
 from slam.motion.interpolation import interpolate_with_odometry
 from slam.occupancy import OccupancyGrid
 from slam.refinement import Refined, refine
+from slam.refinement.progress import Watch, unwatched
 from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
@@ -148,15 +149,18 @@ class Estimation:
         dense = interpolate_with_odometry(self.odometry, updates, self.mapper.path())
         return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
 
-    def refined(self, estimate: Estimate) -> Estimate:
+    def refined(self, estimate: Estimate, watch: Watch = unwatched) -> Estimate:
         """Return the estimate after the final pass over all frames, see `slam.refinement.refine`.
 
         Where the sensors see too little to carry a map, it is also made from the odometry's path (`starting_path`).
+        watch: is told how far the pass has come, and may end it early
         """
-        result, notes = self._refine(estimate.dense.poses), []
-        if lacking := what_is_lacking(self.frames, self.config):
+        result, notes = self._refine(estimate.dense.poses, watch), []
+        if result.rounds < self.config.refine.rounds:
+            notes.append(f"final pass: ended by hand after {result.rounds} of {self.config.refine.rounds} rounds")
+        elif lacking := what_is_lacking(self.frames, self.config):
             by_odometry = se2.compose(estimate.dense.poses[0], se2.between(self.odometry[0], self.odometry))
-            results = result, self._refine(by_odometry)
+            results = result, self._refine(by_odometry, watch)
             updates = estimate.scan_frames[np.asarray(self.mapper.update_scans)]
             chosen = likelier(results, self.frames, updates, self.config)
             result = results[chosen]
@@ -172,7 +176,7 @@ class Estimation:
             notes=tuple(notes),
         )
 
-    def _refine(self, path: Pose) -> Refined:
+    def _refine(self, path: Pose, watch: Watch) -> Refined:
         """Make the final pass from a path (frames, 3)."""
         return refine(
             self.odometry,
@@ -182,6 +186,7 @@ class Estimation:
             twists=[frame.twist for frame in self.frames],
             stamps=self.stamps,
             threads=self.threads,
+            watch=watch,
         )
 
 

@@ -55,6 +55,10 @@ class RunProgress(Protocol):
         """
         ...
 
+    def share(self, done: float) -> None:
+        """Show which part of the stage is done, 0 to 1."""
+        ...
+
 
 def execute_job(job: Job, directory: RunDirectory, watcher: RunProgress, view: View | None = None) -> dict[str, Any]:
     """Run the job, write all files except the report, and return the content of `metrics.json`.
@@ -82,7 +86,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
         if job.refine and job.known_map is None and not interrupted:
             watcher.stage("final pass")
             try:
-                estimate = estimation.refined(filtered)
+                estimate, interrupted = _refined(estimation, filtered, watcher)
                 loops = loops_to_show(estimate.closing, filtered.dense.poses, estimate.dense.poses)
                 view.finish(estimate.at_scans.poses, estimate.map, loops)
             except KeyboardInterrupt:
@@ -94,6 +98,17 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
     metrics = metrics_of(job, estimation, filtered, estimate, wall_seconds=wall_seconds, ended=ended)
     directory.write_metrics(metrics)
     return metrics
+
+
+def _refined(estimation: Estimation, filtered: Estimate, watcher: RunProgress) -> tuple[Estimate, bool]:
+    """Return the estimate after the final pass, and whether the user has ended that early."""
+    with deferred_interruption() as interruption:
+
+        def watch(share: float) -> bool:
+            watcher.share(share)
+            return not interruption.requested
+
+        return estimation.refined(filtered, watch), interruption.requested
 
 
 @contextmanager

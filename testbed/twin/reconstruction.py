@@ -85,7 +85,12 @@ def reconstruct(
         if estimation.process(frame) is not None:
             watcher.step(frame.stamp, number / len(log.table), None)
     watcher.stage("final pass")
-    estimate = estimation.refined(estimation.filtered())
+
+    def watch(share: float) -> bool:
+        watcher.share(share)
+        return True
+
+    estimate = estimation.refined(estimation.filtered(), watch)
     return Reconstruction.of(log, estimate.dense.poses, estimate.map)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Compare what the final pass says the odometry errs by with errors that were simulated.
 
-    python -m tools.measure.odometry_calibration [--worlds office,apartment,hall] [--seeds 400:402]
+    python -m tools.measure.odometry_calibration [--worlds office,apartment,...] [--seeds 520:521]
 
 Writes: docs/consistency.md (calibration)
 
@@ -80,8 +80,8 @@ def row(world: str, drives: list[Found]) -> str:
 def main() -> None:
     """Make the drives and write the table into the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--worlds", default="office,apartment,hall")
-    parser.add_argument("--seeds", default="400:402", help="first seed and the one after the last")
+    parser.add_argument("--worlds", default="office,apartment,maze,hall,long_corridor")
+    parser.add_argument("--seeds", default="520:521", help="first seed and the one after the last")
     args = parser.parse_args()
     seeds = range(*map(int, args.seeds.split(":")))
     rows = [row(world, [calibrate(world, seed) for seed in seeds]) for world in args.worlds.split(",")]

@@ -127,6 +127,7 @@ class ProgressLine:
         self._progress = progress
         self._task = progress.add_task("starting", total=None, status="")
         self._started = self._reported = time.perf_counter()
+        self._stage, self._stage_started = "", self._started
         self._first_stamp: float | None = None
         self._said = False  # whether a line was printed: short jobs print none
         self._scans = 0
@@ -135,6 +136,7 @@ class ProgressLine:
     def stage(self, text: str) -> None:
         """Show that a new stage of the job begins."""
         self.stop()
+        self._stage, self._stage_started = text, time.perf_counter()
         expected = EXPECTED_S.get(text)
         if text == "final pass" and self._first_stamp is not None:
             expected = FINAL_PASS_SHARE * (time.perf_counter() - self._started)
@@ -173,12 +175,22 @@ class ProgressLine:
             self._reported, self._said = time.perf_counter(), True
             console.print(f"{self._done(share)}{' '.join(status.split())}", soft_wrap=True)
 
+    def share(self, done: float) -> None:
+        """Show which part of the stage is done, see `RunProgress.share`."""
+        self._progress.update(self._task, total=1.0, completed=done)
+        if not console.is_terminal and time.perf_counter() - self._reported > REPORT_PERIOD:
+            self._reported, self._said = time.perf_counter(), True
+            console.print(f"{self._stage}: {_left(self._stage_started, done)}", soft_wrap=True)
+
     def _done(self, share: float | None) -> str:
         """The share that is done, 0 to 1, and about how long the rest will take; empty where that is unknown."""
-        if not share:
-            return ""
-        left = (time.perf_counter() - self._started) * (1.0 - share) / share
-        return f"{share:.0%} done, about {left:.0f} s left: "
+        return f"{_left(self._started, share)}: " if share else ""
+
+
+def _left(started: float, share: float) -> str:
+    """The share, 0 to 1, that is done since `started`, and about how long the rest will take."""
+    left = (time.perf_counter() - started) * (1.0 - share) / max(share, 1e-9)
+    return f"{share:.0%} done, about {left:.0f} s left"
 
 
 @contextmanager

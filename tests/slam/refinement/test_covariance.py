@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, refine, se2
+from slam.refinement import covariance as covariance_module
 from slam.refinement._chain_kernels import chain_covariances, factor_chain
 from slam.refinement.covariance import pose_covariances
 from tests.slam.rooms import drive, noisy_odometry, scan_at
@@ -90,6 +91,17 @@ def test_deviations_that_persist_make_less_certain(monkeypatch):
     )
     assert np.trace(persistent) > 4.0 * np.trace(usual)
     assert np.trace(usual) >= (1.0 - 1e-9) * np.trace(zero) > 0.9 * np.trace(usual)  # never surer than the model
+
+
+@pytest.mark.parametrize("at_once", [1, 7, 100])
+def test_scans_may_be_projected_a_part_at_a_time(monkeypatch, at_once):
+    kept = []
+    monkeypatch.setattr(refine_module, "pose_covariances", lambda e: kept.append(e) or pose_covariances(e))
+    noisy_run(4, sigma=0.02)
+    assert kept[0].observations.first[-1] > 100
+    whole = pose_covariances(kept[0])
+    monkeypatch.setattr(covariance_module, "OBSERVATIONS_AT_ONCE", at_once)
+    np.testing.assert_allclose(pose_covariances(kept[0]), whole, rtol=1e-7, atol=1e-15)
 
 
 @pytest.mark.parametrize("n", [1, 2, 7])

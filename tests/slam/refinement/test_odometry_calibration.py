@@ -78,6 +78,24 @@ def test_what_is_taken_from_the_poses_is_the_schur_complement():
     np.testing.assert_allclose(taken @ taken.T, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
+def test_noise_of_counted_turns_does_not_make_the_factor_smaller():
+    """Straight stretches on which the odometry's heading jitters as much as the robot turns in all: a factor on the
+    counted turns would make them half of what they are."""
+    rng = np.random.default_rng(7)
+    steps = np.tile([0.02, 0.0, 0.0], (16_000, 1))
+    steps[::100, 2], steps[50::100, 2] = 0.12, -0.08
+    poses, measured = chained(steps), steps * (1.0, 1.0, 0.97)
+    measured[:, 2] += rng.normal(scale=0.012, size=len(steps)) - 0.01 * steps[:, 0]
+    calibration = OdometryCalibration(measured)
+    prior = motion_prior(measured, MotionConfig(failure_share=1e-9, jump_share=1e-9, rotation_from_rotation=0.0))
+    for _ in range(6):  # as in the rounds of the adjustment, but with poses that are known
+        calibration.follow(poses)
+        found = calibration.equations(prior, poses)
+        calibration.move(-np.linalg.solve(found.precision, found.gradient))
+    assert calibration.values[1] == pytest.approx(1.0 / 0.97 - 1.0, abs=0.02)
+    assert calibration.values[2] == pytest.approx(0.01 / 0.97, abs=0.02)
+
+
 def long_drive(seed, errors):
     """Truth and final pass of a drive through the corridor; its ends are seen from 8 m, the middle is blind.
 

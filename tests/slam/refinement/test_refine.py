@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, refine, se2
+from slam.config import RefineConfig
+from slam.refinement.progress import LOOPS_SHARE, ROUNDS_SHARE
 from tests.slam.rooms import drive, noisy_odometry, scan_at
 
 CONFIG = FilterConfig()
@@ -66,3 +68,24 @@ def test_recordings_with_next_to_nothing_in_them_stay_as_they_are(frames, beams)
     result = refine(poses, [scan_at(pose, beams=beams) for pose in poses], poses, CONFIG, threads=1)
     np.testing.assert_allclose(result.poses, poses, atol=0.01)
     assert result.map.occupied.any()
+
+
+def test_who_watches_sees_the_share_grow_and_may_end_the_pass():
+    """With the rounds so far: ended after two, the result is that of two rounds; never fewer than one is made."""
+    rng = np.random.default_rng(1)
+    truth = drive(300, distance=0.02, turn=0.01)
+    odometry, scans = noisy_odometry(truth, rng), [scan_at(pose, beams=40) for pose in truth]
+    two = FilterConfig(refine=RefineConfig(rounds=2))
+    shares = []
+
+    def until_second_round(share):
+        shares.append(share)
+        return share < LOOPS_SHARE + 1.5 * ROUNDS_SHARE / CONFIG.refine.rounds
+
+    ended = refine(odometry, scans, odometry, CONFIG, threads=1, watch=until_second_round)
+    assert ended.rounds == 2
+    np.testing.assert_array_equal(ended.poses, refine(odometry, scans, odometry, two, threads=1).poses)
+    assert shares == sorted(shares)
+    assert shares[0] < LOOPS_SHARE
+    assert LOOPS_SHARE + ROUNDS_SHARE < shares[-1] <= 1.0
+    assert refine(odometry, scans, odometry, CONFIG, threads=1, watch=lambda share: False).rounds == 1

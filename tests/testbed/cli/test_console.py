@@ -25,19 +25,21 @@ def test_a_world_in_centimetres_is_questioned(capsys):
 
 
 def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys, monkeypatch):
-    for period, expected in ((60.0, 0), (-1.0, 4)):
+    for period, expected in ((60.0, 0), (-1.0, 5)):
         monkeypatch.setattr(console, "REPORT_PERIOD", period)
         with progress_line() as line:
             line.stage("mapping")
             line.step(100.0, 0.0, None)
             line.step(130.0, 0.25, 0.012)
             line.stage("final pass")
+            line.share(0.4)
             line.stage("scoring")
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == expected
     assert lines[1].startswith("25% done, about 0 s left: 30.0 s of the drive ")
     assert lines[1].endswith(" x real time position error 0.012 m")
-    assert lines[2:] == ["final pass, about 0 s …", "scoring, about 4 s …"]
+    expected = ["final pass, about 0 s …", "final pass: 40% done, about 0 s left", "scoring, about 4 s …"]
+    assert lines[2:] == expected
 
 
 def test_a_stage_that_takes_longer_says_so_until_it_ends():

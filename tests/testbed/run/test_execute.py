@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -100,3 +101,35 @@ def test_an_error_after_the_mapping_keeps_what_was_estimated(tmp_path: Path, mon
     assert (metrics["outcome"], metrics["reason"]) == ("failed", "cannot convert float infinity to integer")
     for name in ("estimate.tum", "odometry.tum", "map.pgm", "steps.parquet"):
         assert (tmp_path / "run" / name).is_file(), name
+
+
+class Interrupting:
+    """A watcher that sends Ctrl-C so many times when the final pass first says how far it has come."""
+
+    def __init__(self, times: int) -> None:
+        self._times = times
+
+    def stage(self, text: str) -> None:
+        pass
+
+    def step(self, stamp: float, share: float | None, error: float | None) -> None:
+        pass
+
+    def share(self, done: float) -> None:
+        times, self._times = self._times, 0
+        for _ in range(times):
+            signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_an_interrupted_final_pass_keeps_its_rounds_or_the_path_of_the_filter(tmp_path: Path, times: int) -> None:
+    """The first Ctrl-C ends it after the round that it is in, the second at once."""
+    frames = [Frame(stamp=s.stamp, odometry=s.odometry, scan=s.scan, truth=s.truth) for s in snapshots(1.0)]
+    config = FilterConfig(particles=2)
+    job = Job(source=RecordedFrames(frames), document={}, seeds=RunSeeds.from_seed(0), filter=config, refine=True)
+    metrics = execute_job(job, RunDirectory.create(tmp_path / "run"), Interrupting(times))
+    assert metrics["outcome"] == "interrupted"
+    assert metrics["refined"] == (times == 1)
+    noted = [note for note in metrics["notes"] if "after 1 of 6 rounds" in note]
+    assert len(noted) == (times == 1)
+    assert (tmp_path / "run" / "estimate.tum").is_file()

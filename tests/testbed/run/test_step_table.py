@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbed.frame import Frame
-from testbed.run.step_table import StepTable, spread_of
+from testbed.run.step_table import BATCH, StepTable, spread_of
 from tests.testbed.views.synthetic import snapshots
 
 
@@ -56,3 +56,20 @@ def test_another_best_particle_is_in_the_table_with_how_far_it_moves_the_pose() 
     table.add(frame, step, 0.0, poses, weights)  # the same one
     table.add(frame, step, 0.0, poses, weights)  # what was the best before is unknown
     np.testing.assert_allclose(table.columns()["best_moved_m"], [np.nan, 0.5, 0.0, np.nan])
+
+
+def test_the_rows_of_a_long_run_are_packed_and_none_is_lost() -> None:
+    (first,) = snapshots(0.0, particles=2)
+    assert first.step is not None
+    count, table = 2 * BATCH + 7, StepTable()
+    assert table.columns() == {}
+    for k in range(count):
+        frame = Frame(stamp=0.1 * k, odometry=np.zeros(3), scan=first.scan, truth=np.array([0.01 * k, 0.0, 0.0]))
+        table.add(frame, first.step, 0.0, np.zeros((2, 3)), np.full(2, 0.5))
+        assert table.last_error == pytest.approx(0.01 * k)
+        assert len(table._rows) < BATCH
+    columns = table.columns()
+    assert columns["scan"].tolist() == list(range(count))
+    np.testing.assert_allclose(columns["stamp"], 0.1 * np.arange(count))
+    np.testing.assert_allclose(columns["error_m"], 0.01 * np.arange(count), atol=1e-12)
+    assert columns["updated"].dtype == bool

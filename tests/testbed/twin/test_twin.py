@@ -43,6 +43,9 @@ class NoProgress:
     def step(self, stamp, share, error):
         pass
 
+    def share(self, done):
+        pass
+
 
 @pytest.fixture(scope="module")
 def source():
