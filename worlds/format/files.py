@@ -116,7 +116,9 @@ def _first_problem(error: ValidationError, text: str, source: str) -> str:
         return f"{where} is not known, {hint}"
     if problem["type"] == "missing":
         return f"{where} is missing"
-    return f"{where} = {shown(problem['input'])}, expected {_expectation(problem, loc)}"[:500]
+    expectation = _expectation(problem, loc)
+    joint = ": " if ", expected " in expectation else ", expected "
+    return f"{where} = {shown(problem['input'])}{joint}{expectation}"[:500]
 
 
 def _expectation(problem: Any, loc: tuple[int | str, ...]) -> str:
