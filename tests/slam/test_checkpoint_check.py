@@ -118,6 +118,7 @@ def test_scans_are_used_once_and_in_order(sound, fresh):
     used = arrays["update_scans"]
     refuse(arrays | {"update_scans": with_item(used, 1, used[0])}, values, fresh, "update_scans: not in order")
     check_state(arrays | {"update_scans": with_item(used, -1, 24)}, values, fresh)
+    check_state(arrays | {"update_scans": with_item(used, 1, used[0] + 1)}, values, fresh)
 
 
 def test_a_filter_without_a_scan_knows_no_odometry(sound, fresh):
@@ -172,6 +173,12 @@ def test_each_node_and_each_tile_has_its_data(sound, fresh, name):
     if name != "tree_poses":
         problem = f"{name.partition('_')[0]}_references: not one for each tile"
     refuse(arrays | {name: arrays[name][:-1]}, values, fresh, problem)
+
+
+def test_a_pool_has_at_least_its_empty_tile(sound, fresh):
+    arrays, values = sound
+    emptied = {name: arrays[name][:0] for name in ("field_references", "field_data0", "field_free")}
+    refuse(arrays | emptied, values, fresh, "field_references: not one for each tile")
 
 
 def cropped(arrays, pool):
