@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from numbers import Real
 from typing import Any
@@ -32,6 +33,7 @@ def check_state(arrays: Arrays, values: Mapping[str, Any], fresh: tuple[Arrays, 
     _check_tree(arrays)
     for pool in POOLS:
         _check_pool(pool, arrays)
+    _check_area(arrays)
     _check_values("values", values, fresh_values)
     for pose in values["track"]["poses"]:
         _require(pose is None or _is_pose(pose), "track: poses of other than three finite numbers")
@@ -122,6 +124,17 @@ def _check_pool(pool: str, arrays: Arrays) -> None:
     unowned = np.flatnonzero(references == 0)
     _require(np.array_equal(np.sort(free), unowned), f"{pool}_free: not the tiles without an owner")
     _require(not any(array[0].any() for array in data), f"{pool}_data: the empty tile is not empty")
+
+
+def _check_area(arrays: Arrays) -> None:
+    """Check that the tables of all pools cover as many cells, since one index serves them all."""
+    cells = [
+        tuple(math.isqrt(arrays[f"{pool}_data0"].shape[1]) * size for size in arrays[f"{pool}_table"].shape[1:])
+        for pool in POOLS
+    ]
+    _require(len(set(cells)) == 1, f"tables of {', '.join(POOLS)} that cover {cells} cells, expected the same")
+    touched, tiles = arrays["map_touched"].shape, arrays["counts_table"].shape[1:]
+    _require(touched == tiles, f"map_touched: shape {touched}, expected {tiles}")
 
 
 def _check_values(name: str, value: Any, fresh: Any) -> None:

@@ -166,3 +166,33 @@ def test_plain_values_of_another_kind_are_refused(tmp_path, good, key, value):
     arrays, header = good
     with pytest.raises(CheckpointError, match="damaged"):
         load_changed(tmp_path, arrays, header | {"values": header["values"] | {key: value}})
+
+
+class Planted:
+    """What runs a command where a pickle of it is read."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (str(self.path), "w"))
+
+
+def test_a_pickle_in_a_checkpoint_is_not_read(tmp_path, good):
+    arrays, header = good
+    with pytest.raises(CheckpointError, match="damaged"):
+        load_changed(tmp_path, arrays | {"poses": np.array([Planted(tmp_path / "planted")], object)}, header)
+    assert not (tmp_path / "planted").exists()
+
+
+def test_a_complaint_quotes_at_most_200_characters(tmp_path, good):
+    arrays, header = good
+    with pytest.raises(CheckpointError) as caught:
+        load_changed(tmp_path, arrays | {"x" * 1000: np.zeros(1)}, header)
+    assert len(str(caught.value).partition("damaged one (")[2].removesuffix(")")) == 200
+
+
+def test_another_version_is_named(tmp_path, good):
+    arrays, header = good
+    with pytest.raises(CheckpointError, match=f"version 7, expected {header['version']}"):
+        load_changed(tmp_path, arrays, header | {"version": 7})

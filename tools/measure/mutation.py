@@ -6,33 +6,38 @@
 
 Prints: the score of each module, and every change that survived, with its line
 
-SESSIONS is a directory with one database for each module; the command goes on where it was stopped. Kernels run as
-plain Python. The tests run in a copy of the tree, so that the tree itself is never changed. Survivors that are left on
-purpose are listed with the reason in docs/mutation.md.
+SESSIONS is a directory with one database for each text of a module; the command goes on where it was stopped. Kernels
+of the changed file run as plain Python. No file is changed: the tests import the changed text. Survivors that are left
+on purpose are listed with the reason in docs/mutation.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tools.catalogue import ROOT
+from tools.changed_module import passes
 
 if TYPE_CHECKING:  # the extra `nightly`
     from cosmic_ray.work_db import WorkDB
     from cosmic_ray.work_item import MutationSpec, WorkItem
 
-PACKAGES = ("slam", "eval", "worlds", "testbed", "tests", "tools")
+LONGEST, SHORTEST_S = 10.0, 20.0
+"""A change whose tests take that many times as long as without it, and so many seconds, counts as noticed."""
 BINARY = (
     "Add_Sub|Sub_Add|Mul_Div|Div_Mul|FloorDiv_Mul|Mod_FloorDiv|Pow_Mul|BitOr_BitAnd|BitAnd_BitOr|[LR]Shift_[LR]Shift"
 )
@@ -51,10 +56,9 @@ class Target:
 
     code: str
     tests: tuple[str, ...]
-    timeout: float = 60.0
-    """Time after which a change counts as noticed: it never ends [s]."""
 
 
+PROPOSAL_TESTS = ("tests/slam/matching/test_propose_poses.py", "tests/slam/matching/test_proposal.py")
 TARGETS = {
     "resampling": Target("slam/particles/resampling.py", ("tests/slam/particles/test_resampling.py",)),
     "weights": Target("slam/particles/weights.py", ("tests/slam/particles/test_weights.py",)),
@@ -64,13 +68,11 @@ TARGETS = {
     "association": Target("eval/trajectory/association.py", ("tests/eval/trajectory/test_association.py",)),
     "relations": Target("eval/trajectory/relations.py", ("tests/eval/trajectory/test_relations.py",)),
     "measures": Target("eval/trajectory/errors.py", ("tests/eval/trajectory/test_errors.py",)),
-    "checkpoint": Target("slam/checkpoint.py", ("tests/slam/test_checkpoint.py",), 300.0),
-    "checkpoint_check": Target("slam/checkpoint_check.py", ("tests/slam/test_checkpoint.py",), 300.0),
-    "proposal": Target("slam/matching/proposal.py", ("tests/slam/matching/test_proposal.py",), 600.0),
-    "proposal_kernels": Target("slam/matching/_proposal_kernels.py", ("tests/slam/matching/test_proposal.py",), 600.0),
+    "checkpoint": Target("slam/checkpoint.py", ("tests/slam/test_checkpoint.py",)),
+    "checkpoint_check": Target("slam/checkpoint_check.py", ("tests/slam/test_checkpoint_check.py",)),
+    "proposal": Target("slam/matching/proposal.py", PROPOSAL_TESTS),
+    "proposal_kernels": Target("slam/matching/_proposal_kernels.py", PROPOSAL_TESTS),
 }
-COMPILED = ("checkpoint", "checkpoint_check", "proposal")
-"""Targets without kernels of their own, whose tests run faster with compiled ones."""
 
 
 def main() -> None:
@@ -79,49 +81,61 @@ def main() -> None:
     parser.add_argument("sessions", type=Path, help="directory of the databases")
     parser.add_argument("--only", action="append", choices=TARGETS, help="only these modules (may be repeated)")
     parser.add_argument("--limit", type=int, help="only that many changes of each module, spread over its lines")
+    parser.add_argument("--again", action="store_true", help="also those that no test has noticed the last time")
     arguments = parser.parse_args()
-    arguments.sessions.mkdir(parents=True, exist_ok=True)
+    sessions = arguments.sessions.resolve()
+    sessions.mkdir(parents=True, exist_ok=True)
+    os.chdir(ROOT)
     for name in arguments.only or TARGETS:
-        session = arguments.sessions / f"{name}.sqlite"
-        run(name, TARGETS[name], session, arguments.limit)
+        text = hashlib.sha256(Path(TARGETS[name].code).read_bytes()).hexdigest()[:8]
+        session = sessions / f"{name}-{text}.sqlite"
+        run(TARGETS[name], session, arguments.limit, again=arguments.again)
         report(name, TARGETS[name], session)
 
 
-def run(name: str, target: Target, session: Path, limit: int | None) -> None:
-    """Make all changes of a target that have no result yet, one after the other, in a copy of the tree."""
+def run(target: Target, session: Path, limit: int | None, *, again: bool) -> None:
+    """Make all changes of a target that have no result yet, one after the other."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
     from cosmic_ray.work_db import WorkDB, use_db
+    from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 
+    code = Path(target.code)
+    text = code.read_text(encoding="utf-8")
+    if not session.exists():
+        initialise(session, target.code)
+        with use_db(session, WorkDB.Mode.open) as database:
+            skip(database, text, limit)
+    command = ["-x", "-p", "no:cacheprovider", "--hypothesis-seed=0", *target.tests]
+    if pytest.main(command) != 0:  # compiles what is needed, and loads the profile of hypothesis
+        sys.exit("the tests do not pass on the code as it is")
+    start = time.monotonic()
+    if not passes(command, code, text, timeout=3600.0):
+        sys.exit(f"the tests do not pass with the kernels of {code} as plain Python")
+    timeout = max(SHORTEST_S, LONGEST * (time.monotonic() - start))
+    with use_db(session, WorkDB.Mode.open) as database:
+        left = list(database.pending_work_items)
+        if again:
+            done = database.completed_work_items
+            left += [i for i, r in done if r.worker_outcome == WorkerOutcome.NORMAL and not r.is_killed]
+        for item in left:
+            change = mutation(item)
+            changed = mutate_code(text, get_operator(change.operator_name)(), change.occurrence)
+            noticed = not passes(command, code, changed, timeout)
+            outcome = TestOutcome.KILLED if noticed else TestOutcome.SURVIVED
+            database.set_result(item.job_id, WorkResult(WorkerOutcome.NORMAL, test_outcome=outcome))
+
+
+def initialise(session: Path, code: str) -> None:
+    """List all changes of a file in a new session."""
     with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder)
-        for package in PACKAGES:
-            shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copy(ROOT / "pyproject.toml", tree)
-        tests = " ".join(target.tests)
-        command = f"{sys.executable} -m pytest -x -p no:cacheprovider --hypothesis-seed=0 {tests}"
-        (tree / "mutation.toml").write_text(
-            f'[cosmic-ray]\nmodule-path = "{target.code}"\ntimeout = {target.timeout}\ntest-command = "{command}"\n'
+        settings = Path(folder) / "mutation.toml"
+        settings.write_text(
+            f'[cosmic-ray]\nmodule-path = "{code}"\ntimeout = 1.0\ntest-command = "true"\n'
             'excluded-modules = []\n[cosmic-ray.distributor]\nname = "local"\n'
         )
-        env = (
-            {"TESTBED_DATASETS": str(ROOT.parent / "shared" / "datasets")}
-            | os.environ
-            | {
-                "PYTHONPATH": str(tree),
-                "PYTHONDONTWRITEBYTECODE": "1",  # a change within a second would go unseen
-                "NUMBA_DISABLE_JIT": str(int(name not in COMPILED)),
-            }
-        )
-        subprocess.run(command, shell=True, cwd=tree, env=env, check=True, stdout=subprocess.DEVNULL)  # all pass
-        if not session.exists():
-            cosmic_ray("init", "mutation.toml", str(session.resolve()), tree=tree, env=env)
-            with use_db(session, WorkDB.Mode.open) as database:
-                skip(database, (ROOT / target.code).read_text(encoding="utf-8"), limit)
-        cosmic_ray("exec", "mutation.toml", str(session.resolve()), tree=tree, env=env)
-
-
-def cosmic_ray(*arguments: str, tree: Path, env: dict[str, str]) -> None:
-    """Run a command of cosmic-ray."""
-    subprocess.run([sys.executable, "-m", "cosmic_ray.cli", *arguments], cwd=tree, env=env, check=True)
+        command = [sys.executable, "-m", "cosmic_ray.cli", "init", str(settings), str(session)]
+        subprocess.run(command, check=True)
 
 
 def skip(database: WorkDB, source: str, limit: int | None) -> None:

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from worlds.check import check_world
 from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wall
-from worlds.errors import WorldError
+from worlds.errors import WorldError, shown
 from worlds.format.map_file import is_map
 from worlds.movers import Door, Person
 from worlds.world import Difficulty, Start, Tour, World
@@ -116,7 +116,9 @@ def _first_problem(error: ValidationError, text: str, source: str) -> str:
         return f"{where} is not known, {hint}"
     if problem["type"] == "missing":
         return f"{where} is missing"
-    return f"{where} = {problem['input']!r}, expected {_expectation(problem, loc)}"[:500]
+    expectation = _expectation(problem, loc)
+    joint = ": " if ", expected " in expectation else ", expected "
+    return f"{where} = {shown(problem['input'])}{joint}{expectation}"[:500]
 
 
 def _expectation(problem: Any, loc: tuple[int | str, ...]) -> str:

@@ -8,7 +8,6 @@ free, black is occupied; the picture's first row is the map's highest y, so rows
 from __future__ import annotations
 
 import math
-import reprlib
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Any
@@ -17,15 +16,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from worlds.errors import MapFileError
+from worlds.errors import MAX_QUOTED, MapFileError, shown
 from worlds.format.pixels import Pixels, read_pixels
 
 MAX_PIXELS = 100_000_000
 """Largest picture: 100 megapixels are 400 MB as probabilities, 500 m x 500 m at 5 cm."""
 MAX_RESOLUTION = 100.0
 """Largest side of a cell [m]; larger numbers are not metres."""
-MAX_QUOTED = 160
-"""Messages quote at most so many characters of a file."""
 _MAX_YAML_BYTES = 1_000_000
 _MODES = ("trinary", "scale", "raw")
 _UNKNOWN_GREYS = (205, 127, 128)
@@ -83,7 +80,7 @@ def read_map_file(path: str | Path, *, max_pixels: int = MAX_PIXELS, inside: boo
     origin = _origin(path, document)
     mode = str(document.get("mode", "trinary")).lower()
     if mode not in _MODES:
-        raise MapFileError(f"{path}: mode: expected one of {', '.join(_MODES)}, got {_shown(document['mode'])}")
+        raise MapFileError(f"{path}: mode: expected one of {', '.join(_MODES)}, got {shown(document['mode'])}")
     image, note = _image(path, document, inside)
     notes = [note] if note else []
     pixels = read_pixels(image, max_pixels=max_pixels)
@@ -130,14 +127,14 @@ def _finite(path: Path, key: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise MapFileError(f"{path}: {key}: expected a number, got {_shown(value)}")
+        raise MapFileError(f"{path}: {key}: expected a number, got {shown(value)}")
     return number
 
 
 def _origin(path: Path, document: dict[str, Any]) -> tuple[float, float, float]:
     value = document.get("origin")
     if not (isinstance(value, list) and len(value) in (2, 3)):
-        raise MapFileError(f"{path}: origin: expected [x, y, yaw] in metres and radians, got {_shown(value)}")
+        raise MapFileError(f"{path}: origin: expected [x, y, yaw] in metres and radians, got {shown(value)}")
     x, y, yaw = (_finite(path, "origin", item) for item in [*value, 0.0][:3])
     if abs(yaw) > 2.0 * math.pi:
         raise MapFileError(f"{path}: origin: expected a yaw in radians, got {yaw:g}, which looks like degrees")
@@ -148,7 +145,7 @@ def _image(path: Path, document: dict[str, Any], inside: bool) -> tuple[Path, st
     """Return the picture of a map, and a note where it was found elsewhere than the map says."""
     name = document.get("image")
     if not (isinstance(name, str) and name):
-        raise MapFileError(f"{path}: image: expected the name of a picture, got {_shown(name)}")
+        raise MapFileError(f"{path}: image: expected the name of a picture, got {shown(name)}")
     image, local = path.parent / name, path.parent / PureWindowsPath(name).name
     outside = not image.resolve().is_relative_to(path.parent.resolve())
     if image.is_file() and not (inside and outside):
@@ -164,7 +161,7 @@ def _meaning(path: Path, document: dict[str, Any], mode: str, white: int) -> NDA
     """Return P(occupied) of each grey value by map_server's rules, (white + 1,), NaN = unknown."""
     negate = document.get("negate", 0)
     if str(negate).lower() not in ("0", "1", "false", "true"):
-        raise MapFileError(f"{path}: negate: expected 0 or 1, got {_shown(negate)}")
+        raise MapFileError(f"{path}: negate: expected 0 or 1, got {shown(negate)}")
     occupied = _number(path, document, "occupied_thresh", 0.65)
     free = _number(path, document, "free_thresh", 0.196)
     if not 0.0 <= free <= occupied <= 1.0:
@@ -198,10 +195,6 @@ def _unknown_greys(pixels: Pixels, meaning: NDArray[np.float32]) -> list[int]:
         if frequent and others_are_free and not np.isnan(meaning[grey]):
             found.append(grey)
     return found
-
-
-def _shown(value: Any) -> str:
-    return reprlib.repr(value)[:MAX_QUOTED]
 
 
 class _PlainLoader(yaml.SafeLoader):

@@ -228,3 +228,27 @@ def test_stretches_of_a_round_length_are_not_one_step_too_long():
     long = straight(5, step=1000.0)
     first, last = stretches(associate(long, long), 1000.0)
     np.testing.assert_array_equal(last - first, 1)
+
+
+def test_drift_is_the_mean_over_all_pieces_of_all_lengths():
+    """A single jump of half a metre lies in one of 20 pieces of 1 m and in two of 19 pieces of 2 m."""
+    truth = straight(21, step=1.0)
+    jumped = Trajectory(truth.stamps, truth.poses + np.outer(np.arange(21) > 10, (0.0, 0.5, 0.0)))
+    found = drift(associate(jumped, truth), [1.0, 2.0])
+    assert found.translation_percent == pytest.approx(100.0 * (1 * 0.5 / 1.0 + 2 * 0.5 / 2.0) / (20 + 19), rel=1e-9)
+    assert found.rotation_deg_per_m == 0.0
+    turned = Trajectory(truth.stamps, truth.poses + np.outer(np.arange(21) > 10, (0.0, 0.0, np.radians(10.0))))
+    found = drift(associate(turned, truth), [1.0, 2.0])
+    assert found.rotation_deg_per_m == pytest.approx((1 * 10.0 / 1.0 + 2 * 10.0 / 2.0) / (20 + 19), rel=1e-9)
+
+
+def test_of_two_poses_as_near_to_the_end_of_a_piece_the_first_counts():
+    path = straight(41, step=0.125)  # exact in binary
+    first, last = relative_error(associate(path, path), 1.0625, "m").pairs
+    np.testing.assert_array_equal((last - first)[:32], 8)
+
+
+def test_by_seconds_no_piece_ends_after_the_last_pose():
+    path = straight(41)
+    first, last = relative_error(associate(path, path), 2.0, "s").pairs
+    assert (first.tolist(), last.tolist()) == (list(range(21)), list(range(20, 41)))

@@ -338,6 +338,7 @@ def test_errors_of_poses_add_up_as_independent_ones_do_and_are_smaller(weight):
     """Variance: the beam weight, but at most 1; that of the mean of many: 1 / their number."""
     rng, count = np.random.default_rng(4), 400
     errors, series = first_errors(3000, weight, rng.bit_generator), []
+    assert errors.shape == (3000, 3)
     assert np.var(errors) == pytest.approx(min(weight, 1.0), rel=0.05)
     for _ in range(count):
         errors = next_errors(errors, rng.standard_normal(errors.shape), weight)

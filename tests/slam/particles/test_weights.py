@@ -96,3 +96,12 @@ def test_the_covariance_of_a_mixture_is_within_plus_between(count, seed, heading
     expected = np.einsum("i,iab->ab", weights, spread) + np.cov(poses.T, aweights=weights, ddof=0).reshape(3, 3)
     turned = poses + np.outer(rng.integers(-1, 2, count), (0.0, 0.0, 2.0 * np.pi))
     np.testing.assert_allclose(pose_covariance(turned, weights, spread), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("heading", [-math.pi, -0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi])
+def test_headings_are_compared_the_short_way_round(heading):
+    """A quarter of the weight 0.3 rad to the left of the rest: variance 0.25 * 0.75 * 0.3^2."""
+    poses = np.array([[1.0, 2.0, heading - 0.1], [1.0, 2.0, heading + 0.2]])
+    poses[:, 2] = (poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+    found = pose_covariance(poses, np.array([0.75, 0.25]), np.zeros((2, 3, 3)))
+    np.testing.assert_allclose(found, np.diag([0.0, 0.0, 0.25 * 0.75 * 0.09]), atol=1e-12)

@@ -2,6 +2,7 @@
 """World files: what is read, and one clear line for everything that is wrong."""
 
 import pytest
+import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -100,6 +101,14 @@ def test_missing_and_huge_files_are_refused(tmp_path):
     huge.write_bytes(b"#" * 8_000_001)
     with pytest.raises(worlds.WorldError, match="expected at most 8000000"):
         worlds.load(huge)
+
+
+def test_a_long_value_is_shortened_and_what_was_expected_is_said():
+    table = {"name": "s", "start": {"x": 0.0, "y": 0.0}, "walls": [{"points": [[0.0, 0.0], [1.0, 0.0]]}]}
+    table["tour"] = {"points": [[0.001 * k, 0.0] for k in range(2000)], "closed": True, "laps": 1000}
+    with pytest.raises(worlds.WorldError, match=r"\.\.\.\]\}: 1000 laps of 2000 way points are") as raised:
+        parse(tomli_w.dumps(table), "long.toml")
+    assert len(str(raised.value)) < 400
 
 
 def test_deep_nesting_is_refused():
