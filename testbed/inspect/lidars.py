@@ -30,6 +30,9 @@ def inspect_lidars(table: FrameTable) -> Iterator[Finding]:
             yield _mount(table, name, scans)
             yield _beams(table, name, scans)
             yield from _readings(table, name, scans)
+            if _take_turns(table, scans):
+                found = "each differs from the one before, and is like the one before that"
+                yield Finding(f"views of {name}", found, "doubtful", "used as they are: two lidars with one frame?")
 
 
 def _mount(table: FrameTable, name: str, scans: Integers) -> Finding:
@@ -98,6 +101,23 @@ def _readings(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding
         yield Finding(f"no return of {name}", found, "doubtful", action)
 
 
+def _take_turns(table: FrameTable, scans: Integers) -> bool:
+    """Whether most scans are like the last but one and unlike the last, as where two lidars send under one name."""
+    likes = []
+    for k in np.unique(np.linspace(0, len(scans) - 3, TRIPLES).astype(int)) if len(scans) >= MIN_TRIPLES else ():
+        three = [table.ranges[table.scan_starts[n] : table.scan_starts[n + 1]] for n in scans[k : k + 3]]
+        if len({len(ranges) for ranges in three}) == 1 and len(three[0]):
+            first, second, third = (np.where(np.isfinite(ranges), ranges, 0.0) for ranges in three)
+            last, last_but_one = np.mean(np.abs(third - second)), np.mean(np.abs(third - first))
+            likes.append(last > UNLIKE * last_but_one + STEADY)
+    return len(likes) > 0 and float(np.mean(likes)) > 0.5
+
+
+TRIPLES, MIN_TRIPLES = 100, 20
+"""Scans that are compared with the two before them; of fewer scans nothing is said."""
+UNLIKE, STEADY = 3.0, 0.05
+"""A scan that differs so many times as much from the last one as from the last but one, and by this more [m], is of
+another view."""
 MAX_SCANS = 500
 """Scans whose readings are looked at; of more, evenly chosen ones."""
 

@@ -123,6 +123,21 @@ def test_odometry_that_stands_still_or_jumps(log):
     assert "1 jumps that no robot can make, the first at 20.0 s" in note
 
 
+def test_odometry_of_two_programs_goes_to_and_fro(log):
+    poses = log.table.odometry.copy()
+    poses[1::2, 0] += 0.1
+    assert "odometry's path" in doubts(with_table(log, odometry=poses))
+
+
+def test_two_lidars_under_one_name_take_turns(log):
+    table = log.table
+    ranges = table.ranges.copy()
+    for k in range(1, len(table.scan_rows), 2):
+        seen = slice(table.scan_starts[k], table.scan_starts[k + 1])
+        ranges[seen] = np.roll(ranges[seen], len(ranges[seen]) // 2)
+    assert "views of laser" in doubts(with_table(log, ranges=ranges))
+
+
 def test_a_recording_over_decades_takes_no_more_memory(log):
     stamps = log.table.stamps.copy()
     stamps[log.table.scan_rows[-1] :] = 2.0**31

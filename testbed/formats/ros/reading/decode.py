@@ -97,6 +97,21 @@ def decode_odometry(raws: Sequence[bytes], encoding: Encoding, deserialise: Dese
     return Track(_stamps(rows), _planar(rows["position"], rows["orientation"]), twists, frame, child)
 
 
+def publishers(raws: Sequence[bytes], encoding: Encoding) -> list[tuple[str, str]]:
+    """The frame and the child frame of each Odometry message; empty where all are alike, or they cannot be told."""
+    cursor = _Cursor(raws[0], encoding) if raws else None
+    if cursor is None or (first := _texts(raws[0], encoding, 2)) is None:
+        return []
+    cursor.header()
+    begin = cursor.at
+    cursor.texts(2)
+    texts = bytes(raws[0][begin : cursor.at])
+    if all(bytes(raw[begin : cursor.at]) == texts for raw in raws):
+        return []
+    found = [_texts(raw, encoding, 2) for raw in raws]
+    return [(texts[0], texts[1]) if texts else (first[0], first[1]) for texts in found]
+
+
 def decode_truth(raws: Sequence[bytes], kind: str, deserialise: Deserialise) -> Track:
     """The stamped poses of messages of another kind than Odometry; BadMessageError where a pose is none in the plane.
 

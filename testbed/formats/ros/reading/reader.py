@@ -10,6 +10,7 @@ took it.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,6 +34,7 @@ from testbed.formats.ros.reading.decode import (
     decode_odometry,
     decode_scan,
     decode_truth,
+    publishers,
     seconds,
 )
 from testbed.formats.ros.reading.frames import assemble
@@ -42,10 +44,10 @@ from testbed.formats.ros.reading.topics import (
     DESCRIPTION,
     ECHO_TYPE,
     ODOMETRY_TYPE,
-    TRANSFORM_TYPE,
+    TRANSFORM_TYPES,
     choose_topics,
 )
-from testbed.formats.ros.reading.transforms import planar_pose
+from testbed.formats.ros.reading.transforms import ROBOT_FRAMES, planar_pose
 from testbed.formats.ros.salvage import readable
 
 MAX_CELLS = 100_000_000
@@ -169,7 +171,7 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
     def deserialise(raw: bytes) -> Any:
         return reader.deserialize(raw, connection.msgtype)
 
-    if connection.msgtype == TRANSFORM_TYPE:
+    if connection.msgtype in TRANSFORM_TYPES:
         if "static" in topic:  # moving joints are no mount
             _one_by_one(data, lambda raw: content.transforms.add(deserialise(raw)))
     elif topic == DESCRIPTION:
@@ -179,10 +181,26 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
     elif topic == topics.get("map"):
         _one_by_one(data[-1:], lambda raw: setattr(content, "truth_map", _grid(deserialise(raw))))
     elif topic == topics["odometry"]:
-        track = decode_odometry(data, encoding, deserialise)
-        content.odometry = one_clock(content, np.array([seconds(raw.time) for raw in raws]), track)
+        kept = _of_one_publisher(content, topic, raws, encoding)
+        track = decode_odometry([raw.data for raw in kept], encoding, deserialise)
+        content.odometry = one_clock(content, np.array([seconds(raw.time) for raw in kept]), track)
     else:
         _decode_truth(content, connection, raws, encoding, deserialise)
+
+
+def _of_one_publisher(content: BagContent, topic: str, raws: list[RawMessage], encoding: Encoding) -> list[RawMessage]:
+    """The messages of odometry of one pair of frames, where several programs send to its topic: that of the robot's
+    base, else the most frequent one."""
+    pairs = publishers([raw.data for raw in raws], encoding)
+    named = Counter(pair for pair in pairs if all(pair))
+    if len(named) < 2:
+        return raws
+    chosen = max(named, key=lambda pair: (pair[0] == "odom" and pair[1] in ROBOT_FRAMES, named[pair]))
+    kept = [raw for raw, pair in zip(raws, pairs, strict=True) if pair == chosen]
+    content.notes.append(
+        f"{len(raws) - len(kept)} messages of {topic} are of other frames than {chosen[0]} to {chosen[1]}: left out"
+    )
+    return kept
 
 
 def _decode_truth(
