@@ -70,6 +70,15 @@ class RawScan(NamedTuple):
     range_max: float
     ranges: NDArray[np.float32]
     """[m], (beams,)."""
+    number: int = 0
+    """Counts the messages that are read, from 1."""
+    source: str = ""
+    """What it was read of, with {} for its number."""
+
+    @property
+    def place(self) -> str:
+        """Where in the bag it is, for messages to the user."""
+        return self.source.format(self.number)
 
 
 class BadMessageError(ValueError):

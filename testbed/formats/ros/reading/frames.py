@@ -85,9 +85,7 @@ def _by_clock_of_bag(content: BagContent, scans: list[RawScan]) -> list[RawScan]
         f"stamps of scans are by another clock, {-shift:+.1f} s from that of the odometry: related by the bag's own "
         "times; --time-offset auto refines that"
     )
-    moved = [scan._replace(stamp=scan.stamp + shift) for scan in scans]
-    content.places |= {id(new): content.places[id(old)] for new, old in zip(moved, scans, strict=True)}
-    return moved
+    return [scan._replace(stamp=scan.stamp + shift) for scan in scans]
 
 
 def _gap_notes(track: Track, scans: list[RawScan]) -> list[str]:

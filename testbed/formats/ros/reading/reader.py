@@ -10,10 +10,12 @@ took it.
 from __future__ import annotations
 
 import math
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from sys import intern
 from typing import Any
 
 import numpy as np
@@ -25,7 +27,7 @@ from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.packing import messages
 from testbed.formats.ros.reading.clocks import first_pass, in_one_pass, one_clock, true_path
 from testbed.formats.ros.reading.clouds import peek_clouds, read_clouds
-from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage, ReadScan
+from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage
 from testbed.formats.ros.reading.decode import (
     BadMessageError,
     RawScan,
@@ -50,6 +52,8 @@ from testbed.formats.ros.reading.topics import (
 from testbed.formats.ros.reading.transforms import ROBOT_FRAMES, planar_pose
 from testbed.formats.ros.salvage import readable
 
+MAX_HEADS = 1000
+"""Different heads of scans that are kept once; of scans that all differ nothing is gained."""
 MAX_CELLS = 100_000_000
 """Cells."""
 MAX_METADATA = 1_000_000
@@ -109,7 +113,7 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
         wanted = [connection for connection in wanted if connection not in clouds]
         sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
         raws: dict[str, tuple[Any, list[RawMessage]]] = {}
-        scans: dict[str, list[ReadScan]] = {}
+        scans: dict[str, tuple[array[int], list[RawScan]]] = {}  # with the bag's times
         for connection, time, raw in messages(reader, reader.connections if sealed else wanted):
             if connection.topic == SEAL_TOPIC:
                 seal = str(getattr(reader.deserialize(raw, connection.msgtype), "data", ""))
@@ -120,8 +124,9 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
                 continue
             content.messages += 1
             if connection.topic in content.scans:  # the larger part of a bag: its messages are not kept
-                scan = _read_scan(content, connection, raw, reader)
-                scans.setdefault(connection.topic, []).append(ReadScan(content.messages, time, scan))
+                times, of_topic = scans.setdefault(connection.topic, (array("q"), []))
+                times.append(time)
+                of_topic.append(_read_scan(content, connection, raw, reader))
                 continue
             raws.setdefault(connection.topic, (connection, []))[1].append(RawMessage(content.messages, time, raw))
         if sealed and seal != total.text:
@@ -133,13 +138,8 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
                 _decode(content, connection, serialised, reader)
             except BadMessageError as error:
                 raise LogError(f"{path}: message {serialised[error.number].number} ({topic}): {error}") from None
-        for topic, read in scans.items():
-            content.scans[topic], kept = in_one_pass(content, [r.time for r in read], [r.scan for r in read])
-            numbers = [read[row].number for row in kept.tolist()]
-            content.places |= {
-                id(scan): f"message {number} ({topic})"
-                for scan, number in zip(content.scans[topic], numbers, strict=True)
-            }
+        for topic, (times, of_topic) in scans.items():
+            content.scans[topic] = in_one_pass(content, times, of_topic)
         peek_clouds(content, reader, clouds)
         try:
             complete_transforms(path, content, raws, reader)
@@ -159,7 +159,11 @@ def _read_scan(content: BagContent, connection: Any, raw: bytes, reader: Any) ->
         scan = decode_echoes(raw, deserialise)
     else:
         scan = decode_scan(raw, "cdr" if reader.is2 else "ros1", deserialise)
-    return scan._replace(ranges=content.readings.keep(scan.ranges))
+    head: tuple[Any, ...] = scan[1 : RawScan._fields.index("ranges")]
+    if len(content.heads) < MAX_HEADS:
+        head = content.heads.setdefault(head, head)
+    source = intern(f"message {{}} ({connection.topic})")
+    return RawScan._make((scan.stamp, *head, content.readings.keep(scan.ranges), content.messages, source))
 
 
 def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader: Any) -> None:
