@@ -101,9 +101,7 @@ def _read_document(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _MAX_YAML_BYTES:
             raise MapFileError(f"{path}: {path.stat().st_size} bytes, {expected}")
-        documents = [
-            part for part in yaml.load_all(path.read_text(encoding="utf-8"), _PlainLoader) if part is not None
-        ]
+        documents = [part for part in yaml.load_all(path.read_text(encoding="utf-8"), _PlainLoader) if part is not None]
     except OSError as error:
         raise MapFileError(f"{path}: {error.strerror}, {expected}") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
