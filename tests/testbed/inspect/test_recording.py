@@ -15,7 +15,7 @@ from slam import se2
 from testbed.formats import Log, open_log
 from testbed.formats.write import write_log
 from testbed.frame_table import BeamPattern
-from testbed.inspect import Reading, inspect_log, notes_of
+from testbed.inspect import Reading, inspect_log, lidars, notes_of
 from testbed.inspect.time_offset import shifted
 from testbed.inspect.turns import compare_turns
 from testbed.presets import load_lidar
@@ -169,6 +169,13 @@ def test_sectors_of_a_scan_are_compared_by_their_own_times():
     """In 40 s without an offset; whole scans, by their mean time, are off by 2 to 5 ms here."""
     offsets = [compare_turns(drive(seed=seed).table).offset for seed in (4, 5, 6)]
     assert np.abs(offsets).max() < 0.0015
+
+
+def test_readings_that_were_looked_at_are_let_go_of(log, monkeypatch):
+    forgotten = []
+    monkeypatch.setattr(lidars, "forget_pages", lambda ranges: forgotten.append(ranges is log.table.ranges))
+    assert doubts(log) == {}
+    assert forgotten == [True] * (400 // lidars.LET_GO + lidars.TRIPLES)
 
 
 @pytest.mark.skipif(not INTEL.is_file(), reason="needs the recorded log intel-merged")
