@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-IN_MEMORY = 100_000_000
-"""Readings of so many bytes stay in memory: half an hour of 360 beams at 40 Hz."""
-SEGMENT = 32_000_000
+IN_MEMORY = 30_000_000
+"""Readings of so many bytes stay in memory: half an hour of 360 beams at 10 Hz."""
+SEGMENT = 16_000_000
 """Bytes of a file's piece, and of what is copied at a time."""
 
 Ranges = NDArray[np.float32] | NDArray[np.float64]

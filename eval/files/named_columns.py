@@ -1,31 +1,53 @@
 # SPDX-License-Identifier: MIT
-"""Columns of a table of poses that its first line names, as CSV files and `rostopic echo -p` do."""
+"""Columns of a table of poses that its first line names, as CSV files, `rostopic echo -p` and PlotJuggler do.
+
+Names are compared in small letters, without their unit, and with one sign between words: `/odom/pose/position/x`,
+`pose_position_x` and `pose.position.x` are the same. Where no usual name is there, columns whose names end alike count:
+`robot_x`, `robot_y`, `robot_yaw`.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from collections import defaultdict
 from dataclasses import dataclass
-from itertools import product
+from datetime import UTC, datetime
+from typing import TypeVar
 
 _STAMPS = (
     ("header.stamp.secs", "header.stamp.nsecs"),
     ("header.stamp.sec", "header.stamp.nanosec"),
+    ("header.stamp.sec", "header.stamp.nsec"),
+    ("secs", "nsecs"),
+    ("sec", "nanosec"),
     ("header.stamp",),
     ("timestamp",),
-    ("timestamp_ns",),
     ("stamp",),
     ("time",),
     ("t",),
 )
 """Names of a stamp, the best first; of two columns the second counts nanoseconds."""
-_POSITIONS = ("pose.position.{}", "position.{}", "position_{}", "pos_{}", "p_rs_r_{}", "p_{}", "p{}", "t{}", "{}")
-_ROTATIONS = ("pose.orientation.{}", "orientation.{}", "orientation_{}", "quat_{}", "q_rs_{}", "q_{}", "q{}")
-_YAWS = {"yaw": 1.0, "theta": 1.0, "heading": 1.0} | {
-    f"{name}{unit}": math.radians(1.0) for name, unit in product(("yaw", "theta", "heading"), ("_deg", "_degrees"))
+_POSITIONS = ("pose.position.{}", "position.{}", "pos.{}", "p.rs.r.{}", "p.{}", "p{}", "t{}", "{}")
+_ROTATIONS = ("pose.orientation.{}", "orientation.{}", "quat.{}", "q.rs.{}", "q.{}", "q{}")
+_YAWS = ("yaw", "theta", "heading")
+_NO_POSE = {
+    *("linear", "angular", "twist", "vel", "velocity", "speed", "v", "acc", "accel", "acceleration", "gyro", "omega"),
+    *("bias", "b", "cov", "covariance", "std", "sigma", "var", "err", "error", "cmd", "goal", "target"),
+    *("orientation", "rotation", "rot", "quat", "q"),
 }
-"""Names of a heading, and its unit [rad]."""
-_UNIT = re.compile(r"\s*[\[(][^\])]*[\])]\s*$")
+"""Words of names whose x and y are no position."""
+_UNITS = {
+    "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
+    "m": 1.0, "meter": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3,
+    "rad": 1.0, "radians": 1.0, "deg": math.radians(1.0), "degree": math.radians(1.0), "degrees": math.radians(1.0),
+    "°": math.radians(1.0),
+}  # fmt: skip
+"""Units that a name may state, in s, m or rad."""
+_IN_BRACKETS = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+
+Columns = tuple[int, ...]
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -34,59 +56,145 @@ class NamedColumns:
 
     separator: str | None
     """Between two cells; None = blanks."""
-    width: int
-    """Number of cells."""
-    stamp: tuple[int, ...]
-    position: tuple[int, ...]
+    names: tuple[str, ...]
+    """Of all columns, as the file has them."""
+    units: tuple[float, ...]
+    """Of all columns [s], [m] or [rad]."""
+    stamp: Columns
+    position: Columns
     """Of x, y and, where there is one, z."""
-    rotation: tuple[int, ...]
-    """Of the quaternion x, y, z, w; or of the yaw alone."""
-    yaw_unit: float = 1.0
-    """[rad]"""
+    rotation: Columns
+    """Of the quaternion x, y, z, w, of z and w, of roll, pitch and yaw, or of the yaw alone."""
 
     def pose(self, line: str) -> list[float]:
-        """Return `t x y z qx qy qz qw`; ValueError where a line has other cells, or no numbers in those that count."""
+        """Return `t x y z qx qy qz qw`, or `t x y z roll pitch yaw` where those are named.
+
+        Raises ValueError where a line has other cells, or no numbers in those that count.
+        """
         cells = _cells(line, self.separator)
-        if len(cells) != self.width:  # a header with commas above columns with blanks
+        if len(cells) != len(self.names):  # a header with commas above columns with blanks
             cells = line.replace(",", " ").replace(";", " ").split()
-        if len(cells) != self.width:
-            raise ValueError(f"expected {self.width} values as in the header, got {len(cells)}")
-        stamp = sum(float(cells[k]) * unit for k, unit in zip(self.stamp, (1.0, 1e-9), strict=False))
-        x, y, *z = (float(cells[k]) for k in self.position)
-        rotation = [float(cells[k]) for k in self.rotation]
-        if len(rotation) == 1:
-            half = 0.5 * rotation[0] * self.yaw_unit
-            rotation = [0.0, 0.0, math.sin(half), math.cos(half)]
-        return [stamp, x, y, *(z or [0.0]), *rotation]
+        if len(cells) != len(self.names):
+            raise ValueError(f"expected {len(self.names)} values as in the header, got {len(cells)}")
+        stamp = sum(self._time(cells, k) * unit for k, unit in zip(self.stamp, (1.0, 1e-9), strict=False))
+        x, y, *z = (self._number(cells, k) for k in self.position)
+        rotation = [self._number(cells, k) for k in self.rotation]
+        flat = {1: [0.0, 0.0], 2: [0.0, 0.0]}.get(len(rotation), [])
+        return [stamp, x, y, *(z or [0.0]), *flat, *rotation]
+
+    @property
+    def states_angles(self) -> bool:
+        """Whether the name of a heading states its unit."""
+        return bool(_IN_BRACKETS.search(self.names[self.rotation[-1]])) or self.units[self.rotation[-1]] != 1.0
+
+    def _number(self, cells: list[str], column: int) -> float:
+        text = cells[column]
+        if self.separator in (";", "\t") and "." not in text:
+            text = text.replace(",", ".")  # the decimal sign of many countries
+        try:
+            return float(text) * self.units[column]
+        except ValueError:
+            raise ValueError(f"expected a number in the column {self.names[column]}, got '{text[:40]}'") from None
+
+    def _time(self, cells: list[str], column: int) -> float:
+        """A stamp [s], also one that is a date with a time of day (UTC, unless it says otherwise)."""
+        try:
+            return self._number(cells, column)
+        except ValueError:
+            try:
+                moment = datetime.fromisoformat(cells[column])
+            except ValueError:
+                moment = None
+            if moment is None:
+                raise
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def named_columns(line: str) -> NamedColumns | None:
-    """Return what a line names, if it names all of a pose; else None."""
+    """Return what a line names, if it names all of a pose; else None. Raises ValueError where it names several."""
     separator = next((sign for sign in (",", ";", "\t") if sign in line), None)
-    names = [_UNIT.sub("", cell).strip("%").lower() for cell in _cells(line, separator)]
-    names = [name.removeprefix("field.").removeprefix("pose.pose.").removeprefix("/") for name in names]
-    where = {name: k for k, name in reversed(list(enumerate(names)))}
+    cells = _cells(line, separator)
+    split = [_name_and_unit(cell) for cell in cells]
+    where: dict[str, int] = {}
+    for k, (name, _) in enumerate(split):
+        where.setdefault(name, k)
     stamp = next((found for group in _STAMPS if (found := _all_of(where, group))), None)
-    position = _first_of(where, _POSITIONS, "xyz") or _first_of(where, _POSITIONS, "xy")
-    if stamp is None or position is None:
+    if stamp is None:
         return None
-    rotation = _first_of(where, _ROTATIONS, "xyzw")
-    if rotation is not None:
-        return NamedColumns(separator, len(names), stamp, position, rotation)
-    yaw = next((name for name in _YAWS if name in where), None)
-    if yaw is None:
+    position = _first_of(where, _POSITIONS, "xyz") or _first_of(where, _POSITIONS, "xy") or _only_position(where)
+    rotation = _rotation(where)
+    if position is None or rotation is None:
         return None
-    return NamedColumns(separator, len(names), stamp, position[:2], (where[yaw],), _YAWS[yaw])
+    names = [name for name, _ in split]
+    if twice := [names[k] for k in (*stamp, *position, *rotation) if names.count(names[k]) > 1]:
+        raise ValueError(f"the header names {twice[0]} twice, expected the columns of one pose")
+    if len(rotation) == 1:
+        position = position[:2]
+    return NamedColumns(separator, tuple(cells), tuple(unit for _, unit in split), stamp, position, rotation)
+
+
+def _name_and_unit(cell: str) -> tuple[str, float]:
+    """The words of a name with points between them, and the unit that it states; 1 where it states none."""
+    found = _IN_BRACKETS.search(cell)
+    unit = None if found is None else _UNITS.get(found.group(1).strip().lower())
+    words = [word for word in re.split(r"[./_\s]+", _IN_BRACKETS.sub("", cell).strip("%").lower()) if word]
+    if unit is None and len(words) > 1 and words[-1] in _UNITS and words[-2:] != ["stamp", "sec"]:
+        unit = _UNITS[words.pop()]
+    name = ".".join(words).removeprefix("field.").removeprefix("pose.pose.")
+    return name, 1.0 if unit is None else unit
+
+
+def _rotation(where: dict[str, int]) -> Columns | None:
+    """The columns of a rotation, see `NamedColumns.rotation`."""
+    if found := _first_of(where, _ROTATIONS, "xyzw"):
+        return found
+    if found := next((f for yaw in _YAWS if (f := _all_of(where, ("roll", "pitch", yaw)))), None):
+        return found
+    if found := next(((where[name],) for name in _YAWS if name in where), None):
+        return found
+    groups = {words: group for words, group in _groups(where).items() if words}
+    for wanted in (("x", "y", "z", "w"), ("z", "w")):
+        if (alike := _only([group for group in groups.values() if set(wanted) <= group.keys()])) is not None:
+            return tuple(alike[axis] for axis in wanted)
+    yaws = [group[name] for group in groups.values() for name in _YAWS if name in group]
+    return None if (yaw := _only(yaws)) is None else (yaw,)
+
+
+def _only_position(where: dict[str, int]) -> Columns | None:
+    """The columns of x and y, and z, whose names begin alike."""
+    groups = [
+        group
+        for words, group in _groups(where).items()
+        if {"x", "y"} <= group.keys() and "w" not in group and not _NO_POSE.intersection(words)
+    ]
+    group = _only(groups)
+    return None if group is None else tuple(group[axis] for axis in "xyz" if axis in group)
+
+
+def _only(found: list[Found]) -> Found | None:
+    """The only one of what was found; ValueError where there are several."""
+    if len(found) > 1:
+        raise ValueError(f"the header names {len(found)} poses, expected the columns of one")
+    return found[0] if found else None
+
+
+def _groups(where: dict[str, int]) -> dict[tuple[str, ...], dict[str, int]]:
+    """Columns by the words in front of the last one, and then by the last."""
+    groups: defaultdict[tuple[str, ...], dict[str, int]] = defaultdict(dict)
+    for name, column in where.items():
+        *front, last = name.split(".")
+        groups[tuple(front)][last] = column
+    return groups
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
     return [cell.strip().strip('"').strip() for cell in line.strip("\r\n").split(separator)]
 
 
-def _all_of(where: dict[str, int], names: tuple[str, ...]) -> tuple[int, ...] | None:
+def _all_of(where: dict[str, int], names: tuple[str, ...]) -> Columns | None:
     return tuple(where[name] for name in names) if all(name in where for name in names) else None
 
 
-def _first_of(where: dict[str, int], patterns: tuple[str, ...], axes: str) -> tuple[int, ...] | None:
+def _first_of(where: dict[str, int], patterns: tuple[str, ...], axes: str) -> Columns | None:
     groups = (tuple(pattern.format(axis) for axis in axes) for pattern in patterns)
     return next((found for group in groups if (found := _all_of(where, group))), None)

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.files.named_columns import NamedColumns, named_columns
+from eval.files.trajectory_units import in_radians, in_seconds
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import wrap_angle
 
@@ -40,18 +41,25 @@ _MAX_TITLE = 3
 """So many lines in front of the poses may be a title or a header."""
 _OTHER_FORMATS = {
     12: "KITTI poses, which have no stamps; put them in front of the lines: paste -d' ' times.txt poses.txt",
-    4: "'t x y yaw'; expected a quaternion: 0 0 sin(yaw/2) cos(yaw/2)",
+    4: "'t x y yaw'; expected a quaternion, 0 0 sin(yaw/2) cos(yaw/2), or a first line 'timestamp x y yaw'",
     3: "'x y yaw' without stamps",
     7: "'t x y z roll pitch yaw'; expected a quaternion: 0 0 sin(yaw/2) cos(yaw/2)",
-    16: "numbers with decimal commas; expected points: tr , . < poses.txt",
+    16: "4 x 4 matrices without stamps, or numbers with decimal commas; expected points: tr , . < poses.txt",
 }
-_UNITS = ((1e9, "nanoseconds"), (1e6, "microseconds"), (1e3, "milliseconds"))
-"""Units of stamps since 1970, per second."""
-_YEARS = (1.0e9, 4.1e9)
-"""Stamps since 1970 lie between 2001 and 2099 [s]."""
 _OF_CAMERA = "poses are read as those of a camera (z forward, y down) in a frame with z up"
-_MAX_STEP = 100.0
-"""Poses are usually at most this far apart [s]."""
+_BINARY = (
+    (b"\x1f\x8b", "a gzip file"),
+    (b"PK\x03\x04", "a ZIP archive"),
+    (b"\x93NUMPY", "a NumPy array"),
+    (b"PAR1", "a Parquet table"),
+    (b"SQLite format 3", "an SQLite data base"),
+    (b"\x89MCAP", "an MCAP file"),
+    (b"#ROSBAG", "a ROS 1 bag"),
+    (b"\x89HDF", "an HDF5 file"),
+)
+"""First bytes of what is no text."""
+_OTHER_TEXT = {"VERTEX_SE2": "g2o", "ODOM": "CARMEN", "FLASER": "CARMEN", "<?xml": "XML", "{": "JSON", "[{": "JSON"}
+"""First words of other formats of text."""
 _MIN_HEIGHT, _MIN_HEIGHT_SHARE = 0.5, 0.2
 """z adds a note if it varies by more than this [m], and by more than this share of the extent in the plane."""
 
@@ -70,18 +78,14 @@ def read_trajectory(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str
     at all; OSError as `open` does.
     """
     path = Path(path)
+    _check_text(path)
     table, lines, notes = _read_table(path)
     stamps, positions = table[:, 0], table[:, 1:4]
-    step = float(np.median(np.abs(np.diff(stamps)))) if len(stamps) > 1 else 0.0
-    for per_second, unit in _UNITS:
-        if (
-            _YEARS[0] < stamps.min() / per_second
-            and stamps.max() / per_second < _YEARS[1]
-            and step < _MAX_STEP * per_second
-        ):
-            stamps = stamps / per_second
-            notes.append(f"{path}: stamps are read as {unit}")
-            break
+    try:
+        stamps, odd = in_seconds(stamps, positions[:, :2])
+    except ValueError as error:
+        raise TumError(f"{path}: {error}") from None
+    notes += [f"{path}: {note}" for note in odd]
     if table.shape[1] == 13:
         positions, quaternions = _from_matrices(path, table, lines)
     else:
@@ -101,13 +105,19 @@ def _read_table(path: Path) -> tuple[Table, list[int], list[str]]:
     notes: list[str] = []
     named: NamedColumns | None = None
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for number, line in enumerate(file, start=1):
+        for number, text in enumerate(file, start=1):
+            line = text.replace('"', "")
             fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
             if not fields:
                 continue
             is_text = not _is_number(fields[0].strip("[(")) if named is None else not any(map(_is_number, fields))
             if not rows and len(notes) < _MAX_TITLE and is_text:
-                found = named_columns(line)
+                if kind := _OTHER_TEXT.get(fields[0]):
+                    raise TumError(f"{path}:{number}: expected poses '{_COLUMNS}', got {kind}")
+                try:
+                    found = named_columns(line)
+                except ValueError as error:
+                    raise TumError(f"{path}:{number}: {error}") from None
                 named = found or named
                 what = "a title" if found is None else "a header that names the columns"
                 notes.append(f"{path}: line {number} is read as {what}")
@@ -130,7 +140,35 @@ def _read_table(path: Path) -> tuple[Table, list[int], list[str]]:
         notes.append(f"{path}: the first column counts the lines and is left out")
     if len(bad := np.flatnonzero(~np.isfinite(table).all(axis=1))):
         raise TumError(f"{path}:{lines[bad[0]]}: expected finite numbers, got NaN or infinity")
+    if table.shape[1] == 7:
+        assert named is not None
+        table = _of_angles(path, table, notes, is_stated=named.states_angles)
     return table, lines, notes
+
+
+def _check_text(path: Path) -> None:
+    """Raise TumError where a file is no text, naming what it is."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    kind = next((name for magic, name in _BINARY if head.startswith(magic)), None)
+    if kind is None and b"\0" in head:
+        kind = "text in UTF-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else "a file with zero bytes"
+    if kind is not None:
+        raise TumError(f"{path}: expected a trajectory as text, got {kind}")
+
+
+def _of_angles(path: Path, table: Table, notes: list[str], *, is_stated: bool) -> Table:
+    """Return `t x y z qx qy qz qw` (n, 8) of `t x y z roll pitch yaw` (n, 7), with notes on their unit."""
+    from scipy.spatial.transform import Rotation
+
+    try:
+        yaws, odd = in_radians(table[:, 6], table[:, 1:3], is_stated=is_stated)
+    except ValueError as error:
+        raise TumError(f"{path}: {error}") from None
+    notes += [f"{path}: {note}" for note in odd]
+    others = np.radians(table[:, 4:6]) if odd else table[:, 4:6]
+    rotations = Rotation.from_euler("xyz", np.column_stack([others, yaws]))
+    return np.column_stack([table[:, :4], rotations.as_quat()])
 
 
 def _row(line: str, fields: list[str], before: list[list[float]], named: NamedColumns | None) -> list[float]:

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from testbed.formats.beams import even_spacing
-from testbed.frame_table import FrameTable, Integers
+from testbed.frame_table import Floats, FrameTable, Integers
 from testbed.inspect.finding import Finding
 from testbed.inspect.times import scans_of
+from testbed.large_arrays import forget_pages
 from testbed.weak_sensors import shortcomings, view_of
 
 MAX_TYPICAL = 60.0
@@ -30,6 +31,9 @@ def inspect_lidars(table: FrameTable) -> Iterator[Finding]:
             yield _mount(table, name, scans)
             yield _beams(table, name, scans)
             yield from _readings(table, name, scans)
+            if _take_turns(table, scans):
+                found = "each differs from the one before, and is like the one before that"
+                yield Finding(f"views of {name}", found, "doubtful", "used as they are: two lidars with one frame?")
 
 
 def _mount(table: FrameTable, name: str, scans: Integers) -> Finding:
@@ -67,9 +71,8 @@ def _beams(table: FrameTable, name: str, scans: Integers) -> Finding:
 
 def _readings(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding]:
     """Shares of hits, no returns, invalid readings; values that are no range."""
-    chosen = np.concatenate([np.arange(table.scan_starts[k], table.scan_starts[k + 1]) for k in _some(scans)])
     owner = np.repeat(_some(scans), table.readings[_some(scans)])
-    ranges, limits = np.asarray(table.ranges[chosen], dtype=np.float64), table.range_limits[owner]
+    ranges, limits = _ranges_of(table, _some(scans)), table.range_limits[owner]
     if not ranges.size:
         yield Finding(f"readings of {name}", "none: all scans are empty", "doubtful")
         return
@@ -98,6 +101,37 @@ def _readings(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding
         yield Finding(f"no return of {name}", found, "doubtful", action)
 
 
+def _ranges_of(table: FrameTable, scans: Integers) -> Floats:
+    """Readings of some scans, one after the other [m]; those in files are let go of as they are read, since the system
+    brings in what lies around each."""
+    parts = [np.empty(0)]
+    for done, k in enumerate(scans.tolist(), start=1):
+        parts.append(table.ranges[table.scan_starts[k] : table.scan_starts[k + 1]].astype(np.float64))
+        if done % LET_GO == 0:
+            forget_pages(table.ranges)
+    return np.concatenate(parts)
+
+
+def _take_turns(table: FrameTable, scans: Integers) -> bool:
+    """Whether most scans are like the last but one and unlike the last, as where two lidars send under one name."""
+    likes = []
+    for k in np.unique(np.linspace(0, len(scans) - 3, TRIPLES).astype(int)) if len(scans) >= MIN_TRIPLES else ():
+        three = [table.ranges[table.scan_starts[n] : table.scan_starts[n + 1]] for n in scans[k : k + 3]]
+        if len({len(ranges) for ranges in three}) == 1 and len(three[0]):
+            first, second, third = (np.where(np.isfinite(ranges), ranges, 0.0) for ranges in three)
+            last, last_but_one = np.mean(np.abs(third - second)), np.mean(np.abs(third - first))
+            likes.append(last > UNLIKE * last_but_one + STEADY)
+        forget_pages(table.ranges)
+    return len(likes) > 0 and float(np.mean(likes)) > 0.5
+
+
+TRIPLES, MIN_TRIPLES = 100, 20
+"""Scans that are compared with the two before them; of fewer scans nothing is said."""
+UNLIKE, STEADY = 3.0, 0.05
+"""A scan that differs so many times as much from the last one as from the last but one, and by this more [m], is of
+another view."""
+LET_GO = 16
+"""Scans that are read before the memory of their file is let go of."""
 MAX_SCANS = 500
 """Scans whose readings are looked at; of more, evenly chosen ones."""
 

@@ -21,6 +21,8 @@ TOLERATED_SCALE = 0.15
 CERTAIN = 4.0
 """A difference of so many standard deviations is no chance."""
 MAX_SCALE_UNCERTAINTY = 0.05
+MIN_CHORDS, MIN_CHORD_POSES = 0.5, 100
+"""Every second pose of a path makes nearly its whole length; where so little, two paths take turns."""
 
 
 def inspect_odometry(table: FrameTable, clock: Clock | None) -> Iterator[Finding]:
@@ -41,11 +43,25 @@ def inspect_odometry(table: FrameTable, clock: Clock | None) -> Iterator[Finding
         first = int(np.flatnonzero(jumps)[0])
         found = f"{int(jumps.sum())} jumps that no robot can make, the first at {stamps[first] - stamps[0]:.1f} s"
         yield Finding("odometry's jumps", found, "mended", "the path is joined there")
+    if (to_and_fro := _to_and_fro(table)) < MIN_CHORDS:
+        found = f"every second pose makes {to_and_fro:.0%} of the way of all: it goes to and fro"
+        yield Finding("odometry's path", found, "doubtful", "used as it is: do two programs send it?")
     rate = float(1.0 / np.median(spans[spans > 0.0]))
     if rate < MIN_RATE:
         found = f"{rate:.2f} Hz"
         yield Finding("odometry's rate", found, "doubtful", "poses are interpolated: turns between them are lost")
     yield from _agreement(clock)
+
+
+def _to_and_fro(table: FrameTable) -> float:
+    """Length of the way through every second of the poses that differ, as a share of that through all of them."""
+    places = table.odometry[:, :2]
+    moved = np.append(True, (np.diff(places, axis=0) != 0.0).any(axis=1))
+    places = places[moved]
+    if len(places) < MIN_CHORD_POSES:
+        return 1.0
+    all_steps, second = np.diff(places, axis=0), places[2:] - places[:-2]
+    return float(0.5 * np.hypot(*second.T).sum() / np.hypot(*all_steps.T).sum())
 
 
 def _speed(stamps: Floats, driven: Floats) -> float:

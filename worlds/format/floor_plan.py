@@ -20,9 +20,6 @@ from worlds.format.map_file import read_map_file
 from worlds.raster import MAX_CELLS
 from worlds.world import Start, World
 
-_MAX_USUAL_CELL = 0.5
-"""Larger cells add a note [m]: their side may not be in metres."""
-
 Pose = tuple[float, float, float]
 """`(x, y, theta)` [m, m, rad]."""
 
@@ -43,8 +40,6 @@ def import_map_with_notes(path: str | Path, *, start: Pose | None = None) -> tup
     path = Path(path)
     file = read_map_file(path)
     notes = list(file.notes)
-    if file.resolution > _MAX_USUAL_CELL:
-        notes.append(f"{path}: resolution: cells of {file.resolution:g} m, is this in metres?")
     offset = _offset(file.origin, max(file.probability.shape) * file.resolution)
     if offset != (0.0, 0.0):
         notes.append(f"{path}: origin: ({offset[0]:.2f}, {offset[1]:.2f}) m is kept as offset, the world starts at 0")

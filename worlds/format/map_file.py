@@ -17,20 +17,17 @@ import yaml
 from numpy.typing import NDArray
 
 from worlds.errors import MAX_QUOTED, MapFileError, shown
-from worlds.format.pixels import Pixels, read_pixels
+from worlds.format.greys import Thresholds, probabilities
+from worlds.format.pixels import read_pixels
 
 MAX_PIXELS = 100_000_000
 """Largest picture: 100 megapixels are 400 MB as probabilities, 500 m x 500 m at 5 cm."""
 MAX_RESOLUTION = 100.0
 """Largest side of a cell [m]; larger numbers are not metres."""
 _MAX_YAML_BYTES = 1_000_000
+_MAX_USUAL_CELL = 0.5
+"""Larger cells add a note [m]: their side may not be in metres."""
 _MODES = ("trinary", "scale", "raw")
-_UNKNOWN_GREYS = (205, 127, 128)
-"""Greys with which map_server, its savers and other programs mark unknown cells."""
-_MIN_UNKNOWN_SHARE = 0.01
-"""Smallest share of all pixels with such a grey that can mean unknown, against the thresholds of the file."""
-_ISOLATION = 10
-"""Such a grey means unknown if it is this many times as frequent as all greys within 3 of it: probabilities are not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +60,8 @@ def read_map_file(path: str | Path, *, max_pixels: int = MAX_PIXELS, inside: boo
     `trinary`: cells become 1 above `occupied_thresh`, 0 below `free_thresh`, NaN between. `scale`: between the
     thresholds the probability is kept. `raw`: pixels of 0 to 100 are percent, others unknown. Transparent pixels are
     unknown. With the key `unknown_pixel`, which `eval.files.map_server.write_map` writes, all other pixels are
-    probabilities. A picture that does not exist is looked for under its name in the map's own directory. Where one of
-    the greys 205, 127 and 128 is a cluster of its own, it means unknown, whatever the thresholds say.
+    probabilities. A picture that does not exist is looked for under its name in the map's own directory, in capitals or
+    not. Greys that a program writes for unknown cells mean it, whatever the thresholds say (`worlds.format.greys`).
 
     inside: refuse pictures outside of the map's directory, for files from elsewhere
     Raises MapFileError for keys that are missing or make no sense, and for a picture that is missing, damaged, outside,
@@ -84,18 +81,16 @@ def read_map_file(path: str | Path, *, max_pixels: int = MAX_PIXELS, inside: boo
     image, note = _image(path, document, inside)
     notes = [note] if note else []
     pixels = read_pixels(image, max_pixels=max_pixels)
-    meaning = _meaning(path, document, mode, pixels.white)
-    if mode != "raw" and "unknown_pixel" not in document:
-        for grey in _unknown_greys(pixels, meaning):
-            meaning[grey] = np.nan
-            notes.append(
-                f"{path}: grey {grey} is read as unknown, as map savers mean it, although free_thresh and "
-                "occupied_thresh make it known"
-            )
-    probability = meaning[pixels.grey]
-    if pixels.transparent is not None:
-        probability[pixels.transparent] = np.nan
-    return MapFile(np.flipud(probability).copy(), resolution, origin, tuple(notes))
+    found, odd = probabilities(pixels, _thresholds(path, document, mode))
+    notes += [f"{path}: {note}" for note in odd]
+    if resolution > _MAX_USUAL_CELL:
+        notes.append(f"{path}: resolution: cells of {resolution:g} m, is this in metres?")
+    if abs(origin[2]) > math.pi + 0.01:
+        notes.append(
+            f"{path}: origin: a yaw of {origin[2]:g} turns the map by {math.degrees(origin[2]):.0f} degrees, is this "
+            "in radians?"
+        )
+    return MapFile(np.flipud(found).copy(), resolution, origin, tuple(notes))
 
 
 def _read_document(path: Path) -> dict[str, Any]:
@@ -103,7 +98,7 @@ def _read_document(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _MAX_YAML_BYTES:
             raise MapFileError(f"{path}: {path.stat().st_size} bytes, {expected}")
-        document = yaml.load(path.read_text(encoding="utf-8"), _PlainLoader)
+        documents = [part for part in yaml.load_all(path.read_text(encoding="utf-8"), _PlainLoader) if part is not None]
     except OSError as error:
         raise MapFileError(f"{path}: {error.strerror}, {expected}") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
@@ -112,8 +107,14 @@ def _read_document(path: Path) -> dict[str, Any]:
         raise MapFileError(
             f"{path}: not readable as YAML ({' '.join(str(error).split())[:MAX_QUOTED]}), {expected}"
         ) from None
-    if not isinstance(document, dict):
-        raise MapFileError(f"{path}: no keys and values, {expected}")
+    if len(documents) != 1 or not isinstance(documents[0], dict):
+        what = f"{len(documents)} documents" if len(documents) > 1 else "no keys and values"
+        raise MapFileError(f"{path}: {what}, {expected}")
+    document: dict[str, Any] = documents[0]
+    if missing := [key for key in ("image", "resolution", "origin") if key not in document]:
+        there = ", ".join(map(str, list(document)[:8]))[:MAX_QUOTED]
+        message = "; a message that was printed is no map file: save it with map_saver" if "info" in document else ""
+        raise MapFileError(f"{path}: {missing[0]}: missing, {expected}; there is: {there}{message}")
     return document
 
 
@@ -146,7 +147,7 @@ def _image(path: Path, document: dict[str, Any], inside: bool) -> tuple[Path, st
     name = document.get("image")
     if not (isinstance(name, str) and name):
         raise MapFileError(f"{path}: image: expected the name of a picture, got {shown(name)}")
-    image, local = path.parent / name, path.parent / PureWindowsPath(name).name
+    image, local = path.parent / name, _in_any_case(path.parent / PureWindowsPath(name).name)
     outside = not image.resolve().is_relative_to(path.parent.resolve())
     if image.is_file() and not (inside and outside):
         return image, None
@@ -157,8 +158,16 @@ def _image(path: Path, document: dict[str, Any], inside: bool) -> tuple[Path, st
     raise MapFileError(f"{path}: image: {name} does not exist, nor does {local}, expected the picture of the map")
 
 
-def _meaning(path: Path, document: dict[str, Any], mode: str, white: int) -> NDArray[np.float32]:
-    """Return P(occupied) of each grey value by map_server's rules, (white + 1,), NaN = unknown."""
+def _in_any_case(file: Path) -> Path:
+    """Return the file, or the only one beside it whose name differs in capitals alone."""
+    if file.is_file() or not file.parent.is_dir():
+        return file
+    alike = [other for other in file.parent.iterdir() if other.name.lower() == file.name.lower()]
+    return alike[0] if len(alike) == 1 else file
+
+
+def _thresholds(path: Path, document: dict[str, Any], mode: str) -> Thresholds:
+    """Return the rules by which a map's greys are read."""
     negate = document.get("negate", 0)
     if str(negate).lower() not in ("0", "1", "false", "true"):
         raise MapFileError(f"{path}: negate: expected 0 or 1, got {shown(negate)}")
@@ -169,36 +178,21 @@ def _meaning(path: Path, document: dict[str, Any], mode: str, white: int) -> NDA
             f"{path}: expected 0 <= free_thresh <= occupied_thresh <= 1, got free_thresh {free:g} and "
             f"occupied_thresh {occupied:g}"
         )
-    shade = np.arange(white + 1, dtype=np.float32) / np.float32(white)
-    unknown = np.float32(np.nan)
-    if mode == "raw":
-        percent = np.rint(shade * np.float32(255.0))
-        return np.where(percent <= 100.0, percent / np.float32(100.0), unknown)
-    probability = shade if str(negate).lower() in ("1", "true") else np.float32(1.0) - shade
-    if "unknown_pixel" in document:
-        return np.where(np.arange(white + 1) == _number(path, document, "unknown_pixel"), unknown, probability)
-    between = probability if mode == "scale" else np.full_like(probability, unknown)
-    known = np.where(probability > occupied, np.float32(1.0), between)
-    return np.where(probability < free, np.float32(0.0), known)
-
-
-def _unknown_greys(pixels: Pixels, meaning: NDArray[np.float32]) -> list[int]:
-    """Return the greys that mean unknown although the thresholds make them known."""
-    if pixels.white != 255:
-        return []
-    counts = np.bincount(pixels.grey.ravel(), minlength=256)
-    found = []
-    for grey in _UNKNOWN_GREYS:
-        near = np.setdiff1d(np.arange(grey - 3, grey + 4), _UNKNOWN_GREYS)
-        frequent = counts[grey] >= _MIN_UNKNOWN_SHARE * counts.sum() and counts[grey] >= _ISOLATION * counts[near].sum()
-        others_are_free = counts[np.setdiff1d(np.flatnonzero(meaning == 0.0), _UNKNOWN_GREYS)].sum() > 0
-        if frequent and others_are_free and not np.isnan(meaning[grey]):
-            found.append(grey)
-    return found
+    unknown = _number(path, document, "unknown_pixel") if "unknown_pixel" in document else None
+    return Thresholds(mode, str(negate).lower() in ("1", "true"), occupied, free, unknown)
 
 
 class _PlainLoader(yaml.SafeLoader):
-    """Reads plain data without aliases: a few lines of them can stand for gigabytes, and no map needs them."""
+    """Reads plain data without aliases, of which a few lines can stand for gigabytes, and with each key once."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Make a mapping; raises ConstructorError where a key stands twice: programs differ in which one counts."""
+        found: dict[Any, Any] = super().construct_mapping(node, deep)
+        if len(found) < len(node.value):
+            keys = [str(key.value) for key, _ in node.value]
+            twice = next((key for key in keys if keys.count(key) > 1), keys[0])
+            raise yaml.constructor.ConstructorError(None, None, f"the key {twice} stands twice", node.start_mark)
+        return found
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Read one value; raises ComposerError at an alias."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from worlds.errors import MapFileError
 
 _FORMATS = ("PPM", "PNG", "BMP", "TIFF", "JPEG", "GIF", "WEBP", "TGA")
 """Pillow's names of the formats that are read; others, such as EPS, start programs or are no pictures of maps."""
+_LOSSY = ("JPEG", "WEBP")
 _MIN_OPAQUE = 128
 """Pixels with a smaller alpha value count as transparent."""
 
@@ -29,12 +30,15 @@ class Pixels:
     """Grey value of white: 255 or 65535."""
     transparent: NDArray[np.bool_] | None
     """Pixels that are mostly transparent, (rows, cols); None in a picture without transparency."""
+    lossy: bool = False
+    """The format blurs greys."""
 
 
 def read_pixels(path: Path, *, max_pixels: int) -> Pixels:
     """Read a PGM (plain or binary), PNG, BMP, TIFF, JPEG, GIF, WebP or TGA picture; of several frames the first.
 
-    Values are scaled to 0 to 255, or to 0 to 65535 for pictures of 16 bits.
+    Values are scaled to 0 to 255, or to 0 to 65535 for pictures of 16 bits; such pictures with values up to 255 only
+    count as pictures of 8 bits.
     Raises MapFileError, naming the file, for anything else, a damaged picture, a value above the largest one that the
     picture states, and more than `max_pixels` pixels, before any memory is taken for them.
     """
@@ -49,7 +53,7 @@ def read_pixels(path: Path, *, max_pixels: int) -> Pixels:
             if image.width * image.height == 0:
                 raise MapFileError(f"{path}: expected a picture with at least one pixel")
             _check_largest_value(path, image)
-            return _pixels_of(path, image)
+            return replace(_pixels_of(path, image), lossy=image.format in _LOSSY)
     except UnidentifiedImageError:
         raise MapFileError(f"{path}: expected a picture: PGM, PNG, BMP, TIFF, JPEG, GIF, WebP or TGA") from None
     except Image.DecompressionBombError:
@@ -84,6 +88,8 @@ def _pixels_of(path: Path, image: Image.Image) -> Pixels:
         values = np.asarray(image).astype(np.int64)
         if values.min() < 0 or values.max() > 65535:
             raise MapFileError(f"{path}: grey values of {values.min()} to {values.max()}, expected 0 to 65535")
+        if values.max() <= 255:  # greys of 8 bits that were saved as 16: else all would be black
+            return Pixels(values.astype(np.uint8), 255, None)
         return Pixels(values.astype(np.uint16), 65535, None)
     if image.has_transparency_data:
         channels = np.asarray(image.convert("RGBA"))

@@ -10,6 +10,8 @@ STAMPS = 1.7e9 + 0.1 * np.arange(20)
 HEADINGS = np.linspace(-3.0, 3.0, 20)
 POSITIONS = np.column_stack([np.cos(HEADINGS), 2.0 * np.sin(HEADINGS), np.zeros(20)])
 QUATERNIONS = np.column_stack([np.zeros(20), np.zeros(20), np.sin(HEADINGS / 2), np.cos(HEADINGS / 2)])
+ODD = np.column_stack([np.cos(HEADINGS), np.sin(HEADINGS)])
+"""Of other columns, which are no poses."""
 NANOSECONDS = [round(stamp * 10) * 10**8 for stamp in STAMPS.tolist()]
 ECHO = "%time,field.header.seq,field.header.stamp,field.header.frame_id"
 POSE = "position.x,{0}position.y,{0}position.z,{0}orientation.x,{0}orientation.y,{0}orientation.z,{0}orientation.w"
@@ -35,6 +37,17 @@ def assert_read(path):
         ("index,Timestamp,tx,ty,tz,qx,qy,qz,qw", (range(20), STAMPS, POSITIONS, QUATERNIONS)),
         ("t,qw,qx,qy,qz,x,y,z", (STAMPS, np.roll(QUATERNIONS, 1, axis=1), POSITIONS)),
         ('"time [s]","x [m]","y [m]","yaw [rad]"', (STAMPS, POSITIONS[:, :2], HEADINGS)),
+        ("t_s,x_m,y_m,yaw_rad", (STAMPS, POSITIONS[:, :2], HEADINGS)),
+        ("time_ms,x_mm,y_mm,yaw_deg", (STAMPS * 1e3, POSITIONS[:, :2] * 1e3, np.degrees(HEADINGS))),
+        ("t (ms),x (cm),y (cm),theta (°)", (STAMPS * 1e3, POSITIONS[:, :2] * 1e2, np.degrees(HEADINGS))),
+        ("stamp,robot_x,robot_y,robot_theta,vel_x,vel_y", (STAMPS, POSITIONS[:, :2], HEADINGS, ODD)),
+        ("time,vel.x,vel.y,pos.x,pos.y,pos.z,rot.x,rot.y,rot.z,rot.w", (STAMPS, ODD, POSITIONS, QUATERNIONS)),
+        (
+            "__time,/odom/pose/pose/position/x,/odom/pose/pose/position/y,/odom/pose/pose/orientation/z,"
+            "/odom/pose/pose/orientation/w",
+            (STAMPS, POSITIONS[:, :2], QUATERNIONS[:, 2:]),
+        ),
+        ("timestamp,x,y,z,roll_deg,pitch_deg,yaw_deg", (STAMPS, POSITIONS, 0.0 * ODD, np.degrees(HEADINGS))),
         ("speed,stamp,y,x,theta_deg", (HEADINGS, STAMPS, POSITIONS[:, [1, 0]], np.degrees(HEADINGS))),
     ],
 )
@@ -62,11 +75,48 @@ def test_seconds_and_nanoseconds_in_two_columns(tmp_path):
     assert_read(written(tmp_path / "t.csv", header, rows))
 
 
+@pytest.mark.parametrize(
+    "date", ["2023-11-14 22:13:20.500000", "2023-11-14T22:13:20.500Z", "2023-11-14T23:13:20.5+01:00"]
+)
+def test_dates_with_a_time_of_day_are_stamps(tmp_path, date):
+    trajectory, _ = read_trajectory(written(tmp_path / "t.csv", "timestamp,x,y,yaw", [[date, 1.0, 2.0, 0.5]]))
+    assert trajectory.stamps[0] == pytest.approx(1_700_000_000.5, abs=1e-6)
+
+
+def test_decimal_commas_between_semicolons_are_read(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("t;x;y;yaw\n0,5;1,25;-2,5;0,1\n")
+    trajectory, _ = read_trajectory(path)
+    assert (trajectory.stamps[0], *trajectory.poses[0]) == pytest.approx((0.5, 1.25, -2.5, 0.1))
+
+
+def test_quoted_numbers_are_no_titles(tmp_path):
+    rows = [[f'"{number}"' for number in row] for row in np.column_stack([STAMPS, POSITIONS[:, :2], HEADINGS]).tolist()]
+    assert_read(written(tmp_path / "t.csv", '"t","x","y","yaw"', rows))
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("t,gt_x,gt_y,gt_yaw,est_x,est_y,est_yaw", "t.csv:1: the header names 2 poses"),
+        ("t,x,y,yaw,x,y,yaw", "t.csv:1: the header names x twice"),
+    ],
+)
+def test_two_poses_in_a_line_are_refused(tmp_path, header, message):
+    with pytest.raises(TumError, match=message):
+        read_trajectory(written(tmp_path / "t.csv", header, [[0.0] * 7]))
+
+
+def test_a_robot_that_leans_by_its_roll_is_refused(tmp_path):
+    with pytest.raises(TumError, match=r"t.csv:2: expected a pose in the plane .* leans by 28.6"):
+        read_trajectory(written(tmp_path / "t.csv", "t,x,y,z,roll,pitch,yaw", [[0.0, 1.0, 2.0, 0.0, 0.5, 0.0, 0.3]]))
+
+
 def test_a_line_with_other_cells_is_named(tmp_path):
     rows = np.column_stack([STAMPS, POSITIONS[:, :2], HEADINGS]).tolist()
     with pytest.raises(TumError, match=r"t.csv:4: expected 4 values as in the header, got 5"):
         read_trajectory(written(tmp_path / "t.csv", "t,x,y,yaw", [*rows[:2], [*rows[2], 1.0]]))
-    with pytest.raises(TumError, match=r"t.csv:3: could not convert"):
+    with pytest.raises(TumError, match=r"t.csv:3: expected a number in the column t, got 'late'"):
         read_trajectory(written(tmp_path / "t.csv", "t,x,y,yaw", [rows[0], ["late", *rows[1][1:]]]))
 
 

@@ -373,3 +373,76 @@ def test_the_topic_that_ends_as_usual_is_chosen(tmp_path, messages, sound):
     both = [(f"/b{name[6:]}" if name.startswith("/front") else name, t, m) for name, t, m in renamed if "scan" in name]
     with pytest.raises(LogError, match=r"several topics with scans of one lidar, none is /scan: /b/scan, /front/scan"):
         open_log(bag(tmp_path / "both", [*renamed, *both]))
+
+
+def pose_of(message, x, y, heading):
+    """The message with this pose."""
+    position = replace(message.pose.pose.position, x=float(x), y=float(y))
+    half = 0.5 * float(heading)
+    orientation = replace(message.pose.pose.orientation, x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half)))
+    pose = replace(message.pose.pose, position=position, orientation=orientation)
+    return replace(message, pose=replace(message.pose, pose=pose))
+
+
+def place_of(message):
+    pose = message.pose.pose
+    return pose.position.x, pose.position.y, 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
+
+
+@pytest.mark.parametrize("dead", ["pose", "position", "heading"])
+def test_what_never_changes_of_a_pose_is_made_of_the_twists(tmp_path, turning, dead):
+    def held(message, _):
+        x, y, heading = place_of(message)
+        if dead != "heading":
+            x, y = 1.0, 2.0
+        return pose_of(message, x, y, heading if dead == "position" else 0.0)
+
+    messages, sound = turning
+    table = open_log(bag(tmp_path / "bag", changed(messages, "/odom", held)))
+    assert any(f"the {dead} of the odometry never changes" in note for note in table.repairs)
+    moved, true = (se2.between(t.odometry[:1], t.odometry) for t in (table.table, sound))
+    apart = se2.between(true, moved)
+    length = np.hypot(*np.diff(sound.odometry[:, :2], axis=0).T).sum()
+    assert np.hypot(apart[:, 0], apart[:, 1]).max() < 0.05 * length
+    assert np.degrees(np.abs(apart[:, 2])).max() < 10.0  # while it turns: 25 ms of 3 rad/s are 4 deg
+
+
+def test_poses_that_are_held_are_left_out(tmp_path, turning):
+    last = {}
+
+    def held(message, number):
+        last["pose"] = message.pose if number % 5 == 0 else last["pose"]
+        return replace(message, pose=last["pose"])
+
+    messages, sound = turning
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", held)))
+    assert any("repeat the pose before while their twists say" in note for note in log.repairs)
+    truth = np.array([np.interp(log.table.stamps, sound.stamps, column) for column in sound.odometry[:, :2].T]).T
+    assert np.abs(log.table.odometry[:, :2] - truth).max() < 0.1  # at the end the last pose is held
+    assert np.median(np.abs(log.table.odometry[:, :2] - truth)) < 0.002
+
+
+def doubled(messages, change):
+    """Each message of odometry followed by another one, 10 ms later."""
+    twice = []
+    for topic, time, message in messages:
+        twice.append((topic, time, message))
+        if topic == "/odom":
+            twice.append((topic, time + 10_000_000, change(set_back(message, -0.01))))
+    return twice
+
+
+@pytest.mark.parametrize("frames", [{"child_frame_id": "imu_link"}, {"child_frame_id": "base_lint"}])
+def test_odometry_of_other_frames_on_the_topic_is_left_out(tmp_path, messages, sound, frames):
+    def other(message):
+        return replace(pose_of(message, 5.0, 5.0, 1.0), **frames)
+
+    log = open_log(bag(tmp_path / "bag", doubled(messages, other)))
+    assert_like(log.table, sound)
+    assert any("messages of /odom are of other frames than odom to base_link: left out" in note for note in log.repairs)
+
+
+def test_two_paths_on_one_topic_are_refused(tmp_path, messages):
+    path = bag(tmp_path / "bag", doubled(messages, lambda message: pose_of(message, 5.0, 5.0, 1.0)))
+    with pytest.raises(LogError, match=r"bag: /odom: the odometry jumps at \d+ of \d+ messages, .* expected one path"):
+        open_log(path)

@@ -17,6 +17,8 @@ from tests.testbed.formats.bags import STORE, bag, set_back
 from worlds import load
 
 T = STORE.types
+FRAMES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+"""The type of transforms, and that of ROS 1 before 2013."""
 TOPICS = ("/scan", "/odom", "/tf", "/tf_static", "/ground_truth/odom")
 
 
@@ -145,11 +147,11 @@ def test_a_path_without_times_is_no_truth(tmp_path, messages):
 
 
 @pytest.mark.parametrize("compression", [None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4])
-@pytest.mark.parametrize("has_index", [True, False])
-def test_bags_of_ros_1_with_packed_chunks(tmp_path, messages, sound, compression, has_index):
+@pytest.mark.parametrize(("has_index", "frames"), [(True, FRAMES[0]), (False, FRAMES[0]), (True, FRAMES[1])])
+def test_bags_of_ros_1_with_packed_chunks(tmp_path, messages, sound, compression, has_index, frames):
     store = get_typestore(Stores.ROS1_NOETIC)
     transforms = "geometry_msgs/TransformStamped[] transforms"
-    store.register(get_types_from_msg(transforms, "tf2_msgs/msg/TFMessage"))
+    store.register(get_types_from_msg(transforms, frames))
     path = tmp_path / "drive.bag"
     writer = Writer(path)
     if compression is not None:
@@ -157,7 +159,7 @@ def test_bags_of_ros_1_with_packed_chunks(tmp_path, messages, sound, compression
     with writer:
         connections = {}
         for topic, time, message in messages:
-            kind = message.__msgtype__
+            kind = frames if hasattr(message, "transforms") else message.__msgtype__
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], time, store.serialize_ros1(_with_counters(store, message), kind))

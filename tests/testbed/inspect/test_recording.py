@@ -15,7 +15,7 @@ from slam import se2
 from testbed.formats import Log, open_log
 from testbed.formats.write import write_log
 from testbed.frame_table import BeamPattern
-from testbed.inspect import Reading, inspect_log, notes_of
+from testbed.inspect import Reading, inspect_log, lidars, notes_of
 from testbed.inspect.time_offset import shifted
 from testbed.inspect.turns import compare_turns
 from testbed.presets import load_lidar
@@ -123,6 +123,21 @@ def test_odometry_that_stands_still_or_jumps(log):
     assert "1 jumps that no robot can make, the first at 20.0 s" in note
 
 
+def test_odometry_of_two_programs_goes_to_and_fro(log):
+    poses = log.table.odometry.copy()
+    poses[1::2, 0] += 0.1
+    assert "odometry's path" in doubts(with_table(log, odometry=poses))
+
+
+def test_two_lidars_under_one_name_take_turns(log):
+    table = log.table
+    ranges = table.ranges.copy()
+    for k in range(1, len(table.scan_rows), 2):
+        seen = slice(table.scan_starts[k], table.scan_starts[k + 1])
+        ranges[seen] = np.roll(ranges[seen], len(ranges[seen]) // 2)
+    assert "views of laser" in doubts(with_table(log, ranges=ranges))
+
+
 def test_a_recording_over_decades_takes_no_more_memory(log):
     stamps = log.table.stamps.copy()
     stamps[log.table.scan_rows[-1] :] = 2.0**31
@@ -154,6 +169,13 @@ def test_sectors_of_a_scan_are_compared_by_their_own_times():
     """In 40 s without an offset; whole scans, by their mean time, are off by 2 to 5 ms here."""
     offsets = [compare_turns(drive(seed=seed).table).offset for seed in (4, 5, 6)]
     assert np.abs(offsets).max() < 0.0015
+
+
+def test_readings_that_were_looked_at_are_let_go_of(log, monkeypatch):
+    forgotten = []
+    monkeypatch.setattr(lidars, "forget_pages", lambda ranges: forgotten.append(ranges is log.table.ranges))
+    assert doubts(log) == {}
+    assert forgotten == [True] * (400 // lidars.LET_GO + lidars.TRIPLES)
 
 
 @pytest.mark.skipif(not INTEL.is_file(), reason="needs the recorded log intel-merged")

@@ -2,9 +2,11 @@
 """A store gives back the frames that it was given, whether their readings are in memory or in its file."""
 
 import errno
+import gc
 import os
 import tempfile
-from dataclasses import fields
+import weakref
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -23,6 +25,8 @@ from testbed.simulation import SimulationConfig, simulate
 from tests.testbed.test_large_arrays import is_in_file
 from worlds import load
 
+BLOCK = 4
+
 
 def frame_of(number, beams):
     """A frame with readings of every kind; no scan where beams is None."""
@@ -36,22 +40,36 @@ def frame_of(number, beams):
             range_max=8.0,
             stamp=0.1 * number,
             mount=(0.1, 0.2, 0.3),
+            time_offsets=None if number % 2 else np.linspace(0.0, 0.1, beams),
         )
-    return Frame(stamp=0.1 * number, odometry=np.array([number, 0.0, 0.1]), scan=scan, lidar=f"lidar {number % 2}")
+    return Frame(
+        stamp=0.1 * number,
+        odometry=np.array([number, 0.0, 0.1]),
+        scan=scan,
+        lidar=Frame.lidar if scan is None else f"lidar {number % 2}",
+        twist=None if number % 3 else np.array([0.5, 0.0, number]),
+        command=None if number % 5 else (0.25, 0.1 * number),
+        truth=None if number % 2 else np.array([0.0, 0.5, number]),
+    )
 
 
 def same(one, other):
     """Whether two frames are equal to the bit."""
     if (one.scan is None) != (other.scan is None):
         return False
-    scans = one.scan is None or all(
-        np.array_equal(getattr(one.scan, f.name), getattr(other.scan, f.name), equal_nan=f.name == "ranges")
-        for f in fields(Scan)
-        if f.name != "time_offsets"
+    pairs = [(getattr(one, f.name), getattr(other, f.name)) for f in fields(Frame) if f.name != "scan"]
+    if one.scan is not None:
+        pairs += [(getattr(one.scan, f.name), getattr(other.scan, f.name)) for f in fields(Scan)]
+    return all(
+        (a is None) == (b is None) and (a is None or np.array_equal(a, b, equal_nan=not isinstance(a, str)))
+        for a, b in pairs
     )
-    return (
-        scans and (one.stamp, one.lidar) == (other.stamp, other.lidar) and np.array_equal(one.odometry, other.odometry)
-    )
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch):
+    """Blocks of four frames, so that short lists have several."""
+    monkeypatch.setattr(frame_store, "BLOCK_FRAMES", BLOCK)
 
 
 @given(
@@ -64,7 +82,7 @@ def test_frames_come_back_to_the_bit(sizes, in_memory):
         if size != "drop":
             kept.append(frame_of(number, size))
             store.append(kept[-1])
-        elif kept:
+        elif kept and sizes[number - 1] != "drop":  # right after it was taken in
             kept.pop()
             store.drop_last()
     assert len(store) == len(kept)
@@ -74,14 +92,31 @@ def test_frames_come_back_to_the_bit(sizes, in_memory):
     assert [scan is None for scan in store.scans] == [frame.scan is None for frame in kept]
     assert store.with_scan.tolist() == [k for k, frame in enumerate(kept) if frame.scan is not None]
     assert np.array_equal(store.stamps, [frame.stamp for frame in kept])
-    assert np.array_equal(store.odometry, np.array([frame.odometry for frame in kept]))
+    assert np.array_equal(store.odometry, np.array([frame.odometry for frame in kept]).reshape(-1, 3))
 
 
 def test_readings_beyond_the_limit_are_not_in_memory():
-    store = FrameStore(in_memory=8 * 10)
-    for number in range(5):
+    store = FrameStore(in_memory=8 * 10 * BLOCK)
+    for number in range(3 * BLOCK + 1):
         store.append(frame_of(number, 10))
-    assert [is_in_file(frame.scan.ranges) for frame in store] == [False, True, True, True, True]
+    assert [is_in_file(block.ranges) for block in store._blocks] == [False, True, True]
+
+
+def test_no_object_is_kept_for_a_frame_of_a_block():
+    store, frames = FrameStore(), [frame_of(number, 10) for number in range(2 * BLOCK + 1)]
+    for frame in frames:
+        store.append(frame)
+    kept = [weakref.ref(store[0]), weakref.ref(store[0].scan)]
+    gc.collect()
+    assert [reference() for reference in kept] == [None, None]
+    assert store[-1] is store[-1]
+
+
+def test_readings_that_are_a_part_of_something_large_do_not_hold_it():
+    whole, store = np.ones(1000), FrameStore()
+    scan = replace(frame_of(1, 10).scan, ranges=whole[:10])
+    store.append(replace(frame_of(1, 10), scan=scan))
+    assert not np.shares_memory(store[0].scan.ranges, whole)
 
 
 def test_reading_frames_again_lets_go_of_their_memory(monkeypatch):
@@ -89,11 +124,14 @@ def test_reading_frames_again_lets_go_of_their_memory(monkeypatch):
     forgotten = []
     monkeypatch.setattr(large_arrays, "forget_pages", lambda array: forgotten.append(array.size))
     store = FrameStore(in_memory=0)
-    for number in range(9):
+    for number in range(5 * BLOCK):
         store.append(frame_of(number, 10))
-    assert not forgotten
+    forgotten.clear()
     assert all(same(frame, frame_of(number, 10)) for number, frame in enumerate(store))
-    assert len(forgotten) == 2  # after each three scans of 80 bytes
+    assert len(forgotten) == 4  # after each block of four scans of 80 bytes
+    forgotten.clear()
+    assert all(same(store[number], frame_of(number, 10)) for number in range(8))
+    assert len(forgotten) == 2  # after each three scans
 
 
 def test_a_full_disk_names_the_folder(monkeypatch):
@@ -102,10 +140,13 @@ def test_a_full_disk_names_the_folder(monkeypatch):
 
     monkeypatch.setattr(os, "posix_fallocate", full)
     store = FrameStore(in_memory=0)
+    for number in range(BLOCK):
+        store.append(frame_of(number, 10))
     with pytest.raises(OSError, match="No space left on device, for the scans of a long recording or run") as error:
-        store.append(frame_of(0, 10))
+        store.append(frame_of(BLOCK, 10))
     assert error.value.filename == tempfile.gettempdir()
-    assert len(store) == 0
+    assert len(store) == BLOCK
+    assert same(store[BLOCK - 1], frame_of(BLOCK - 1, 10))
 
 
 def test_a_run_is_the_same_where_nothing_is_kept_in_memory(monkeypatch):

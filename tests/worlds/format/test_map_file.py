@@ -125,13 +125,13 @@ def test_an_origin_in_utm_is_kept_as_an_offset(tmp_path):
         ({"origin": [0.0]}, "origin: expected"),
         ({"origin": "here"}, "origin: expected"),
         ({"origin": [0, ".nan", 0]}, "origin: expected a number"),
-        ({"resolution": None}, "resolution: expected a number, got None"),
+        ({"resolution": None}, "resolution: missing, expected a map_server .yaml"),
         ({"resolution": 0.0}, "resolution: expected metres per pixel above 0"),
         ({"resolution": True}, "resolution: expected a number, got True"),
         ({"resolution": int("1" * 400)}, "resolution: expected a number, got 1111"),
         ({"resolution": 500.0}, "resolution: expected metres per pixel above 0 and up to 100"),
         ({"resolution": "wide"}, "resolution: expected a number"),
-        ({"image": None}, "image: expected the name of a picture, got None"),
+        ({"image": None}, "image: missing, expected a map_server .yaml"),
         ({"image": ["a"]}, "image: expected the name of a picture"),
         ({"image": "gone.pgm"}, r"image: gone\.pgm does not exist"),
         ({"mode": "fancy"}, "mode: expected one of trinary, scale, raw, got 'fancy'"),
@@ -165,6 +165,46 @@ def test_aliases_are_refused_whatever_they_stand_for(tmp_path, text):
     (tmp_path / "map.yaml").write_text(text)
     with pytest.raises(MapFileError, match=r"an alias"):
         read_map_file(tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("image: a.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nresolution: 0.1\n", "the key resolution stands twice"),
+        ("image: a.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n---\nimage: b.pgm\n", "2 documents"),
+        ("map_server:\n  image: a.pgm\n", "image: missing, .* there is: map_server$"),
+        ("header: 1\ninfo: {width: 2}\ndata: [0, 100]\n---\n", "there is: header, info, data; .* with map_saver$"),
+    ],
+)
+def test_keys_in_doubt_are_refused_with_those_that_are_there(tmp_path, text, message):
+    path = tmp_path / "map.yaml"
+    path.write_text(text)
+    with pytest.raises(MapFileError, match=message):
+        read_map_file(path)
+
+
+def test_a_picture_whose_name_differs_in_capitals_is_read(tmp_path):
+    path = write(tmp_path, p5(PLAN), "Map.PGM", image="map.pgm")
+    (note,) = check(path, notes=1)
+    assert "image: map.pgm does not exist here" in note
+
+
+def test_a_byte_order_mark_and_a_last_separator_change_nothing(tmp_path):
+    path = write(tmp_path, p5(PLAN))
+    path.write_bytes(b"\xef\xbb\xbf---\n" + path.read_bytes() + b"---\n")
+    check(path)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"origin": [-4.5, -3.5, 5]}, "a yaw of 5 turns the map by 286 degrees"),
+        ({"resolution": 5}, "cells of 5 m, is this in metres"),
+    ],
+)
+def test_numbers_that_are_hardly_meant_add_a_note_for_every_use(tmp_path, keys, message):
+    (note,) = read_map_file(write(tmp_path, p5(PLAN), **keys)).notes
+    assert message in note
 
 
 def test_messages_quote_little_of_a_long_file(tmp_path):

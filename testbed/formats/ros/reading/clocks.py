@@ -60,11 +60,8 @@ def one_clock(content: BagContent, times: Floats, track: Track) -> Track:
     return track.first(count)
 
 
-def in_one_pass(
-    content: BagContent, nanoseconds: list[int], scans: list[RawScan]
-) -> tuple[list[RawScan], NDArray[np.int64]]:
-    """Scans of a topic without repeated passes, by the times of the bag where their stamps are none; and which of the
-    messages they are.
+def in_one_pass(content: BagContent, nanoseconds: Sequence[int], scans: list[RawScan]) -> list[RawScan]:
+    """Scans of a topic without repeated passes, by the times of the bag where their stamps are none.
 
     nanoseconds: times of the bag [ns]
     """
@@ -88,7 +85,7 @@ def in_one_pass(
         content.notes.append(f"{len(kept) - count} scans from where their time steps back on are left out")
     kept = kept[:count]
     chosen = [(scans[row], stamps[row].item()) for row in kept.tolist()]
-    return [scan if scan.stamp == stamp else scan._replace(stamp=stamp) for scan, stamp in chosen], kept
+    return [scan if scan.stamp == stamp else scan._replace(stamp=stamp) for scan, stamp in chosen]
 
 
 def true_path(content: BagContent, times: Floats, track: Track) -> Track:

@@ -63,9 +63,8 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
             scan = slice_of(message, places[content.cloud_frames[topic]], content.heights, directions[topic])
         except (ValueError, TypeError) as error:
             raise LogError(f"{path}: cloud {number} ({connection.topic}): {error}") from None
-        scan = scan._replace(ranges=content.readings.keep(scan.ranges))
-        content.scans[topic].append(scan)
-        content.places[id(scan)] = f"cloud {number} ({topic})"
+        kept = content.readings.keep(scan.ranges)
+        content.scans[topic].append(scan._replace(ranges=kept, number=number, source=f"cloud {{}} ({topic})"))
     known = sum(int(np.isfinite(scan.ranges).sum()) for scans in content.scans.values() for scan in scans)
     count = sum(map(len, content.scans.values()))
     low, high = content.heights

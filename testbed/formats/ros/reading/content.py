@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +43,8 @@ class BagContent:
     """The scans of each topic."""
     readings: ReadingsStore = field(default_factory=ReadingsStore)
     """Where their readings are kept."""
-    places: dict[int, str] = field(default_factory=dict)
-    """Number and topic of each scan in the bag, by its `id`, for messages to the user."""
+    heads: dict[tuple[str | float, ...], tuple[Any, ...]] = field(default_factory=dict)
+    """What the scans say of themselves, once for all that say the same."""
     odometry: Track = NO_TRACK
     truth: Track = NO_TRACK
     commands: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
@@ -69,13 +69,3 @@ class RawMessage(NamedTuple):
     time: int
     """Time of the bag [ns]."""
     data: bytes
-
-
-class ReadScan(NamedTuple):
-    """A scan, as it comes in the bag."""
-
-    number: int
-    """Counts the messages that are read, from 1."""
-    time: int
-    """Time of the bag [ns]."""
-    scan: RawScan

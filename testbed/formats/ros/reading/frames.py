@@ -14,6 +14,7 @@ from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import RawScan, Track
 from testbed.formats.ros.reading.repairs import bridged, with_sound_twists
 from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar
+from testbed.formats.ros.reading.stale_poses import with_fresh_poses
 from testbed.frame_table import FrameTable
 from testbed.large_arrays import joined
 
@@ -31,9 +32,13 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     range_max [m] overrides what the scans say. Raises LogError where the clocks of scans and odometry do not meet, or
     where several topics have scans of one lidar.
     """
-    track, odd_twists = with_sound_twists(content.odometry.in_time())
-    track, jumps = bridged(track)
-    content.notes += [*odd_twists, *jumps]
+    track, stale = with_fresh_poses(content.odometry.in_time())
+    track, odd_twists = with_sound_twists(track)
+    try:
+        track, jumps = bridged(track)
+    except ValueError as error:
+        raise LogError(f"{path}: {content.topics['odometry']}: {error}") from None
+    content.notes += [*stale, *odd_twists, *jumps]
     first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = one_topic_per_lidar(path, content)
     scans = of_level_lidars(content, scans)
@@ -80,9 +85,7 @@ def _by_clock_of_bag(content: BagContent, scans: list[RawScan]) -> list[RawScan]
         f"stamps of scans are by another clock, {-shift:+.1f} s from that of the odometry: related by the bag's own "
         "times; --time-offset auto refines that"
     )
-    moved = [scan._replace(stamp=scan.stamp + shift) for scan in scans]
-    content.places |= {id(new): content.places[id(old)] for new, old in zip(moved, scans, strict=True)}
-    return moved
+    return [scan._replace(stamp=scan.stamp + shift) for scan in scans]
 
 
 def _gap_notes(track: Track, scans: list[RawScan]) -> list[str]:

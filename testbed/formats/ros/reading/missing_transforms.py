@@ -13,7 +13,7 @@ from testbed.formats.ros.reading.clocks import one_clock
 from testbed.formats.ros.reading.content import BagContent, RawMessage
 from testbed.formats.ros.reading.decode import Track, seconds
 from testbed.formats.ros.reading.repairs import with_twists
-from testbed.formats.ros.reading.topics import DESCRIPTION, ODOMETRY_TYPE, TRANSFORM_TYPE
+from testbed.formats.ros.reading.topics import DESCRIPTION, ODOMETRY_TYPE, TRANSFORM_TYPES
 from testbed.formats.ros.reading.transforms import MAX_PLAY, Mount, Moving, joint_transforms, planar_transform
 
 
@@ -24,10 +24,10 @@ def complete_transforms(
     lidars = {scan.frame_id for scans in content.scans.values() for scan in scans} | set(content.cloud_frames.values())
     robot = content.odometry.child_frame
     tf = content.topics["odometry"]
-    from_tf = tf in raws and raws[tf][0].msgtype == TRANSFORM_TYPE
+    from_tf = tf in raws and raws[tf][0].msgtype in TRANSFORM_TYPES
     if from_tf or not all(content.transforms.leads(robot, lidar) for lidar in lidars):
         for topic, (connection, messages) in raws.items():
-            if connection.msgtype == TRANSFORM_TYPE and "static" not in topic:
+            if connection.msgtype in TRANSFORM_TYPES and "static" not in topic:
                 for raw in messages:
                     content.moving.add(reader.deserialize(raw.data, connection.msgtype), seconds(raw.time))
     if from_tf:

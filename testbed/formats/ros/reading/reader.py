@@ -10,9 +10,12 @@ took it.
 from __future__ import annotations
 
 import math
+from array import array
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from sys import intern
 from typing import Any
 
 import numpy as np
@@ -24,7 +27,7 @@ from testbed.formats.ros.layouts import Encoding
 from testbed.formats.ros.packing import messages
 from testbed.formats.ros.reading.clocks import first_pass, in_one_pass, one_clock, true_path
 from testbed.formats.ros.reading.clouds import peek_clouds, read_clouds
-from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage, ReadScan
+from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage
 from testbed.formats.ros.reading.decode import (
     BadMessageError,
     RawScan,
@@ -33,6 +36,7 @@ from testbed.formats.ros.reading.decode import (
     decode_odometry,
     decode_scan,
     decode_truth,
+    publishers,
     seconds,
 )
 from testbed.formats.ros.reading.frames import assemble
@@ -42,12 +46,14 @@ from testbed.formats.ros.reading.topics import (
     DESCRIPTION,
     ECHO_TYPE,
     ODOMETRY_TYPE,
-    TRANSFORM_TYPE,
+    TRANSFORM_TYPES,
     choose_topics,
 )
-from testbed.formats.ros.reading.transforms import planar_pose
+from testbed.formats.ros.reading.transforms import ROBOT_FRAMES, planar_pose
 from testbed.formats.ros.salvage import readable
 
+MAX_HEADS = 1000
+"""Different heads of scans that are kept once; of scans that all differ nothing is gained."""
 MAX_CELLS = 100_000_000
 """Cells."""
 MAX_METADATA = 1_000_000
@@ -107,7 +113,7 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
         wanted = [connection for connection in wanted if connection not in clouds]
         sealed, total, seal = any(c.topic == SEAL_TOPIC for c in reader.connections), MessageSum(), ""
         raws: dict[str, tuple[Any, list[RawMessage]]] = {}
-        scans: dict[str, list[ReadScan]] = {}
+        scans: dict[str, tuple[array[int], list[RawScan]]] = {}  # with the bag's times
         for connection, time, raw in messages(reader, reader.connections if sealed else wanted):
             if connection.topic == SEAL_TOPIC:
                 seal = str(getattr(reader.deserialize(raw, connection.msgtype), "data", ""))
@@ -118,8 +124,9 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
                 continue
             content.messages += 1
             if connection.topic in content.scans:  # the larger part of a bag: its messages are not kept
-                scan = _read_scan(content, connection, raw, reader)
-                scans.setdefault(connection.topic, []).append(ReadScan(content.messages, time, scan))
+                times, of_topic = scans.setdefault(connection.topic, (array("q"), []))
+                times.append(time)
+                of_topic.append(_read_scan(content, connection, raw, reader))
                 continue
             raws.setdefault(connection.topic, (connection, []))[1].append(RawMessage(content.messages, time, raw))
         if sealed and seal != total.text:
@@ -131,13 +138,8 @@ def _read_messages(path: Path, paths: list[Path], content: BagContent) -> None:
                 _decode(content, connection, serialised, reader)
             except BadMessageError as error:
                 raise LogError(f"{path}: message {serialised[error.number].number} ({topic}): {error}") from None
-        for topic, read in scans.items():
-            content.scans[topic], kept = in_one_pass(content, [r.time for r in read], [r.scan for r in read])
-            numbers = [read[row].number for row in kept.tolist()]
-            content.places |= {
-                id(scan): f"message {number} ({topic})"
-                for scan, number in zip(content.scans[topic], numbers, strict=True)
-            }
+        for topic, (times, of_topic) in scans.items():
+            content.scans[topic] = in_one_pass(content, times, of_topic)
         peek_clouds(content, reader, clouds)
         try:
             complete_transforms(path, content, raws, reader)
@@ -157,7 +159,11 @@ def _read_scan(content: BagContent, connection: Any, raw: bytes, reader: Any) ->
         scan = decode_echoes(raw, deserialise)
     else:
         scan = decode_scan(raw, "cdr" if reader.is2 else "ros1", deserialise)
-    return scan._replace(ranges=content.readings.keep(scan.ranges))
+    head: tuple[Any, ...] = scan[1 : RawScan._fields.index("ranges")]
+    if len(content.heads) < MAX_HEADS:
+        head = content.heads.setdefault(head, head)
+    source = intern(f"message {{}} ({connection.topic})")
+    return RawScan._make((scan.stamp, *head, content.readings.keep(scan.ranges), content.messages, source))
 
 
 def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader: Any) -> None:
@@ -169,7 +175,7 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
     def deserialise(raw: bytes) -> Any:
         return reader.deserialize(raw, connection.msgtype)
 
-    if connection.msgtype == TRANSFORM_TYPE:
+    if connection.msgtype in TRANSFORM_TYPES:
         if "static" in topic:  # moving joints are no mount
             _one_by_one(data, lambda raw: content.transforms.add(deserialise(raw)))
     elif topic == DESCRIPTION:
@@ -179,10 +185,26 @@ def _decode(content: BagContent, connection: Any, raws: list[RawMessage], reader
     elif topic == topics.get("map"):
         _one_by_one(data[-1:], lambda raw: setattr(content, "truth_map", _grid(deserialise(raw))))
     elif topic == topics["odometry"]:
-        track = decode_odometry(data, encoding, deserialise)
-        content.odometry = one_clock(content, np.array([seconds(raw.time) for raw in raws]), track)
+        kept = _of_one_publisher(content, topic, raws, encoding)
+        track = decode_odometry([raw.data for raw in kept], encoding, deserialise)
+        content.odometry = one_clock(content, np.array([seconds(raw.time) for raw in kept]), track)
     else:
         _decode_truth(content, connection, raws, encoding, deserialise)
+
+
+def _of_one_publisher(content: BagContent, topic: str, raws: list[RawMessage], encoding: Encoding) -> list[RawMessage]:
+    """The messages of odometry of one pair of frames, where several programs send to its topic: that of the robot's
+    base, else the most frequent one."""
+    pairs = publishers([raw.data for raw in raws], encoding)
+    named = Counter(pair for pair in pairs if all(pair))
+    if len(named) < 2:
+        return raws
+    chosen = max(named, key=lambda pair: (pair[0] == "odom" and pair[1] in ROBOT_FRAMES, named[pair]))
+    kept = [raw for raw, pair in zip(raws, pairs, strict=True) if pair == chosen]
+    content.notes.append(
+        f"{len(raws) - len(kept)} messages of {topic} are of other frames than {chosen[0]} to {chosen[1]}: left out"
+    )
+    return kept
 
 
 def _decode_truth(

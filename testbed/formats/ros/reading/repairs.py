@@ -18,8 +18,11 @@ Floats = NDArray[np.float64]
 
 MAX_SWEEP = 2.0
 """Longest time that the beams of one scan can take [s]."""
-MAX_JUMP_SHARE = 0.01
-"""Odometry that jumps more often, as a share of its messages, does not start again: it is left as it is."""
+MAX_JUMP_SHARE, NO_PATH_SHARE = 0.01, 0.5
+"""Odometry that jumps more often, as a share of its messages, does not start again: it is left as it is; odometry that
+jumps with so many of them is no path."""
+MIN_JUMPS = 50
+"""Of fewer jumps nothing is said."""
 PIECE_SECONDS, MIN_PIECE, MIN_PIECES = 1.0, 0.1, 5
 """Twists are compared with poses over pieces of so many seconds: those in which the robot moves by so much [m], [rad],
 of which there must be so many."""
@@ -151,10 +154,17 @@ def bridged(track: Track) -> tuple[Track, list[str]]:
     """Odometry, sorted by time, whose jumps are taken out: what follows one is moved to where the robot was before.
 
     Between the messages before and after a jump the robot is taken to have moved as its twist says, if it is known.
+    Raises ValueError where most messages are jumps.
     """
     steps, spans = se2.between(track.poses[:-1], track.poses[1:]), np.diff(track.stamps)
     length, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
     jumps = np.flatnonzero(has_jumped(steps, spans)).tolist()
+    if len(jumps) > max(NO_PATH_SHARE * len(track.stamps), MIN_JUMPS):
+        raise ValueError(
+            f"the odometry jumps at {len(jumps)} of {len(track.stamps)} messages, such as by {length[jumps[0]]:.2f} m "
+            f"and {math.degrees(turn[jumps[0]]):.0f} deg within {spans[jumps[0]]:.2f} s: do two programs send it? "
+            "expected one path"
+        )
     if len(jumps) > MAX_JUMP_SHARE * len(track.stamps):
         return track, [f"the odometry jumps {len(jumps)} times, too often for a restart: it is used as it is"]
     poses, notes = track.poses.copy(), []

@@ -59,13 +59,11 @@ class ScanColumns:
         if not any("in degrees" in other for other in self._content.notes):
             numbers = f"{scan.angle_min:g} to {scan.angle_max:g}"
             self._content.notes.append(f"the angles of the scans are in degrees ({numbers}): read as such")
-        converted = scan._replace(
+        return scan._replace(
             angle_min=math.radians(scan.angle_min),
             angle_max=math.radians(scan.angle_max),
             angle_increment=math.radians(scan.angle_increment),
         )
-        self._content.places[id(converted)] = self._content.places[id(scan)]
-        return converted
 
     def _check(self, scan: RawScan) -> None:
         if not (math.isfinite(scan.angle_min) and math.isfinite(scan.angle_increment)):
@@ -114,7 +112,7 @@ class ScanColumns:
         return mount
 
     def _place(self, scan: RawScan) -> str:
-        return f"{self._path}: {self._content.places[id(scan)]}"
+        return f"{self._path}: {scan.place}"
 
 
 def _pattern(first: float, step: float, between: float, count: int, upside_down: bool) -> BeamPattern:

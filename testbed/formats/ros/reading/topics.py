@@ -15,7 +15,8 @@ SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 ECHO_TYPE = "sensor_msgs/msg/MultiEchoLaserScan"
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
-TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
+TRANSFORM_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+"""The second is that of ROS 1 before 2013."""
 COMMAND_TYPES = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 MAP_TYPE = "nav_msgs/msg/OccupancyGrid"
 DESCRIPTION = "/robot_description"
@@ -40,7 +41,8 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
     filled = {c.topic for c in reader.connections if c.msgcount}
     others = [topic for topic in poses if not _is_ground_truth(topic)]
-    transforms = usual_topic(sorted(t for t in by_type[TRANSFORM_TYPE] if "static" not in t), "/tf")
+    frames = set().union(*(by_type[kind] for kind in TRANSFORM_TYPES))
+    transforms = usual_topic(sorted(topic for topic in frames if "static" not in topic), "/tf")
     if transforms in filled or filled & set(others):
         others = [topic for topic in others if topic in filled]
     truths = [topic for kind in TRUTH_TYPES for topic in sorted(by_type[kind]) if _is_ground_truth(topic)]
@@ -63,7 +65,7 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     if true_maps := [topic for topic in maps if _is_ground_truth(topic)]:
         content.topics["map"] = true_maps[0]
     taken = {*content.topics.values(), *content.scans, *(by_type["std_msgs/msg/String"] & {DESCRIPTION})}
-    wanted = [c for c in reader.connections if c.topic in taken or c.msgtype == TRANSFORM_TYPE]
+    wanted = [c for c in reader.connections if c.topic in taken or c.msgtype in TRANSFORM_TYPES]
     content.all_topics = _all_topics(reader, content, {c.topic for c in wanted})
     derived = {SEAL_TOPIC, *(f"{topic}_cloud" for topic in content.scans)}
     content.others = sorted(
