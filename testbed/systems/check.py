@@ -60,6 +60,8 @@ def check_system(entrant: ClassEntrant) -> Iterator[Finding]:
         yield Finding("warning", "fewer than 90 % of the scans have a pose: such a run counts as lost")
     yield from (Finding("warning", note) for note in estimated.notes)
     yield _map(estimated)
+    if seen := estimated.particles.by_scan:
+        yield Finding("ok", f"particles: at {len(seen)} scans, {max(len(w) for _, w in seen.values())} at most")
     yield _accuracy(frames, estimated)
     yield _deterministic(entrant, frames, estimated)
     for name, change in BAD_INPUT.items():
