@@ -105,6 +105,7 @@ testbed gather sweep
     "view": """Open the recording of a run in the Rerun viewer.
 
 ```
+testbed view --demo
 testbed view runs/office-20250101-120000
 testbed view runs/office-20250101-120000 --time 60 --save moment.png
 ```
