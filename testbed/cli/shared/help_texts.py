@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Help texts of the commands, in a module that imports nothing. The first line is the summary.
 
-Examples work when they are pasted in their order; words in capitals stand for files of the user. Parameters are described
-in the modules of the commands.
+Examples work when they are pasted in their order; words in capitals stand for files of the user. Parameters are
+described in the modules of the commands.
 """
 
 HELP = {
