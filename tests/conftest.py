@@ -14,8 +14,8 @@ from hypothesis import settings
 
 from tests.cheaper import computed_here, undrawn
 
-settings.register_profile("fast", max_examples=50)
-settings.register_profile("deep", max_examples=1000)
+settings.register_profile("fast", max_examples=50, deadline=None)  # no test asserts a time
+settings.register_profile("deep", max_examples=1000, deadline=None)
 settings.load_profile("fast")
 
 

@@ -25,6 +25,8 @@ MAX_NAMES = 12
 def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", negative=())] = False) -> None:
     """Print the totals of a collection: datasets, worlds, time, metres, scans, size, and its splits.
 
+    Example: `testbed datasets info data`, after `testbed simulate office,lab --out data`
+
     Parameters
     ----------
     directory

@@ -41,7 +41,7 @@ def check(
 
     An error breaks the protocol (exit status 1); a warning will go wrong on some recordings.
 
-    Example: `testbed systems check my_slam.py:MySlam`
+    Example: `testbed systems check odometry`
 
     Parameters
     ----------

@@ -19,6 +19,7 @@ from testbed.cli.shared.console import console, results
 from testbed.datasets import open_dataset
 from testbed.formats import open_log
 from testbed.views import (
+    DEMO,
     NoDisplayError,
     Scene,
     events_of,
@@ -34,9 +35,10 @@ TENTH = 0.1
 
 
 def view(
-    paths: list[Path],
+    paths: list[Path] | None = None,
     /,
     *,
+    demo: bool = False,
     time: str | None = None,
     serve: bool = False,
     save: Path | None = None,
@@ -53,6 +55,8 @@ def view(
     ----------
     paths
         Directories of runs or sweeps, datasets, or recorded logs.
+    demo
+        Show a run of the world `office` that comes with the package: nothing has to be run before.
     time
         Open the window at this time, in seconds since the first scan. A saved recording begins at its start and a web
         page stands at its end: the time to move the cursor to is printed. A picture (--save x.png) shows this time; of
@@ -66,6 +70,7 @@ def view(
     events
         Print the event log of a run instead of showing it: time since the first scan, level, what happened.
     """
+    paths = _chosen(paths or [], demo)
     times = [] if time is None else _times(time)
     if events:
         if times or serve or save is not None:
@@ -97,6 +102,15 @@ def view(
         if viewer.address is not None:
             console.print(f"view: {viewer.address}{_then_move(moment)}; served until Ctrl-C", soft_wrap=True)
         viewer.wait()
+
+
+def _chosen(paths: list[Path], demo: bool) -> list[Path]:
+    """What is to be shown: the paths, or the recording that comes with the package."""
+    if demo and paths:
+        raise ValueError(f"--demo: shows the run that comes with the package, expected no {paths[0]} with it")
+    if not demo and not paths:
+        raise ValueError("expected a run, dataset or log, as in testbed view runs/NAME; --demo shows one that is there")
+    return [DEMO] if demo else paths
 
 
 def _times(text: str) -> list[float]:
@@ -161,7 +175,8 @@ def _named(picture: Path, time: float) -> Path:
 
 def _without_display(paths: list[Path], time: float | None) -> str:
     """Commands that show the same without a display: as a web page; a single path also as a picture at a time [s]."""
-    shown, at = shlex.join(map(str, paths)), "" if time is None else f" --time {time:g}"
+    shown = "--demo" if paths == [DEMO] else shlex.join(map(str, paths))
+    at = "" if time is None else f" --time {time:g}"
     page = f"for a browser: testbed view {shown}{at} --serve"
     if len(paths) > 1 or (paths[0] / "sweep.toml").is_file():
         return page

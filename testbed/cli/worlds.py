@@ -104,7 +104,7 @@ def generate_world(
 def import_world(map_: Annotated[Path, Parameter(name="map")], *, out: Path) -> None:
     """Convert a ROS map_server map to a world with walls along the edges of occupied cells and no tour.
 
-    Example: `testbed worlds import floor.yaml --out floor.toml`
+    Example: `testbed worlds import MAP.yaml --out floor.toml`
 
     Parameters
     ----------

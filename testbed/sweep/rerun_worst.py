@@ -59,7 +59,7 @@ def rerun(directory: SweepDirectory, cell: Cell, watcher: RunProgress) -> bool:
 def _rerun_system(directory: SweepDirectory, cell: Cell, system: Entrant, folder: Path) -> bool:
     """Repeat the run of a cell with another SLAM system, which leaves no recording."""
     recorded = recorded_of(cell, recording_of(cell))
-    metrics = execute_system(system, recorded, RunDirectory.create(folder), _document(cell))
+    metrics, _ = execute_system(system, recorded, RunDirectory.create(folder), _document(cell))
     write_report(folder)
     swept = directory.result(cell.key)
     return swept is not None and metrics["trajectory"] == swept.metrics["trajectory"]

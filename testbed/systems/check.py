@@ -17,7 +17,7 @@ from slam import se2
 from testbed.frame import Frame
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
-from testbed.systems.entrant import ClassSystem, PythonSystem
+from testbed.systems.entrant import ClassEntrant
 from testbed.systems.errors import SystemFailedError
 from testbed.systems.execute import trajectory_at_scans
 from testbed.systems.feeding import Estimated
@@ -37,7 +37,7 @@ class Finding:
     """What was tried, and what was found if it was not right."""
 
 
-def check_system(entrant: PythonSystem | ClassSystem) -> Iterator[Finding]:
+def check_system(entrant: ClassEntrant) -> Iterator[Finding]:
     """Try a system and yield what was found, one thing after the other; SystemsError where it cannot be made.
 
     An error breaks the protocol. A warning is what the protocol allows and what will go wrong on some recordings.
@@ -60,6 +60,8 @@ def check_system(entrant: PythonSystem | ClassSystem) -> Iterator[Finding]:
         yield Finding("warning", "fewer than 90 % of the scans have a pose: such a run counts as lost")
     yield from (Finding("warning", note) for note in estimated.notes)
     yield _map(estimated)
+    if seen := estimated.particles.by_scan:
+        yield Finding("ok", f"particles: at {len(seen)} scans, {max(len(w) for _, w in seen.values())} at most")
     yield _accuracy(frames, estimated)
     yield _deterministic(entrant, frames, estimated)
     for name, change in BAD_INPUT.items():
@@ -107,7 +109,7 @@ def _accuracy(frames: Sequence[Frame], estimated: Estimated) -> Finding:
     return Finding("ok", f"{words} (too short a drive to judge by; a warning from {MAX_WORSE:g} times on)")
 
 
-def _deterministic(entrant: PythonSystem | ClassSystem, frames: Sequence[Frame], first: Estimated) -> Finding:
+def _deterministic(entrant: ClassEntrant, frames: Sequence[Frame], first: Estimated) -> Finding:
     """Run it again with the same seed while the global generators say something else."""
     legacy, standard = np.random.get_state(), random.getstate()  # noqa: NPY002  # what a system may have used
     np.random.seed(12345)  # noqa: NPY002
@@ -130,7 +132,7 @@ def _same_map(first: Estimated, second: Estimated) -> bool:
     return np.array_equal(first.grid.probability, second.grid.probability, equal_nan=True)
 
 
-def _survives(entrant: PythonSystem | ClassSystem, name: str, frames: list[Frame]) -> Finding:
+def _survives(entrant: ClassEntrant, name: str, frames: list[Frame]) -> Finding:
     try:
         entrant.run(frames, seed=0)
     except SystemFailedError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -41,9 +42,30 @@ class Entrant(Protocol):
         ...
 
 
+class ClassEntrant(ABC):
+    """A system that is a class which follows `testbed.systems.protocol.System`: each run gets a new instance of it."""
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Name of its directory and in tables."""
+
+    @abstractmethod
+    def make(self) -> System:
+        """Make a new instance; raises SystemsError where it cannot be made."""
+
+    def facts(self) -> dict[str, Any]:
+        """Name, version and settings, for `config.toml`; raises SystemsError where it cannot be made."""
+        return facts_of(self.make())
+
+    def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
+        """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
+        return feed(self.make(), self.name, frames, seed, step)
+
+
 @dataclass(frozen=True)
-class PythonSystem:
-    """A class that follows `testbed.systems.protocol.System`."""
+class PythonSystem(ClassEntrant):
+    """A class that is named."""
 
     text: str
     """A name, or FILE.py:CLASS."""
@@ -59,17 +81,9 @@ class PythonSystem:
         """Make a new instance; raises SystemsError where it cannot be made."""
         return make_system(self.text, self.settings)
 
-    def facts(self) -> dict[str, Any]:
-        """Name, version and settings, for `config.toml`; raises SystemsError where it cannot be made."""
-        return facts_of(self.make())
-
-    def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
-        """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
-        return feed(self.make(), self.name, frames, seed, step)
-
 
 @dataclass(frozen=True)
-class ClassSystem:
+class ClassSystem(ClassEntrant):
     """A class that is at hand, such as one of a notebook."""
 
     cls: SystemClass
@@ -85,14 +99,6 @@ class ClassSystem:
         """Make a new instance; raises SystemsError where the class lacks a part of the protocol, or cannot be made."""
         name = getattr(self.cls, "__name__", repr(self.cls))
         return made_from(checked_class(name, self.cls), name, self.settings)
-
-    def facts(self) -> dict[str, Any]:
-        """Name, version and settings; raises SystemsError where it cannot be made."""
-        return facts_of(self.make())
-
-    def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
-        """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
-        return feed(self.make(), self.name, frames, seed, step)
 
 
 def facts_of(system: System) -> dict[str, Any]:

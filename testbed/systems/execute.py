@@ -57,8 +57,8 @@ class Recorded:
 
 def execute_system(
     entrant: Entrant, recorded: Recorded, directory: RunDirectory, document: Mapping[str, Any], step: Step | None = None
-) -> dict[str, Any]:
-    """Run a system, write all files except the report, and return the content of `metrics.json`.
+) -> tuple[dict[str, Any], Estimated]:
+    """Run a system, write all files except the report, and return the content of `metrics.json` and the estimate.
 
     document: content of `config.toml`. After an exception the outcome is `failed`, and the exception is raised again;
     SystemFailedError and SystemsError name the system and what was expected.
@@ -70,7 +70,7 @@ def execute_system(
         _write(recorded, estimated, directory)
         metrics = metrics_of_system(facts, recorded, estimated, cost)
         directory.write_metrics(metrics)
-        return metrics
+        return metrics, estimated
 
 
 def metrics_of_system(facts: Mapping[str, Any], recorded: Recorded, estimated: Estimated, cost: Cost) -> dict[str, Any]:

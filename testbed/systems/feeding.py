@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,9 @@ from testbed.frame import Frame
 from testbed.systems.errors import SystemFailedError
 from testbed.systems.finding import describe
 from testbed.systems.memory import peak_memory
+from testbed.systems.particles import KeptParticles
 from testbed.systems.protocol import System, lidars_of
+from testbed.views.schedule import shown_scans
 
 MAX_GAP = 1.0
 """Poses at other times than those of the frames are interpolated where two of them are this close [s]."""
@@ -43,6 +45,8 @@ class Estimated:
     """The pose while driving at each scan from the first reported pose on; None where none was reported."""
     notes: tuple[str, ...] = ()
     """What a reader of the results must know."""
+    particles: KeptParticles = field(default_factory=KeptParticles)
+    """The particles while driving, at the scans that a recording shows; empty where the system has none."""
 
     def __repr__(self) -> str:
         """One line, for notebooks."""
@@ -89,6 +93,7 @@ def feed(
         raise SystemFailedError(f"{label}: the recording has no scan with beams, expected at least one")
     poses = np.full((len(frames), 3), np.nan)
     seconds: list[float] = []
+    particles, shown_at = KeptParticles(), set(shown_scans(sum(frame.scan is not None for frame in frames)).tolist())
     whole, scan, since_scan = _Clock(), -1, _Clock()
     with peak_memory() as memory:
         with whole, _blamed(label, "start", "preparation for the recording"):
@@ -103,13 +108,15 @@ def feed(
             if frame.scan is not None:
                 seconds.append(since_scan.wall)
                 since_scan = _Clock()
+                if scan in shown_at:
+                    particles.add(scan, system, place)
                 if step is not None:
                     step(frame)
         last = _Clock()
         with whole, last, _blamed(f"{label}: after scan {scan}", "finish", "(trajectory or None, map or None)"):
             result = system.finish()
         trajectory, grid = _checked_result(result, label)
-    estimated = _estimated(label, frames, poses, trajectory, grid)
+    estimated = replace(_estimated(label, frames, poses, trajectory, grid), particles=particles)
     cost = Cost(
         wall_s=whole.wall,
         cpu_s=whole.cpu,

@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 
+import numpy as np
+from numpy.typing import NDArray
+
 from eval.trajectory.trajectory import Trajectory
 from slam.config import FilterConfig
 from slam.occupancy import OccupancyGrid
@@ -59,6 +62,12 @@ class FilterSystem:
         assert self._estimation is not None
         report = self._estimation.process(frame)
         return None if report is None else report.pose
+
+    def particles(self) -> tuple[Pose, NDArray[np.float64]] | None:
+        """Return all particles; None where there is only one, and while a localisation has none."""
+        assert self._estimation is not None
+        mapper = self._estimation.mapper
+        return (mapper.poses, mapper.weights) if len(mapper.poses) > 1 else None
 
     def finish(self) -> tuple[Trajectory | None, OccupancyGrid | None]:
         """Return poses at all frames and the map, after the final pass where that is wanted."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,21 +17,24 @@ from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.frame import Frame
 from testbed.systems.feeding import rows_of
+from testbed.systems.particles import KeptParticles
 from testbed.views import SystemLayer
 
 
-def layers_of(directories: Sequence[Path], frames: Sequence[Frame]) -> list[SystemLayer]:
+def layers_of(
+    directories: Sequence[Path], frames: Sequence[Frame], particles: Mapping[str, KeptParticles]
+) -> list[SystemLayer]:
     """Return the layers of the run directories that hold a path, in the colours and the frame of the comparison page.
 
-    directories: of runs on these frames, named after the systems
+    directories: of runs on these frames, named after the systems;  particles: while driving, by the same names
     """
     runs = [(directory.name, read_run(directory)) for directory in directories]
     stamps = np.array([frame.stamp for frame in frames if frame.scan is not None])
-    found = (_layer(path, stamps) for path in aligned_runs(runs))
+    found = (_layer(path, stamps, particles.get(path.name, KeptParticles())) for path in aligned_runs(runs))
     return [layer for layer in found if layer is not None]
 
 
-def _layer(path: Aligned, stamps: np.ndarray) -> SystemLayer | None:
+def _layer(path: Aligned, stamps: np.ndarray, particles: KeptParticles) -> SystemLayer | None:
     """stamps: of all scans, (scans,) [s]"""
     estimate = path.run.estimate
     assert estimate is not None
@@ -53,6 +56,10 @@ def _layer(path: Aligned, stamps: np.ndarray) -> SystemLayer | None:
         poses=se2.compose(path.T_frame_estimate, estimate.poses),
         errors=errors,
         grid=None if grid is None or not grid.known.any() else _placed(grid, path.T_frame_estimate),
+        particles={
+            scan: (se2.compose(path.T_frame_estimate, poses), weights)
+            for scan, (poses, weights) in particles.by_scan.items()
+        },
     )
 
 

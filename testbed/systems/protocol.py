@@ -50,6 +50,10 @@ class System(Protocol):
     A system with settings is a class that also takes them: `MySlam(settings)`, where `settings` is a dataclass with a
     default for each field, and keeps them as the attribute `settings`. Then `--system-set NAME.FIELD=VALUE` changes
     one of them.
+
+    A particle filter may also have a method `particles()`, which is called after `process` of a frame with a scan and
+    returns poses `T_map_robot` (n, 3) and weights (n,), or None: they are drawn in the recording. It must not change
+    the system, since it is not called after each scan of a long recording.
     """
 
     name: str

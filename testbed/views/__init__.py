@@ -2,6 +2,7 @@
 """Live and recorded views of a run, always optional; Rerun is loaded only when a view is opened."""
 
 from testbed.views.opening import (
+    DEMO,
     NoDisplayError,
     OpenedRun,
     events_of,
@@ -17,6 +18,7 @@ from testbed.views.opening import (
 from testbed.views.view import FinalLoop, NullView, Proposal, Scene, Snapshot, SystemLayer, View, ViewOptions
 
 __all__ = [
+    "DEMO",
     "FinalLoop",
     "NoDisplayError",
     "NullView",

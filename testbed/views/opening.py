@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 RECORDING = "recording.rrd"
+DEMO = Path(__file__).with_name("demo.rrd")
+"""A recording that comes with the package, made by `tools/docs/make_demo.py`."""
 
 
 def open_view(recording: Path | None, scene: Scene, options: ViewOptions | None = None) -> View:

@@ -6,6 +6,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 FRAME_PERIOD = 0.1
 """Least time between two poses with their scans and errors, unless the filter took the scan in [s]."""
 MAP_PERIOD = 1.0
@@ -21,6 +24,8 @@ COMPARISON_UPDATES, COMPARISON_SPARSE_UPDATES = 30, 200
 second: they are processed so fast that comparing costs a noticeable part of the run."""
 SLACK = 0.9
 """Scans do not come at exact times: a period counts as over a little early."""
+MAX_MOMENTS = 1500
+"""Scans at which robots are drawn where several systems are compared, evenly spread."""
 
 
 @dataclass
@@ -69,3 +74,10 @@ class Schedule:
             return False
         self._comparison, self._updates = stamp, 0
         return True
+
+
+def shown_scans(count: int) -> NDArray[np.intp]:
+    """Numbers of the scans, of so many, at which the systems of a comparison are drawn: the first, the last, and
+    evenly in between, increasing."""
+    shown: NDArray[np.intp] = np.unique(np.linspace(0, count - 1, min(count, MAX_MOMENTS)).round().astype(np.intp))
+    return shown

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Literal, Protocol, Self
 from urllib.parse import urlsplit
@@ -62,6 +62,8 @@ class SystemLayer:
     """Distances from the truth at these scans [m], NaN = unknown, (poses,); None where there is no truth."""
     grid: OccupancyGrid | None = None
     """Its final map, if it has one."""
+    particles: Mapping[int, tuple[Pose, NDArray[np.float64]]] = field(default_factory=dict)
+    """Its particles while driving: poses (n, 3) and weights (n,), by the number of the scan."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

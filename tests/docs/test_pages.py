@@ -4,8 +4,10 @@
 import ast
 import importlib
 import re
+import shlex
 from collections.abc import Iterator
 from functools import cache
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,8 @@ ENVIRONMENTS = {"testbed/Drive-v0", "testbed/Explore-v0"}
 PREFIXES = {"MAX_", "MIN_"}
 FOREIGN_OPTIONS = {"--extra", "--format", "--help", "--help-all", "--name-only", "--remap", "--runs"}
 """Options of other programs (git, pip, ros2) and those that every program has."""
+READ_FILES = {"convert", "gather", "inspect", "perturb", "report", "score", "slam", "twin", "view"}
+"""Commands whose arguments are files or directories."""
 FOREIGN_WORDS = {
     "argmax", "base_link", "choco", "deque", "footprint_radius", "go_to", "map_server", "odom", "pip", "pipx",
     "publish_map", "robot_localization", "ros1", "ros2", "slam_toolbox", "std_msgs", "to_csv",
@@ -193,6 +197,23 @@ def test_commands_and_their_options_exist(page):
 def test_commands_in_the_help_exist(text):
     for line in re.findall(r"^testbed [a-z].*$", text, flags=re.MULTILINE):
         assert_command(line)
+
+
+@pytest.mark.parametrize("text", HELP.values(), ids=HELP)
+def test_examples_in_the_help_read_what_an_earlier_line_has_written(text):
+    """So they work when they are pasted into an empty directory; words in capitals are files of the user."""
+    written: set[str] = set()
+    for line in re.findall(r"^testbed [a-z].*$", text, flags=re.MULTILINE):
+        command, *words = shlex.split(line)[1:]
+        out = {words[k + 1] for k, word in enumerate(words) if word in ("--out", "--save")}
+        inputs = list(takewhile(lambda word: not word.startswith("--"), words))
+        if command in ("convert", "perturb"):
+            out.add(inputs.pop())
+        read = inputs[1:] if command == "datasets" else inputs if command in READ_FILES else []
+        read += [word for word in words if re.fullmatch(r"[\w./-]+\.(toml|yaml|tum|gz)", word) and word not in out]
+        missing = [word for word in read if not word[0].isupper() and word.split("/")[0] not in written]
+        assert missing == [], f"`{line}`: nothing has written {missing}"
+        written |= out
 
 
 def assert_command(line: str) -> None:

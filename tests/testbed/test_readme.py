@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from packaging.version import Version
 
 from testbed.cli.shared.help_texts import HELP
 from testbed.run.run_directory import RUN_FILES
@@ -53,6 +54,16 @@ def test_every_dependency_is_explained():
     table = README[README.index("| dependency | purpose |") :].split("\n\n")[0]
     cells = re.findall(r"^\| (.*?) \| \S.* \|$", table, flags=re.MULTILINE)[1:]
     assert {re.sub(r"\[.*", "", name) for cell in cells for name in cell.split(", ")} == names
+
+
+def test_the_version_is_the_same_everywhere():
+    """Python writes 1.0.0rc1 what others write 1.0.0-rc1."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    citation = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    newest = re.search(r"^## \[(\d\S+)\]", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert citation is not None
+    assert newest is not None
+    assert {Version(project), Version(citation[1]), Version(newest[1])} == {Version(project)}
 
 
 def test_every_command_is_listed():

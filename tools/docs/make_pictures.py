@@ -75,10 +75,10 @@ def draw_lost(viewer: HeadlessViewer, run: Path) -> None:
     (PICTURES / "lost.png").write_bytes(viewer.picture(moment + AFTER_S, largest=1400))
 
 
-def testbed(command: str, run: Path) -> None:
-    """Run a command of the testbed into a directory."""
+def testbed(command: str, out: Path | None) -> None:
+    """Run a command of the testbed, into a directory if it is one that takes it as `--out`."""
     program = Path(sys.executable).with_name("testbed")
-    subprocess.run([program, *command.split(), "--out", str(run)], check=True)
+    subprocess.run([program, *command.split(), *([] if out is None else ["--out", str(out)])], check=True)
 
 
 def save_animation(viewer: HeadlessViewer, end: float, path: Path) -> None:

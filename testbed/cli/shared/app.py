@@ -20,7 +20,8 @@ from testbed.cli.shared.status import USAGE_ERROR
 app = App(
     name="testbed",
     help="A SLAM testbed: simulate a robot or read a log, map it with a particle filter, score the result.",
-    help_epilogue="First steps: `testbed run office`, then open the report whose path it prints.",
+    help_epilogue="First steps: `testbed run office`, then open the report whose path it prints. A finished run: "
+    "`testbed view --demo`.",
     version=lambda: version("slam-testbed"),
     config=apply_config_file,
     default_parameter=Parameter(negative_iterable=()),

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Help texts of the commands, in a module that imports nothing. The first line is the summary.
 
-Parameters are described in the modules of the commands.
+Examples work when they are pasted in their order; words in capitals stand for files of the user. Parameters are
+described in the modules of the commands.
 """
 
 HELP = {
@@ -14,7 +15,7 @@ trajectories, metrics.json.
 ```
 testbed run office
 testbed run loop --particles 50 --seed 3 --view
-testbed run --config runs/office-20250101-120000/config.toml
+testbed run --config RUN/config.toml
 ```
 """,
     "simulate": """Write synthetic datasets.
@@ -27,18 +28,20 @@ Several datasets also get an index (datasets.parquet) with splits by world, a ca
 drives.
 
 ```
-testbed simulate office,apartment,lab --out data --count 10 --draw lidar=lds01,rplidar_a2 --workers 2
+testbed simulate office --out data
+testbed slam data/office-0000
+testbed simulate office,apartment,lab --out many --count 10 --draw lidar=lds01,rplidar_a2 --workers 2
 testbed simulate 'generated:rooms*50' --out rooms --draw odometry.grade=good,poor --draw noise=0.5..2
 testbed simulate office --out paired --vary lidar=lds01,rplidar_a2
-testbed datasets info data
-testbed slam data/office-0000
+testbed datasets info many
 ```
 """,
-    "datasets": """Totals of a directory of datasets; its index.
+    "datasets": """Say how much is in a directory of datasets; list them in a table.
 
 ```
+testbed simulate office,lab --out data
 testbed datasets info data
-testbed datasets index data --test office --validation lab
+testbed datasets index data --test office
 ```
 """,
     "slam": """Map a recorded log, or localise in a finished map; score it where truth is known.
@@ -47,9 +50,11 @@ The format is detected from the content: CARMEN logs (plain or gzip), ROS 1 and 
 a directory, as by `testbed run`.
 
 ```
-testbed slam intel.clf.gz --relations intel.relations
-testbed slam robot.log --truth mocap.tum --particles 50 --view
-testbed slam robot.log --map office.yaml --start 1.5,-2,90
+testbed simulate office --out data
+testbed slam data/office-0000
+testbed slam LOG --truth TRUTH.tum --particles 50 --view
+testbed slam LOG --relations RELATIONS
+testbed slam LOG --map MAP.yaml --start 1.5,-2,90
 ```
 """,
     "twin": """Make a simulated twin of a recorded log, to drive it again with other seeds.
@@ -59,10 +64,11 @@ the settings that the log shows: noise, scale errors, slips. The twin is a direc
 lidar.toml, commands.csv, off_wall.csv and the config.toml that `testbed run` and `testbed simulate` take.
 
 ```
-testbed twin intel.clf.gz --out twin
-testbed twin runs/intel-20250101-120000 --out twin
+testbed simulate office --out data
+testbed twin data/office-0000 --out twin
 testbed run --config twin/config.toml --seed 1
 testbed simulate --config twin/config.toml --count 20 --out twins
+testbed twin RUN --out another
 ```
 """,
     "score": """Score the output of any SLAM system with the measures of `testbed run`.
@@ -70,15 +76,19 @@ testbed simulate --config twin/config.toml --count 20 --out twins
 The measures are printed as JSON, or written to `--out`.
 
 ```
-testbed score runs/office-20250101-120000 --trajectory other.tum --map other.yaml
-testbed score runs/office-20250101-120000 --trajectory other.tum --fail-if 'trajectory.ate_rmse_m > 0.05'
+testbed run office --out first
+testbed score first --trajectory first/filter.tum
+testbed score first --trajectory first/filter.tum --fail-if 'trajectory.ate_rmse_m > 0.05'
+testbed score RUN --trajectory OTHER.tum --map OTHER.yaml
 ```
 """,
     "report": """Rewrite the report of a run, or compare several runs.
 
 ```
-testbed report runs/office-20250101-120000
-testbed report runs/a runs/b runs/c --out comparison.html
+testbed run loop --duration 20 --out a
+testbed run loop --duration 20 --seed 1 --out b
+testbed report a b --out comparison.html
+testbed report RUN
 ```
 """,
     "sweep": """Measure accuracy over worlds, seeds, variants and particle counts: how many particles are needed?
@@ -87,11 +97,11 @@ All particle counts and variants of a world and seed get the same data, so diffe
 written to a directory: sweep.html, figures, tables. The same command continues a sweep that was interrupted.
 
 ```
-testbed sweep --worlds office,loop --particles 1,2,5,10,20,50,100 --seeds 10 --out sweep
+testbed sweep --worlds office --particles 1,5,30 --seeds 3 --set duration=40 --out first-sweep
 testbed sweep --worlds office,loop --particles 1,5,15,30 --seeds 40 --until decided --out sweep
 testbed sweep --worlds office --particles 5,30 --axis odometry.grade=good,poor --out grades
 testbed sweep --preset particles --out study
-testbed sweep study.toml --out study --shard 0/8
+testbed sweep SPECIFICATION.toml --out parts --shard 0/8
 ```
 """,
     "gather": """Write the tables and the report of a sweep from its finished runs.
@@ -99,14 +109,16 @@ testbed sweep study.toml --out study --shard 0/8
 Runs that are missing or have failed are listed; the exit status is then 1.
 
 ```
-testbed gather sweep
+testbed sweep --worlds office --particles 1,5 --seeds 2 --set duration=20 --out parts
+testbed gather parts
 ```
 """,
     "view": """Open the recording of a run in the Rerun viewer.
 
 ```
-testbed view runs/office-20250101-120000
-testbed view runs/office-20250101-120000 --time 60 --save moment.png
+testbed view --demo
+testbed view --demo --time 60 --save moment.png
+testbed view RUN
 ```
 """,
     "inspect": """Say what is in a recorded log, and what of it is doubtful.
@@ -115,8 +127,9 @@ Topics, rates, gaps, mounts, beams, values for no return, odometry, clocks: a li
 reader does about it. The same checks run in `testbed slam` and become notes of the run.
 
 ```
-testbed inspect robot_bag
-testbed inspect robot.log --json
+testbed simulate office --out data
+testbed inspect data/office-0000
+testbed inspect LOG --json
 ```
 """,
     "convert": """Convert a recorded log to another format.
@@ -124,8 +137,9 @@ testbed inspect robot.log --json
 The conversion is lossless for all data that both formats support.
 
 ```
-testbed convert robot.bag robot.log.gz --to carmen
-testbed convert robot.log.gz robot --to rosbag2
+testbed simulate office --out data
+testbed convert data/office-0000 office.log.gz --to carmen
+testbed convert office.log.gz office-bag --to rosbag2
 ```
 """,
     "stress": """Find how much of each perturbation SLAM systems survive.
@@ -136,7 +150,8 @@ The same command continues a stress test that was interrupted. docs/stress.md ex
 
 ```
 testbed stress odometry,scan-matching --worlds office,loop --perturbations drop-scans,slip --seeds 5 --out stress
-testbed stress my_slam.py:MySlam,gmapping --worlds office,loop,maze --plan
+testbed stress scan-matching,gmapping --worlds office,loop,maze --plan
+testbed stress FILE.py:CLASS,gmapping --log LOG,relations=RELATIONS
 ```
 """,
     "perturb": """Make a recording harder: lost scans, noise, slipping wheels, glass, people, wrong clocks.
@@ -145,9 +160,10 @@ The output is a dataset directory that `testbed slam` and `testbed score` read; 
 the same bytes. docs/stress.md describes the perturbations.
 
 ```
-testbed perturb robot.log harder --drop-scans 0.3 --time-offset 0.05
-testbed perturb data/office-0000 crowded --people 10 --seed 3
+testbed simulate office --out data
+testbed perturb data/office-0000 harder --drop-scans 0.3 --time-offset 0.05
 testbed slam harder
+testbed perturb data/office-0000 crowded --people 10 --seed 3
 ```
 """,
     "worlds": """List, draw, generate and import worlds.
@@ -156,7 +172,8 @@ testbed slam harder
 testbed worlds list
 testbed worlds show office --out office.png
 testbed worlds generate maze --seed 7 --out maze.toml
-testbed worlds import floor.yaml --out floor.toml
+testbed run maze.toml
+testbed worlds import MAP.yaml --out floor.toml
 ```
 """,
     "presets": """List robots and lidars, and measure their odometry.
@@ -174,8 +191,9 @@ the same data.
 
 ```
 testbed systems list
-testbed systems check my_slam.py:MySlam
-testbed run office --system my_slam.py:MySlam,odometry,gmapping
+testbed systems check odometry
+testbed run office --system odometry,gmapping
+testbed run office --system FILE.py:CLASS,gmapping
 ```
 """,
     "warmup": """Compile the kernels now instead of in the first run.

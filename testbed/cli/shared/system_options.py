@@ -24,8 +24,10 @@ from testbed.settings.estimator import EstimatorOptions
 from testbed.systems.entrant import Entrant, PythonSystem, built_in_program
 from testbed.systems.errors import SystemFailedError, SystemsError
 from testbed.systems.execute import Recorded, execute_system
+from testbed.systems.feeding import Estimated
 from testbed.systems.finding import BUILT_IN_PROGRAMS, check_names, make_system, settings_of
 from testbed.systems.layers import layers_of
+from testbed.systems.particles import KeptParticles
 from testbed.systems.program import DatasetFormat, Program
 from testbed.views import Scene, record_systems
 from testbed.views.opening import RECORDING
@@ -142,10 +144,12 @@ def compare_systems(
     announce_compilation()
     root = output.out or output.default_path(name)
     found: dict[str, dict[str, Any]] = {}
+    particles: dict[str, KeptParticles] = {}
     failed: dict[str, str] = {}
     for entrant in entrants:
         try:
-            found[entrant.name] = _run_one(entrant, recorded, document, root, output)
+            found[entrant.name], estimated = _run_one(entrant, recorded, document, root, output)
+            particles[entrant.name] = estimated.particles
         except (SystemFailedError, SystemsError) as error:
             if os.environ.get("TESTBED_DEBUG"):
                 raise
@@ -158,7 +162,7 @@ def compare_systems(
     for system, metrics in found.items():
         for note in metrics["notes"]:
             console.print(f"note: {system}: {note}", soft_wrap=True, markup=False)
-    if recording := _record(list(found), recorded, document, root):
+    if recording := _record(particles, recorded, document, root):
         results.print(f"recording: {recording.resolve()}")
     if found and len(entrants) > 1:
         shown = [root / entrant.name for entrant in entrants]
@@ -168,12 +172,14 @@ def compare_systems(
     return USAGE_ERROR if failed else GATE_FAILED if broken else 0
 
 
-def _record(found: list[str], recorded: Recorded, document: Mapping[str, Any], root: Path) -> Path | None:
+def _record(
+    found: Mapping[str, KeptParticles], recorded: Recorded, document: Mapping[str, Any], root: Path
+) -> Path | None:
     """Write what all systems made of the drive as one recording; None where none has a path that can be drawn.
 
-    found: names of the systems that have a result
+    found: particles of the systems that have a result, by name
     """
-    layers = layers_of([root / system for system in found], recorded.frames)
+    layers = layers_of([root / system for system in found], recorded.frames, found)
     if not layers:
         return None
     settings = document["settings"]
@@ -187,7 +193,7 @@ def _record(found: list[str], recorded: Recorded, document: Mapping[str, Any], r
 
 def _run_one(
     entrant: Entrant, recorded: Recorded, document: Mapping[str, Any], root: Path, output: OutputOptions
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], Estimated]:
     directory = RunDirectory.create(root / entrant.name, overwrite=output.overwrite)
     if isinstance(entrant, Program):
         entrant = replace(entrant, keep_log=directory.path)
@@ -199,11 +205,11 @@ def _run_one(
         def step(frame: Frame) -> None:
             line.step(frame.stamp, (rows[id(frame)] + 1) / total, None)
 
-        metrics = execute_system(entrant, recorded, directory, document, step)
+        metrics, estimated = execute_system(entrant, recorded, directory, document, step)
         line.stage("report")
         with directory.marked(metrics):
             write_report(directory.path)
-    return metrics
+    return metrics, estimated
 
 
 COLUMNS = (

@@ -16,18 +16,18 @@ from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.archetypes import grid_map
 from testbed.views.rerun.blueprints import WHOLE_RUN, eye, legend_view, top_view
 from testbed.views.rerun.columns import Columns, line_columns, numbers, poses, scans
+from testbed.views.rerun.columns import dots as weighted_dots
 from testbed.views.rerun.drawing import Extent
 from testbed.views.rerun.layers.path_blocks import GrowingPath
 from testbed.views.rerun.recording_file import RecordingFile
 from testbed.views.rerun.scene import styles
 from testbed.views.rerun.scene.legend import Entry, legend_image
 from testbed.views.rerun.scene.robot_model import log_robot
+from testbed.views.schedule import shown_scans
 from testbed.views.view import Scene, SystemLayer
 
 MAX_POINTS = 120
 """Beams of a scan that are drawn, for each system."""
-MAX_MOMENTS = 1500
-"""Scans at which robots are drawn, evenly spread."""
 PATH_EVERY = 10
 """Paths grow after so many of them."""
 MARGIN = 0.5
@@ -64,10 +64,13 @@ def _log_static(rec: rr.RecordingStream, layers: Sequence[SystemLayer], scene: S
         log_robot(rec, f"{root}/robot", scene.robot_radius, layer.colour)
         dots = rr.Points3D.from_fields(colors=[layer.colour], radii=rr.Radius.ui_points(1.5))
         rec.log(f"{root}/robot/scan", dots, static=True)
+        rec.log(f"{root}/particles", rr.Points3D.from_fields(radii=rr.Radius.ui_points(2.5)), static=True)
         curve = rr.SeriesLines(names=layer.name, colors=layer.colour, widths=1.8)
         rec.log(_error(layer), curve, static=True)
     known: tuple[Entry, ...] = (("band", (styles.TRUTH,), "truth: path, robot, thin walls"),) if truth else ()
     entries = [*known, *(("line", (layer.colour,), f"{layer.name}: path, robot, scan") for layer in layers)]
+    if any(layer.particles for layer in layers):
+        entries.append(("dot", (drawing.LIGHT, drawing.HEAVY), "particles by weight, red: the heaviest"))
     image = rr.EncodedImage(contents=legend_image([entries]), media_type="image/png")
     rec.log(f"{entities.LEGEND}/map", image, static=True)
 
@@ -79,7 +82,7 @@ def _add_moments(
     columns = Columns(rec)
     grown = {entities.TRUE_PATH: GrowingPath(), **{f"{_root(layer)}/path": GrowingPath() for layer in layers}}
     colours = {f"{_root(layer)}/path": layer.colour for layer in layers} | {entities.TRUE_PATH: styles.TRUTH}
-    shown = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MAX_MOMENTS)).round().astype(int)).tolist()
+    shown = shown_scans(len(frames)).tolist()
     places = [dict(zip(layer.rows.tolist(), range(len(layer.rows)), strict=True)) for layer in layers]
     for count, row in enumerate(shown):
         frame = frames[row]
@@ -91,6 +94,8 @@ def _add_moments(
             grown[entities.TRUE_PATH].append(frame.truth)
         for layer, place in zip(layers, places, strict=True):
             root, at = _root(layer), place.get(row)
+            if row in layer.particles:
+                columns.add(f"{root}/particles", *layer.particles[row], build=weighted_dots)
             if at is None:
                 continue
             columns.add(f"{root}/robot", layer.poses[at], build=poses)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from eval.files.run_reader import read_run
+from testbed.views import DEMO
 from testbed.views.rerun.recorded import Event
 from tests.eval.synthetic_run import write_run
 from tests.shell import call
@@ -138,6 +139,30 @@ def test_the_event_log_is_printed(
     assert capsys.readouterr().out.splitlines() == lines
     with pytest.raises(ValueError, match="--events: prints the whole event log"):
         command.view([tmp_path], events=True, time="5")
+
+
+def test_the_demo_is_there_without_any_run(capsys: pytest.CaptureFixture[str]) -> None:
+    assert DEMO.stat().st_size < 5_000_000  # everybody installs it
+    assert call("view", "--demo", "--events") == 0
+    events = capsys.readouterr().out.splitlines()
+    assert any("old walls in view again" in line for line in events)
+    assert any("particles died" in line for line in events)
+
+
+def test_the_demo_is_shown_like_any_run(moments: list[float | None], monkeypatch: pytest.MonkeyPatch) -> None:
+    command.view(demo=True, time="129.8")
+    assert moments == [129.8]
+    monkeypatch.undo()
+    monkeypatch.setattr("testbed.views.live.programs.display_missing", lambda: True)
+    with pytest.raises(ValueError, match="for a browser: testbed view --demo --serve"):
+        command.view(demo=True)
+
+
+def test_either_paths_or_the_demo_are_expected(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="--demo shows one that is there"):
+        command.view([])
+    with pytest.raises(ValueError, match=r"expected no .* with it"):
+        command.view([tmp_path], demo=True)
 
 
 def test_only_a_run_has_an_event_log(tmp_path: Path) -> None:

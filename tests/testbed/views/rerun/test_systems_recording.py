@@ -11,7 +11,7 @@ import pytest
 
 from slam.occupancy import OccupancyGrid
 from testbed.views import SystemLayer, record_systems, recording_of
-from testbed.views.rerun import entities
+from testbed.views.rerun import drawing, entities
 from tests.testbed.views.rerun.test_frames_recording import frames
 from tests.testbed.views.shown_map import rows
 from tests.testbed.views.synthetic import scene
@@ -28,9 +28,12 @@ def layers() -> list[SystemLayer]:
     errors = np.zeros(21)
     errors[3] = np.nan
     late = np.arange(5, 21)
+    cloud = {row: (np.array([[row, 0.0, 0.0], [row, 1.0, 0.0]]), np.array([0.25, 0.75])) for row in (0, 7)}
     return [
         SystemLayer(name="right", colour=BLUE, rows=np.arange(21), poses=truth, errors=errors, grid=grid),
-        SystemLayer(name="off", colour=RED, rows=late, poses=truth[late] + [0.3, 0, 0], errors=np.full(16, 0.3)),
+        SystemLayer(
+            name="off", colour=RED, rows=late, poses=truth[late] + [0.3, 0, 0], errors=np.full(16, 0.3), particles=cloud
+        ),
     ]
 
 
@@ -57,6 +60,18 @@ def test_each_layer_has_its_poses_scans_and_errors(recording: Path) -> None:
         assert [time for time, _ in shown] == pytest.approx(0.1 * layer.rows[known])
         ((_, names),) = rows(recording, error, "SeriesLines:names", static=True)
         assert names == [layer.name]
+
+
+def test_particles_are_drawn_at_their_scans_the_heaviest_in_red(recording: Path) -> None:
+    """Also where the system reports no pose, as before its first one."""
+    root = f"{entities.SYSTEMS}/off"
+    shown = rows(recording, f"{root}/particles", "Points3D:positions")
+    assert [time for time, _ in shown] == pytest.approx([0.0, 0.7])
+    np.testing.assert_allclose(np.array(shown[1][1])[:, :2], [[7.0, 0.0], [7.0, 1.0]])
+    colours = rows(recording, f"{root}/particles", "Points3D:colors")[0][1]
+    assert colours[1] >> 24 == drawing.HEAVY[0]
+    assert colours[0] != colours[1]
+    assert rows(recording, f"{entities.SYSTEMS}/right/particles", "Points3D:positions") == []
 
 
 def test_a_map_lies_at_its_origin_and_where_there_is_none_nothing_is_shown(recording: Path) -> None:
