@@ -33,15 +33,20 @@ LONGEST_WAIT = 5.0
 
 
 class Interruption:
-    """A flag that the first signal sets; the second signal raises KeyboardInterrupt."""
+    """A flag that the first signal sets; the second signal raises KeyboardInterrupt, as the caller's handler does."""
 
     def __init__(self) -> None:
         self.requested = False
+        self._callers = {number: signal.getsignal(number) for number in SIGNALS}
 
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
+    def note(self, number: int, frame: FrameType | None) -> None:
+        """Handle the signal."""
+        if not self.requested:
+            self.requested = True
+        elif callable(caller := self._callers[number]):
+            caller(number, frame)
+        else:
             raise KeyboardInterrupt
-        self.requested = True
 
 
 @contextmanager
@@ -130,7 +135,7 @@ def deferred_interruption() -> Iterator[Interruption]:
     if threading.current_thread() is not threading.main_thread():
         yield interruption
         return
-    previous = {number: signal.signal(number, interruption._note) for number in SIGNALS}
+    previous = {number: signal.signal(number, interruption.note) for number in SIGNALS}
     try:
         yield interruption
     finally:

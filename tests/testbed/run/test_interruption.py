@@ -11,7 +11,7 @@ from types import FunctionType
 
 import pytest
 
-from testbed.run.interruption import LONGEST_WAIT, signals_interrupt
+from testbed.run.interruption import LONGEST_WAIT, deferred_interruption, signals_interrupt
 
 NUMBERS = [signal.SIGINT, signal.SIGTERM]
 TURNS = 200
@@ -118,6 +118,26 @@ def test_a_signal_that_a_library_has_dropped_is_raised_again(number):
 
     things = [Careless()]
     assert is_interrupted(things.clear)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_the_second_signal_of_a_run_waits_for_such_a_library_too(number):
+    steps = []
+
+    def inside() -> None:
+        for _ in range(2):
+            os.kill(os.getpid(), number)
+            work()
+        steps.append("the library has ended")
+
+    def run() -> None:
+        with deferred_interruption() as interruption:
+            of_module(inside, "numba.core.serialize")()
+            work()
+            pytest.fail(f"not interrupted: {interruption.requested}")
+
+    assert is_interrupted(run)
+    assert steps == ["the library has ended"]
 
 
 def test_other_exceptions_that_a_library_drops_are_reported_as_before(monkeypatch):
