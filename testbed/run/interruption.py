@@ -37,7 +37,7 @@ class Interruption:
 
     def __init__(self) -> None:
         self.requested = False
-        self._callers = {number: signal.getsignal(number) for number in SIGNALS}
+        self._callers = {int(number): signal.getsignal(number) for number in SIGNALS}
 
     def note(self, number: int, frame: FrameType | None) -> None:
         """Handle the signal."""
