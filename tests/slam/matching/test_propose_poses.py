@@ -8,6 +8,7 @@ from slam import se2
 from slam.config import FilterConfig, MotionConfig
 from slam.config.filter import MapConfig, MatchConfig, ProposalConfig
 from slam.matching._gauss_newton_kernels import gauss_newton
+from slam.matching._likelihood_kernels import end_points, walls_of
 from slam.matching.likelihood import ScanAndPrior, make_beam_model
 from slam.matching.proposal import _half_width, next_errors, propose_poses
 from slam.matching.scan_matching import make_match_settings
@@ -50,9 +51,9 @@ def guesses_of(count):
 def optimum_of(maps, guess):
     """The optimum (3,) of the product about a predicted pose, and the Cholesky factor of its Hessian (3, 3)."""
     config = FilterConfig(match=SETTINGS, map=MapConfig(cell=0.05, field_radius=0.4))
-    evidence = ScanAndPrior(HITS, make_beam_model(config.match, config.map), PRIOR)
+    evidence = end_points(HITS), make_beam_model(config.match, config.map), PRIOR
     pose, factor = np.empty(3), np.empty((3, 3))
-    gauss_newton(maps.grids, 0, guess, guess, evidence, 100, pose, factor)
+    gauss_newton(walls_of(maps.grids, 0), guess, guess, evidence, 100, pose, factor)
     return pose, factor
 
 
