@@ -94,9 +94,12 @@ def _fewer_particles(summary: SweepSummary, words: list[str], workers: int) -> l
     if not smaller:
         return []
     number = [] if bound == MAX_SEEDS_UNTIL_DECIDED else ["--seeds", str(bound)]
+    others = [p for p in _open_answers(summary) if p not in table.left and not table.given_up([p], table.baseline)]
+    leaving = f"--give-up {','.join(others)} leaves that"
+    too = f" It goes on with {' and '.join(others)} as well; {leaving}." if others else ""
     text = (
-        f"The answers stay; this asks whether a smaller count is enough too in {' and '.join(smaller)}. "
-        f"{_cost_of_looks(table, list(smaller), bound, workers)} {_chances(table, smaller, bound)}"
+        f"The answers stay; this asks whether a smaller count is enough too in {' and '.join(smaller)}.{too} "
+        f"{_cost_of_looks(table, [*smaller, *others], bound, workers)} {_chances(table, smaller, bound)}"
     )
     return [Advice("Go on to fewer particles", shlex.join([*words, *number, "--until", "smallest"]), text)]
 
@@ -161,7 +164,7 @@ def _go_on_with_some(table: SweepTable, going_on: dict[str, Decision], words: li
         return []
     command = shlex.join([*words, "--give-up", ",".join([*table.left, *poor])])
     if not good:
-        text = f"The chance is low. This leaves {' and '.join(poor)} open, as the cards have it, and computes no more."
+        text = f"This leaves {' and '.join(poor)} open, as the cards have it, and computes no more."
         return [Advice("Stop here", command, text)]
     text = f"{_cost_of_looks(table, good, bound, workers)} What is computed of {' and '.join(poor)} stays as it is."
     return [Advice(f"Go on with {' and '.join(good)} only", command, text)]

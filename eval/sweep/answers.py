@@ -142,7 +142,8 @@ def answer_of_place(summary: SweepSummary, place: str, line: str) -> Answer:
         _median(summary, [place], line, decision),
         lambda count: summary.group(place, line, count).inside_share,
         failed_of,
-        _pair(summary, [place], line, decision),
+        _pair(summary, [place], line, _seeds_of_answer(decision, summary.table.counts)),
+        _pair(summary, [place], line, slice(None)),
         "seed",
         summary.table.given_up([place], line),
         _caution(summary, [place], line),
@@ -168,7 +169,8 @@ def answer_of_family(summary: SweepSummary, family: str, line: str) -> Answer:
         _median(summary, worlds, line, decision),
         lambda count: float(np.median([summary.group(place, line, count).inside_share for place in worlds])),
         failed_of,
-        _pair(summary, worlds, line, decision),
+        _pair(summary, worlds, line, _seeds_of_answer(decision, table.counts)),
+        _pair(summary, worlds, line, slice(None)),
         "world",
         table.given_up(worlds, line),
         _caution(summary, worlds, line),
@@ -247,13 +249,10 @@ def _median(summary: SweepSummary, places: Sequence[str], line: str, decision: D
     return median
 
 
-def _pair(
-    summary: SweepSummary, places: Sequence[str], line: str, decision: Decision
-) -> Callable[[int, int], Interval]:
-    """The paired differences between counts, of the seeds that the answer rests on; one value per seed, or per world
-    where there are several."""
+def _pair(summary: SweepSummary, places: Sequence[str], line: str, seeds: slice) -> Callable[[int, int], Interval]:
+    """The paired differences between counts, of these seeds; a value per seed, or per world where there are several."""
     table = summary.table
-    error = _of_places(table.error, table, places, line)[..., _seeds_of_answer(decision, table.counts)]
+    error = _of_places(table.error, table, places, line)[..., seeds]
 
     def pair(count: int, other: int) -> Interval:
         c, of = table.counts.index(count), table.counts.index(other)

@@ -32,16 +32,17 @@ MAX_UNITS = 200
 """More seeds or worlds than this are not counted out."""
 SOME, MOST = 0.2, 0.8
 """The range of an `Outlook` begins where one in five such sweeps is decided, and ends where four in five are."""
-TYPICAL_DEVIATION = 0.25
-"""Standard deviation between seeds of the paired difference of two counts, as a share of the error. A rule of thumb:
-0.1 to 0.45 in apartment, office and loop (the two largest counts of several sweeps with random routes)."""
+TYPICAL_DEVIATIONS = (0.2, 0.45)
+"""Standard deviation between seeds of the paired difference of two counts, as a share of the error: in a world whose
+routes are alike, and in one where they are not. A rule of thumb: 0.2 in apartment, 0.35 in loop with an error a third
+above the typical one (the two largest counts of several sweeps with random routes)."""
 TYPICAL_ERROR = 0.015
 """Error of the filter's path in these worlds [m]."""
 TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
-CONDITION = "rule of thumb; less where the difference lies near the margin"
-"""On what a chance rests before anything is computed: noise as in the reference worlds apartment, office and loop, and
-a smaller count that is as good as the largest."""
+CONDITION = "rule of thumb, by how much runs of a world differ; less where the difference lies near the margin"
+"""On what a chance rests before anything is computed: noise as in the reference worlds apartment and loop, and a
+smaller count that is as good as the largest."""
 _MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard error of a median of normal values, as a multiple of that of their mean."""
 _QUANTILES = (np.arange(64) + 0.5) / 64
@@ -150,20 +151,32 @@ def outlook_of(difference: Interval, limit: float, *, level: float) -> Outlook |
     return Outlook(limit - difference.value, deviation, difference.count, max(level, ADDING_LEVEL))
 
 
-def typical_outlook(*, level: float = ADDING_LEVEL, margin: Margin = MARGIN) -> Outlook:
-    """The outlook before anything is computed, for a count that is as good as the largest one."""
-    deviation = _MEDIAN * TYPICAL_DEVIATION * TYPICAL_ERROR
-    return Outlook(margin.of(TYPICAL_ERROR), deviation, TYPICAL_UNITS, max(level, ADDING_LEVEL), is_measured=False)
+def typical_outlooks(*, level: float = ADDING_LEVEL, margin: Margin = MARGIN) -> tuple[Outlook, Outlook]:
+    """The outlooks before anything is computed, for a count that is as good as the largest one: in a world whose runs
+    are alike, and in one where they differ."""
+    alike, different = (_MEDIAN * deviation * TYPICAL_ERROR for deviation in TYPICAL_DEVIATIONS)
+    gap, least = margin.of(TYPICAL_ERROR), max(level, ADDING_LEVEL)
+    return (
+        Outlook(gap, alike, TYPICAL_UNITS, least, is_measured=False),
+        Outlook(gap, different, TYPICAL_UNITS, least, is_measured=False),
+    )
+
+
+def typical_chance(units: int, *, level: float, margin: Margin) -> str:
+    """How likely so many units decide, before any measurement says so: `about 10 to 45 %`."""
+    low, high = sorted(
+        5 * round(20.0 * outlook.chance(units, level=level)) for outlook in typical_outlooks(level=level, margin=margin)
+    )
+    return f"about {low} %" if low == high else f"about {low} to {high} %"
 
 
 def rule_of_thumb(margin: Margin, most: int = MAX_SEEDS_UNTIL_DECIDED) -> str:
     """How likely the first and the last look of `--until decided` decide a world, before any measurement says so.
 
-    `8 seeds about 20 %, 40 about 75 % (rule of thumb; …)`. most: seeds at the last look
+    `8 seeds about 10 to 45 %, 40 about 45 to 90 % (rule of thumb, …)`. most: seeds at the last look
     """
     looks = looks_for(max(most, min_values(ADDING_LEVEL)))
-    outlook, level = typical_outlook(margin=margin), level_of(looks)
-    first, last = (chance_words(outlook.chance(look, level=level)) for look in (looks[0], looks[-1]))
+    first, last = (typical_chance(look, level=level_of(looks), margin=margin) for look in (looks[0], looks[-1]))
     later = "" if len(looks) == 1 else f", {looks[-1]} {last}"
     return f"{looks[0]} seeds {first}{later} ({CONDITION})"
 

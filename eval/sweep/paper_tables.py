@@ -24,7 +24,7 @@ from eval.sweep.remarks import (
     never_resampled,
 )
 from eval.sweep.results import SweepTable
-from eval.sweep.statistics import bootstrap_interval, min_values
+from eval.sweep.statistics import bootstrap_interval, min_values, paired_difference
 from eval.sweep.summary import SweepSummary
 
 MARK = "*"
@@ -106,7 +106,16 @@ def _differences(summary: SweepSummary, panel: Panel, c: int, lines: Iterable[in
         return ["" for _ in lines]
     decisions = [panel.decisions[k] for k in lines]
     texts = [difference_words(decision.differences[c], unit, decision.limit) or "-" for decision in decisions]
-    return [text + after_seeds(decision, c, " ({})") for text, decision in zip(texts, decisions, strict=True)]
+    return [
+        text + after_seeds(decision, c, f" ({{}}); all {_difference_of_all(summary, panel, k, c)}")
+        for text, decision, k in zip(texts, decisions, lines, strict=True)
+    ]
+
+
+def _difference_of_all(summary: SweepSummary, panel: Panel, k: int, c: int) -> str:
+    """The paired difference of all runs, where an earlier look decided."""
+    of_all = paired_difference(panel.error[k, c], panel.error[k, -1], level=summary.table.level)
+    return difference_words(of_all, replace(summary.unit, name=""))
 
 
 def _with_rule(part: _Part) -> list[list[str]]:
@@ -153,7 +162,9 @@ def _caption(summary: SweepSummary) -> str:
     sentences.append(margin_choice(table))  # no reader may take such an answer for a test
     if earlier := _earlier_looks(summary):
         numbers = " and ".join(f"({number})" for number in earlier)
-        sentences.append(f"{numbers}: decided by the first {' or '.join(map(str, earlier))} seeds, and of these.")
+        sentences.append(
+            f"{numbers}: of the first {' or '.join(map(str, earlier))} seeds, which decided; all: of all runs."
+        )
     if _has_marks(summary):
         sentences.append(f"{MARK} Too few runs for an interval: smallest and largest run.")
     return " ".join(filter(None, sentences))

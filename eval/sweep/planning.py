@@ -6,7 +6,7 @@ from __future__ import annotations
 from eval.sweep.answer_words import counted
 from eval.sweep.look_schedule import MAX_SEEDS_UNTIL_DECIDED, fewest_seeds_to_go_on
 from eval.sweep.margin import MARGIN, Margin
-from eval.sweep.outlook import CONDITION, TYPICAL_ERROR, chance_words, rule_of_thumb, typical_outlook
+from eval.sweep.outlook import CONDITION, TYPICAL_ERROR, rule_of_thumb, typical_chance, typical_outlooks
 from eval.sweep.statistics import LEVEL, min_values
 
 
@@ -17,11 +17,11 @@ def foresight(units: int, unit: str = "seed", *, level: float = LEVEL, margin: M
     """
     if units < min_values(level):
         return _too_few(units, unit, level, margin)
-    outlook = typical_outlook(level=level, margin=margin)
-    share = 100.0 * outlook.detectable(units, level=level) / TYPICAL_ERROR
-    chance = chance_words(outlook.chance(units, level=level))
+    outlooks = typical_outlooks(level=level, margin=margin)
+    low, high = (100.0 * outlook.detectable(units, level=level) / TYPICAL_ERROR for outlook in outlooks)
+    chance = typical_chance(units, level=level, margin=margin)
     return [
-        f"{units} {unit}s show a difference of about {share:.0f} % of the error, or more.",
+        f"{units} {unit}s show a difference of {low:.0f} to {high:.0f} % of the error, or more.",
         f"Chance of an answer for {'a world' if unit == 'seed' else 'the kind of building'}: {chance} ({CONDITION}).",
     ]
 

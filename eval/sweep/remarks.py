@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.sweep.answer_words import MIN_INSIDE, difference_words, particles
+from eval.sweep.answer_words import MIN_INSIDE, after_seeds, difference_words, particles
 from eval.sweep.decision import State
 from eval.sweep.final_pass import after_the_final_pass
 from eval.sweep.look_schedule import MIN_CHANCE, USUAL_LOOKS
@@ -214,6 +214,7 @@ def after_final_pass(summary: SweepSummary) -> str:
     known: dict[str, tuple[float, float]] = {}
     states: dict[str, State] = {}
     differences: dict[str, Interval] = {}
+    seeds: dict[str, str] = {}
     for p, place in enumerate(table.places if len(counts) > 1 else ()):
         if final is None:
             break
@@ -222,6 +223,7 @@ def after_final_pass(summary: SweepSummary) -> str:
         both = np.isfinite(few) & np.isfinite(many)
         if both.any():
             known[place] = float(np.median(few[both])), float(np.median(many[both]))
+            seeds[place] = after_seeds(decision, 0, " in the first {} seeds")
             states[place], differences[place] = decision.states[0], decision.differences[0]
     if not known:
         return ""
@@ -231,7 +233,7 @@ def after_final_pass(summary: SweepSummary) -> str:
     if len(known) <= MAX_NAMED:
         of_places = [
             f"{place} {ends.format(f'{unit.text(few)} {unit.name}'.strip(), unit.text(many))} (paired difference "
-            f"{difference_words(differences[place], unit)})"
+            f"{difference_words(differences[place], unit)}{seeds[place]})"
             for place, (few, many) in known.items()
         ]
         medians = "; ".join(of_places)

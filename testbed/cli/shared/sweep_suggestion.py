@@ -85,7 +85,10 @@ def sentences(suggestion: Suggestion) -> list[str]:
         ]
         if suggestion.largest_holds < MOSTLY_HOLDS:
             lines.append(f"More than {largest} were not tested and would probably help.")
-    lines[:0] = [f"Outside of what was measured, so this is an extrapolation: {words}." for words in suggestion.outside]
+    lines[:0] = [
+        f"{suggestion.name} is outside of what was measured, so this is an extrapolation: {words}."
+        for words in suggestion.outside
+    ]
     lines.append(f"Why the middle one needs {_count_words(suggestion, suggestion.needed)}:")
     return lines + [_why(suggestion, reason) for reason in suggestion.reasons]
 

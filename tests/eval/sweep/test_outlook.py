@@ -8,7 +8,7 @@ import pytest
 from scipy.special import stdtrit
 
 from eval.sweep.decision import decide
-from eval.sweep.outlook import Outlook, bound_for, chance_sentence, chance_words, outlook_of, typical_outlook
+from eval.sweep.outlook import Outlook, bound_for, chance_sentence, chance_words, outlook_of, typical_outlooks
 from eval.sweep.statistics import min_values, paired_difference
 
 LIMIT = 0.005
@@ -84,7 +84,7 @@ def test_no_noise_and_no_data_are_no_errors():
 
 
 def test_more_seeds_and_a_lower_level_raise_the_chance():
-    outlook = typical_outlook()
+    outlook, _ = typical_outlooks()
     chances = [outlook.chance(n) for n in range(8, 60)]
     assert chances == sorted(chances)
     assert outlook.chance(20, level=0.95) > outlook.chance(20)

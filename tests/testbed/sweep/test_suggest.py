@@ -97,8 +97,9 @@ def test_what_the_experiment_did_not_cover_is_named():
     inside, outside = (suggest("x", EASY | {"odometry_deg_per_m": e}, model()) for e in (1.0, 30.0))
     assert inside.outside == ()
     assert outside.outside == ("heading error of the odometry over a metre: 30 deg, measured were 0.5 deg to 4 deg",)
-    assert sentences(outside)[0].startswith("Outside of what was measured, so this is an extrapolation: heading error")
-    assert not any("Outside" in line for line in sentences(inside))
+    first = "x is outside of what was measured, so this is an extrapolation: heading error"
+    assert sentences(outside)[0].startswith(first)
+    assert not any("outside of" in line for line in sentences(inside))
     assert sentences(inside)[:2] == [
         "x: start with 1 particle, enough in nearly all worlds like it.",
         "Of such worlds the middle one needs 1; 95 % of them need between 1 and 1.",
