@@ -375,7 +375,7 @@ def lower_counts(case: Case) -> str:
     failed, runs = case.failed_of(count)
     if failed > case.failed_of(case.largest)[0]:
         return f"{count} {'is' if count == 1 else 'are'} not shown to be enough, and failed in {failed} of {runs} runs"
-    words = f"{count} may be enough too"
+    words = f"fewer than {decision.count} may be enough too"
     if not case.table.is_sequential:
         return words if decision.outlook is None else f"{words}: {_chance_of_more(case)}"
     if decision.outlook is None:

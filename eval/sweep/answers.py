@@ -306,7 +306,8 @@ def _final_pass(
     compared = f": {difference_words(difference, unit)}"
     good = f"{does}{compared} (margin {margin}{f', {share} of the error there' if share else ''})"
     if decision.limit > max(medians):  # that the difference is smaller then says nothing
-        good = f"{does}: both errors, {' and '.join(shown)}, are below the margin of {margin}"
+        both = f"both errors, {' and '.join(shown)}, are below the margin of {margin}"
+        good = f"{does}: {both}, {difference_words(difference, unit)}"
     conclusions: dict[State, str] = {
         "good": good,
         "worse": f"the count still matters{compared}",

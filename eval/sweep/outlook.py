@@ -30,6 +30,8 @@ from eval.sweep.statistics import Interval, min_values, minimum_detectable_effec
 
 MAX_UNITS = 200
 """More seeds or worlds than this are not counted out."""
+FEW = 16
+"""From fewer seeds or worlds, how many are needed can be wrong by several times."""
 SOME, MOST = 0.2, 0.8
 """The range of an `Outlook` begins where one in five such sweeps is decided, and ends where four in five are."""
 TYPICAL_DEVIATIONS = (0.2, 0.45)
@@ -137,7 +139,8 @@ def chance_sentence(outlook: Outlook, looks: Sequence[int], likely: str, unit: s
         return said
     more = bound_for(outlook)
     needed = f"more than {MAX_UNITS}" if outlook.high is None or more <= look else f"about {more}"
-    return f"{said}; for {100.0 * MOST:.0f} % {needed} are needed"
+    rough = f" (a rough guess from {outlook.units})" if outlook.units < FEW else ""
+    return f"{said}; for {100.0 * MOST:.0f} % {needed} are needed{rough}"
 
 
 def outlook_of(difference: Interval, limit: float, *, level: float) -> Outlook | None:

@@ -88,7 +88,8 @@ def _difference_limits(shown: Sequence[Panel], factor: float) -> tuple[float, fl
     intervals = [interval for decision in decisions for interval in decision.differences]
     ends = [factor * end for i in intervals for end in (i.low, i.value, i.high) if math.isfinite(end)]
     runs = [factor * (panel.error[:, :-1] - panel.error[:, -1:]) for panel in shown]
-    ends += [float(np.nanmin(values)) for values in runs if np.isfinite(values).any()]
+    least = min(ends, default=0.0) - max(margins)  # a few runs that did far better would squeeze the intervals
+    ends += [max(float(np.nanmin(values)), least) for values in runs if np.isfinite(values).any()]
     most = MAX_MARGINS * max(margins)
     low, high = min(ends, default=0.0), max(ends, default=0.0)
     return 1.15 * max(min(low, -max(margins)), -most), 1.15 * min(max(high, 1.5 * max(margins)), most)

@@ -50,12 +50,12 @@ def test_a_card_says_how_a_decided_world_goes_on_to_smaller_counts(tmp_path):
     answer = answers(summarise(read_sweep(tmp_path).judged()), "improved")[0]
     assert answer.headline == "5 particles are enough"
     assert re.fullmatch(
-        r"1 may be enough too: with \d+ seeds the chance of any answer is about \d+ % \(most likely: 1 is enough\); "
-        "--until smallest goes on to it",
+        r"fewer than 5 may be enough too: with \d+ seeds the chance of any answer is about \d+ % "
+        r"\(most likely: 1 is enough\); --until smallest goes on to it",
         answer.needs,
     )
     assert answer.lines[1].startswith("  5 particles are 0.00 cm worse than 20 in the median pair of runs")
-    assert answer.lines[2].startswith("  1 may be enough too: with")
+    assert answer.lines[2].startswith("  Fewer than 5 may be enough too: with")
     going_on = summarise(dataclasses.replace(read_sweep(tmp_path), until="smallest").judged())
     assert "--until smallest" not in answers(going_on, "improved")[0].needs
 
@@ -433,5 +433,6 @@ def test_a_world_that_was_given_up_says_so_also_with_too_few_seeds(tmp_path):
 def test_a_margin_above_the_whole_error_is_called_so(tmp_path):
     hall, _ = answers(summarise(read_sweep(write_sweep(tmp_path, level(0.02, 0.02, 0.02), seeds=8))), "improved")
     assert hall.final_pass == (
-        f"{KEPT}1 does as well: both errors, 0.40 cm and 0.40 cm, are below the margin of 0.5 cm"
+        f"{KEPT}1 does as well: both errors, 0.40 cm and 0.40 cm, are below the margin of 0.5 cm, "
+        "+0.00 cm [+0.00, +0.02]"
     )

@@ -111,4 +111,4 @@ def test_the_look_that_probably_answers_is_named_and_no_other_number():
         f"for 80 % about {bound_for(late)} are needed"
     )
     never = Outlook(0.0001, 0.01, 9)
-    assert chance_sentence(never, [16, 40], "").endswith("for 80 % more than 200 are needed")
+    assert chance_sentence(never, [16, 40], "").endswith("for 80 % more than 200 are needed (a rough guess from 9)")
