@@ -206,3 +206,20 @@ def test_a_lower_limit_is_named_where_it_will_probably_do(tmp_path):
     (more,) = advised(tmp_path, error=noise(0.005, gain=0.0), seeds=8, about={"level": 0.99, "until": "decided"})
     limit = int(re.search(r"With --seeds (\d+) as the limit: hall_a (about|over) ", more.text)[1])
     assert 16 <= limit < 40
+
+
+def test_going_on_to_fewer_particles_goes_on_with_open_worlds_too_and_costs_that(tmp_path):
+    missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(8, 40))
+
+    def error(p, k, c, s):
+        spread = ((5 * s) % 8 - 3.5) / 3.5
+        return 0.02 + (0.005 * spread if (p, c) in ((0, 1), (1, 0)) else 0.0)
+
+    write_sweep(tmp_path, error=error, seeds=40, missing=missing, about={"level": 0.99, "until": "decided"})
+    summary = summarise(read_sweep(tmp_path).judged())
+    assert [summary.decision(place, "improved").kind for place in PLACES] == ["undecided", "enough"]
+    (fewer,) = [item for item in advice(summary, "OUT", 2) if item.title == "Go on to fewer particles"]
+    assert "is enough too in cave. It goes on with hall_a as well; --give-up hall_a leaves that." in fewer.text
+    words = duration_words(seconds_for_seeds(summary.table, PLACES, 40, 2))
+    assert words != duration_words(seconds_for_seeds(summary.table, ["cave"], 40, 2))
+    assert f"up to 40 seeds (about {words} at most)" in fewer.text
