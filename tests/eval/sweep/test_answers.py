@@ -14,6 +14,7 @@ from eval.sweep.outlook import bound_for, chance_sentence
 from eval.sweep.paper_tables import figure_caption, markdown_table
 from eval.sweep.report import write_sweep_report
 from eval.sweep.results import read_sweep
+from eval.sweep.statistics import paired_difference
 from eval.sweep.summary import summarise
 from tests.eval.synthetic_sweep import COUNTS, write_sweep
 
@@ -61,20 +62,21 @@ def test_a_card_says_how_a_decided_world_goes_on_to_smaller_counts(tmp_path):
 
 
 def test_what_an_earlier_look_decided_is_said_with_its_seeds_wherever_it_stands(tmp_path):
-    """5 are as good as 20 in the first 8 seeds, and 2 cm worse in the 8 that were added for 1."""
+    """5 are as good as 20 in the first 8 seeds, and some 2 cm worse in the 8 that were added for 1."""
 
     def later(p, k, c, s):
-        return (0.02 + 0.003 * ((5 * s) % 8 - 3.5), 0.02 if s < 8 else 0.04, 0.02)[c]
+        return (0.02 + 0.003 * ((5 * s) % 8 - 3.5), 0.02 if s < 8 else 0.03 + 0.002 * (s - 8), 0.02)[c]
 
     missing = frozenset((p, k, c, s) for p in range(2) for k in range(2) for c in range(3) for s in range(16, 40))
     write_sweep(tmp_path, later, seeds=40, missing=missing, about={"level": 0.99, "until": "smallest"})
     summary = summarise(read_sweep(tmp_path).judged())
     answer = answers(summary, "improved")[0]
     assert (answer.headline, answer.detail) == ("5 particles are enough", "2.0 cm; 20 give 2.0 cm in the first 8 seeds")
-    assert "99 % interval after 8 seeds], of all 16 runs 1.00 worse; up to 0.5 cm" in answer.difference
+    of_all = paired_difference(summary.table.error[0, 0, 1], summary.table.error[0, 0, 2], level=0.99)
+    assert f"99 % interval after 8 seeds], of all 16 runs {100 * of_all.value:.2f} worse; up to" in answer.difference
     assert answer.reversal == ""
     text = markdown_table(summary)
-    assert "+0.00 [+0.00, +0.00] (8); all +1.00 [+0.00, +2.00] |" in text
+    assert f"(8); all +{100 * of_all.value:.2f} [+{100 * of_all.low:.2f}, +{100 * of_all.high:.2f}] |" in text
     assert "(8): of the first 8 seeds, which decided; all: of all runs." in text
     assert "Where the first 8 seeds decided, marks are of these." in figure_caption(summary)
     assert "+0.00 [+0.00, +0.00] (first 8 seeds)" in write_sweep_report(tmp_path).read_text()
