@@ -176,7 +176,7 @@ def typical_chance(units: int, *, level: float, margin: Margin) -> str:
 def rule_of_thumb(margin: Margin, most: int = MAX_SEEDS_UNTIL_DECIDED) -> str:
     """How likely the first and the last look of `--until decided` decide a world, before any measurement says so.
 
-    `8 seeds about 10 to 45 %, 40 about 45 to 90 % (rule of thumb, …)`. most: seeds at the last look
+    `8 seeds about 10 to 50 %, 40 about 65 to 90 % (rule of thumb, …)`. most: seeds at the last look
     """
     looks = looks_for(max(most, min_values(ADDING_LEVEL)))
     first, last = (typical_chance(look, level=level_of(looks), margin=margin) for look in (looks[0], looks[-1]))

@@ -104,18 +104,17 @@ def _differences(summary: SweepSummary, panel: Panel, c: int, lines: Iterable[in
     unit = replace(summary.unit, name="")
     if c == len(summary.table.counts) - 1:
         return ["" for _ in lines]
-    decisions = [panel.decisions[k] for k in lines]
-    texts = [difference_words(decision.differences[c], unit, decision.limit) or "-" for decision in decisions]
-    return [
-        text + after_seeds(decision, c, f" ({{}}); all {_difference_of_all(summary, panel, k, c)}")
-        for text, decision, k in zip(texts, decisions, lines, strict=True)
-    ]
+    return [_difference(summary, panel, k, c, unit) for k in lines]
 
 
-def _difference_of_all(summary: SweepSummary, panel: Panel, k: int, c: int) -> str:
-    """The paired difference of all runs, where an earlier look decided."""
-    of_all = paired_difference(panel.error[k, c], panel.error[k, -1], level=summary.table.level)
-    return difference_words(of_all, replace(summary.unit, name=""))
+def _difference(summary: SweepSummary, panel: Panel, k: int, c: int, unit: Unit) -> str:
+    """The difference that decides; where that is of an earlier look, that of all runs too."""
+    decision = panel.decisions[k]
+    text = difference_words(decision.differences[c], unit, decision.limit) or "-"
+    if first := after_seeds(decision, c, "({})"):
+        of_all = paired_difference(panel.error[k, c], panel.error[k, -1], level=summary.table.level)
+        return f"{text} {first}; all {difference_words(of_all, unit)}"
+    return text
 
 
 def _with_rule(part: _Part) -> list[list[str]]:

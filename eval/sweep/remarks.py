@@ -215,9 +215,9 @@ def after_final_pass(summary: SweepSummary) -> str:
     states: dict[str, State] = {}
     differences: dict[str, Interval] = {}
     seeds: dict[str, str] = {}
-    for p, place in enumerate(table.places if len(counts) > 1 else ()):
-        if final is None:
-            break
+    if final is None or len(counts) == 1:
+        return ""
+    for p, place in enumerate(table.places):
         decision = final.decision(place, table.baseline)
         few, many = (table.refined[p, base, c, decision.until_verdict(0)] for c in (0, -1))
         both = np.isfinite(few) & np.isfinite(many)

@@ -91,16 +91,6 @@ class SweepSummary:
             t.counts, t.error[worlds, k], t.failures[worlds, k], margin=t.margin, level=t.level, looks=t.looks
         )
 
-    def median_of_family(self, family: str, line: str, count: int) -> float:
-        """Median over the worlds of a family of the median error over seeds, in the unit of the measure."""
-        t = self.table
-        medians = [
-            self.group(place, line, count).median.value
-            for place, name in zip(t.places, t.families, strict=True)
-            if name == family
-        ]
-        return _median(np.array(medians))
-
     def never_resampled(self, places: Sequence[str], line: str) -> tuple[int, int]:
         """Of the runs with the largest count in these places: how many never resampled, of how many one knows."""
         t = self.table

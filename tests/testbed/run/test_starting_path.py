@@ -83,15 +83,17 @@ def test_it_is_no_worse_over_ten_seeds(name):
 def test_an_odometry_that_fails_is_not_preferred():
     """In most drives: where a slip is larger than what the camera sees, nothing brings the path back."""
     slipping = OdometryConfig(grade="poor", slip_rate=0.3, slip_distance=0.05)
-    shares, began_there = [], 0
+    shares, began_there = [], []
     for seed in (20, 21, 22):
         estimation = run(weak("depth_camera"), seed=seed, odometry=slipping)
         filtered = estimation.filtered()
         estimate = estimation.refined(filtered)
-        began_there += "began at the filter's path" in estimate.notes[0]
+        began_there.append("began at the filter's path" in estimate.notes[0])
         best = min(error_of(estimation, path) for path in (estimation.odometry, filtered.dense.poses))
         shares.append(error_of(estimation, estimate.dense.poses) / best)
-    assert began_there >= 1  # with seed 22 both beginnings end within 2 mm of each other, and either may be likelier
+    # with seed 22 both beginnings end within 2 mm of each other, and either may be likelier
+    assert sum(began or share < 0.5 for began, share in zip(began_there, shares, strict=True)) >= 2
+    assert any(began_there)
     assert np.median(shares) < 0.5
 
 
