@@ -75,6 +75,14 @@ def test_a_difference_at_the_limit_cannot_be_decided():
     assert said == "with 200 seeds the chance of any answer is under 5 %"
 
 
+def test_a_chance_that_is_shown_as_80_percent_needs_no_further_seeds():
+    """Rounded to 5 %, 78 % reads as 80 %."""
+    said = [chance_sentence(Outlook(0.001 * gap / 40.0, 0.005, 20), [40], "") for gap in range(20, 160)]
+    shown = [text for text in said if "about 80 %" in text]
+    assert shown
+    assert not any("for 80 %" in text for text in shown)
+
+
 def test_no_noise_and_no_data_are_no_errors():
     assert Outlook(0.004, 0.0, 9).chance(10) == 1.0
     assert Outlook(0.0, 0.0, 9).chance(10) == 0.0

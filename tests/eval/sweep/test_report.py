@@ -421,3 +421,13 @@ def test_drawn_worlds_with_a_seed_each_have_the_interval_that_decides(tmp_path, 
     assert "with the 95 % interval that decides" in text
     assert "*" not in text
     assert "are needed to show" not in text
+
+
+def test_a_few_runs_that_did_far_better_do_not_stretch_the_axis_of_differences(tmp_path):
+    """All runs of 5 are as those of 20, but one that is 3.8 cm better; the margin is 5 mm."""
+    write_sweep(tmp_path, lambda p, k, c, s: 0.002 if (c, s) == (1, 0) else 0.04, seeds=20)
+    summary = summarise(read_sweep(tmp_path))
+    with style():
+        low, high = differences(summary).axes[0].get_ylim()
+    assert low == pytest.approx(-1.15 * 0.5)
+    assert high == pytest.approx(1.15 * 0.75)
