@@ -89,6 +89,8 @@ EXPECTED_S = {"scoring": 4.0, "report": 12.0}
 """What comes after it takes about so long on two free cores [s]."""
 REPORT_PERIOD = 10.0
 """Time between two lines where stderr is no terminal [s]: short jobs print none."""
+TELLING_SHARE = 0.05
+"""How long the rest of a stage will take is said once so much of it is done."""
 
 
 class Overdue:
@@ -188,9 +190,10 @@ class ProgressLine:
 
 
 def _left(started: float, share: float) -> str:
-    """The share, 0 to 1, that is done since `started`, and about how long the rest will take."""
-    left = (time.perf_counter() - started) * (1.0 - share) / max(share, 1e-9)
-    return f"{share:.0%} done, about {left:.0f} s left"
+    """The share, 0 to 1, that is done since `started`, and about how long the rest will take, once that can be told."""
+    if share < TELLING_SHARE:
+        return f"{share:.0%} done"
+    return f"{share:.0%} done, about {(time.perf_counter() - started) * (1.0 - share) / share:.0f} s left"
 
 
 @contextmanager

@@ -3,6 +3,8 @@
 
 import threading
 
+import pytest
+
 import worlds
 from testbed.cli.shared import console
 from testbed.cli.shared.console import Overdue, SlowProgress, announce_world, progress_line
@@ -79,3 +81,9 @@ def test_the_time_left_does_not_count_what_another_process_compiled(capsys, monk
         "kernels of another installation that shares the cache; now those of this one",
         "kernels compiled: 10 of 100, about 270 s left",
     ]
+
+
+@pytest.mark.parametrize(("done", "said"), [(0.001, "0% done"), (0.04, "4% done"), (0.5, "50% done, about 10 s left")])
+def test_the_time_left_is_said_once_it_can_be_told(done, said, monkeypatch):
+    monkeypatch.setattr(console.time, "perf_counter", lambda: 10.0)
+    assert console._left(0.0, done) == said
