@@ -7,9 +7,10 @@ from __future__ import annotations
 import numpy as np
 
 from slam._jit import kernel
-from slam.grid._cell_kernels import DIRECTION, NO_WALL, VISITS, hits_of, is_wall, mean_x, mean_y
+from slam.grid._cell_kernels import DIRECTION, NO_WALL, VISITS, hits_of, mean_x, mean_y
 from slam.grid._tile_kernels import SHIFT, fine_tile_at, in_fine_tile, in_tile, tile_at
 from slam.grid._traversal_kernels import rays_in_cells
+from slam.grid._wall_kernels import has_enough_hits
 from slam.matching._likelihood_kernels import HALF_LENGTH, NORMALS
 
 UNKNOWN, MET, THROUGH, SHORT = 0, 1, 2, 3
@@ -38,7 +39,7 @@ def crosses_wall(table, counts, surface_table, surface, limits, segment):
             continue
         last_x, last_y = cx, cy
         word = counts[tile_at(table, cx, cy), in_tile(cx, cy)]
-        if hits_of(word) < limits.min_hits or not is_wall(word, limits.occupied_share):
+        if hits_of(word) < limits.min_hits or not has_enough_hits(word, limits.occupied_share):
             continue
         piece = surface[fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)]
         direction = np.uint64(piece & DIRECTION)
@@ -96,7 +97,7 @@ def compare_beams(grids, particle, pose, rays, every, first, limits, kinds, norm
                 normals[2] += ny * ny
                 continue
         seen = counts[tile_at(table, cx, cy), in_tile(cx, cy)]
-        if (seen & VISITS) >= limits.min_visits and not is_wall(seen, limits.occupied_share):
+        if (seen & VISITS) >= limits.min_visits and not has_enough_hits(seen, limits.occupied_share):
             kinds[beam] = SHORT
 
 

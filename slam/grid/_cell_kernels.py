@@ -74,13 +74,6 @@ def counted(word, hit):
 
 
 @inlined
-def is_wall(word, occupied_share):
-    """Whether at least `occupied_share` of the beams that reached the cell ended in it."""
-    hits = hits_of(word)
-    return hits > 0 and hits >= occupied_share * (word & VISITS)
-
-
-@inlined
 def mean_x(surface):
     """Mean end point of a cell from its surface word: x in cells from the cell's corner."""
     return ((surface >> np.uint32(20)) + 0.5) * (1.0 / 4096.0)

@@ -76,11 +76,11 @@ def tiles_on_rays(segments, columns, tiles, count, seen):
 
 
 @kernel
-def count_misses(table, counts, segments, changed_candidates):
+def count_misses(table, counts, segments, passed):
     """Count a miss in every cell that the beams cross before their last one (Amanatides and Woo, 1987).
 
     table (rows, columns) of one particle, counts (tiles, cells), segments (beams, 4) in cells
-    changed_candidates (m,) out: cells as `packed` that hold hits, whose state may change, with repetitions.
+    passed (m,) out: those of the cells, as `packed`, that hold hits and may cease to be walls, with repetitions.
     A full list drops cells: they are looked at when next seen. Returns the number of entries.
     """
     n = 0
@@ -101,8 +101,8 @@ def count_misses(table, counts, segments, changed_candidates):
                 counts[tile, k] = word + np.uint32(1)
             else:
                 counts[tile, k] = counted(word, 0)
-                if n < changed_candidates.shape[0]:
-                    changed_candidates[n] = packed(cx, cy)
+                if n < passed.shape[0]:
+                    passed[n] = packed(cx, cy)
                     n += 1
             if left_y == 0 or (left_x > 0 and time_x < time_y):
                 cx += step_x

@@ -16,7 +16,6 @@ from slam.grid._cell_kernels import (
     DIRECTION,
     counted,
     hits_of,
-    is_wall,
     mean_x,
     mean_y,
     packed,
@@ -26,6 +25,7 @@ from slam.grid._cell_kernels import (
 )
 from slam.grid._tile_kernels import FINE_SHIFT, MASK, SHIFT, fine_tile_at, in_fine_tile, in_tile, request_tile, tile_at
 from slam.grid._traversal_kernels import count_misses, rays_in_cells, tiles_on_rays
+from slam.grid._wall_kernels import flip_walls
 
 LINE_REACH = 2
 """Half side of the square of cells in which a line is fitted [cells]."""
@@ -45,8 +45,29 @@ LINE_FLATNESS = 0.1
 
 
 @kernel
+def tiles_beside_hits(table, segments, hit, tiles, count, seen):
+    """Add the tiles of the cells about each hit that are not empty to a list that holds those of the hits.
+
+    table (rows, columns) of one particle, segments (beams, 4) in cells;  tiles, count, seen: see `request_tile`
+    """
+    columns = table.shape[1]
+    for beam in range(segments.shape[0]):
+        cx, cy = int(segments[beam, 2]), int(segments[beam, 3])
+        inside_x, inside_y = cx & MASK, cy & MASK
+        if not hit[beam] or (0 < inside_x < MASK and 0 < inside_y < MASK):
+            continue
+        for y in range((cy - 1) >> SHIFT, ((cy + 1) >> SHIFT) + 1):
+            for x in range((cx - 1) >> SHIFT, ((cx + 1) >> SHIFT) + 1):
+                if table[y, x] != 0:
+                    count = request_tile(y * columns + x, tiles, count, seen)
+    return count
+
+
+@kernel
 def request_scan_tiles(start, stop, grids, poses, rays, crossed, ended):
     """List the tiles that the beams cross and those in which they hit, for particles [start, stop).
+
+    Also those with cells beside a hit, where anything is known there: a hit may outdo walls beside it.
 
     poses (particles, 3);  crossed, ended: `TileRequest`s of the counts and of the surface
     """
@@ -57,6 +78,14 @@ def request_scan_tiles(start, stop, grids, poses, rays, crossed, ended):
         crossed.count[particle] = tiles_on_rays(
             segments, columns, crossed.tiles[particle], crossed.count[particle], crossed.seen[particle]
         )
+        crossed.count[particle] = tiles_beside_hits(
+            grids.table[particle],
+            segments,
+            hit,
+            crossed.tiles[particle],
+            crossed.count[particle],
+            crossed.seen[particle],
+        )
         tiles, seen, count = ended.tiles[particle], ended.seen[particle], ended.count[particle]
         for beam in range(segments.shape[0]):
             if hit[beam]:
@@ -66,10 +95,10 @@ def request_scan_tiles(start, stop, grids, poses, rays, crossed, ended):
 
 
 @kernel
-def count_hits(table, counts, surface_table, surface, segments, hit, changed_candidates, n):
+def count_hits(table, counts, surface_table, surface, segments, hit, passed, n):
     """Count what happened in the last cell of each beam: a hit or a pass; hits move the cell's mean end point.
 
-    As in `count_misses`; appends every last cell to changed_candidates from n on and returns the new number of entries.
+    As in `count_misses`; appends the cells of passes to passed from n on and returns the new number of entries.
     """
     for beam in range(segments.shape[0]):
         x, y = segments[beam, 2], segments[beam, 3]
@@ -80,28 +109,10 @@ def count_hits(table, counts, surface_table, surface, segments, hit, changed_can
         if hit[beam]:
             tile, k = fine_tile_at(surface_table, cx, cy), in_fine_tile(cx, cy)
             surface[tile, k] = with_end_point(surface[tile, k], hits_of(word), x - cx, y - cy)
-        if n < changed_candidates.shape[0]:
-            changed_candidates[n] = packed(cx, cy)
+        elif n < passed.shape[0]:
+            passed[n] = packed(cx, cy)
             n += 1
     return n
-
-
-@kernel
-def flip_walls(table, counts, walls, changed_candidates, occupied_share, changes):
-    """Bring the walls among the changed_candidates cells (n,) up to date.
-
-    changes (m,) out: cells that became a wall or ceased to be one, each once. Returns their number.
-    """
-    changed = 0
-    for j in range(changed_candidates.shape[0]):
-        cx, cy = packed_x(changed_candidates[j]), packed_y(changed_candidates[j])
-        tile, row, bit = tile_at(table, cx, cy), np.uint64(cy & MASK), np.uint32(1) << np.uint32(cx & MASK)
-        wall = (walls[tile, row] & bit) != 0
-        if is_wall(counts[tile, in_tile(cx, cy)], occupied_share) != wall and changed < changes.shape[0]:
-            walls[tile, row] ^= bit
-            changes[changed] = changed_candidates[j]
-            changed += 1
-    return changed
 
 
 @inlined
@@ -188,13 +199,13 @@ def count_scan(start, stop, grids, poses, rays, occupied_share, changes):
     """
     counts, walls, surface, hit = grids.counts, grids.walls, grids.surface, rays.hit
     segments = np.empty((hit.shape[0], 4))
-    changed_candidates = np.empty(16 * changes.cells.shape[1], np.int64)
+    passed = np.empty(16 * changes.cells.shape[1], np.int64)
     for particle in range(start, stop):
         table, surface_table = grids.table[particle], grids.surface_table[particle]
         rays_in_cells(grids, poses[particle], rays, segments)
-        n = count_misses(table, counts, segments, changed_candidates)
-        n = count_hits(table, counts, surface_table, surface, segments, hit, changed_candidates, n)
+        n = count_misses(table, counts, segments, passed)
+        n = count_hits(table, counts, surface_table, surface, segments, hit, passed, n)
         changes.filled[particle] = flip_walls(
-            table, counts, walls, changed_candidates[:n], occupied_share, changes.cells[particle]
+            table, counts, walls, passed[:n], segments, hit, occupied_share, changes.cells[particle]
         )
         refresh_lines(table, walls, surface_table, surface, segments, hit)

@@ -68,27 +68,32 @@ class Map:
         self._found.clear()
         starts = se2.transform_points(pose, rays.origins) / self.cell
         ends = se2.transform_points(pose, rays.ends) / self.cell
-        seen = set()
         for start, end in zip(starts, ends, strict=True):
             for place in cells_on_segment((*start, *end))[:-1]:
                 self._at(place).visits += 1
-                seen.add(place)
         for end, hit in zip(ends, rays.hit, strict=True):
             place = (math.floor(end[0]), math.floor(end[1]))
             cell = self._at(place)
             cell.visits += 1
-            seen.add(place)
             if hit:
                 cell.hits += 1
                 inside = end - place
                 gain = 1.0 / min(cell.hits, MEMORY)
                 cell.mean = tuple(np.add(cell.mean, gain * (inside - cell.mean)))
-        for place in seen:
-            cell = self.cells[place]
-            cell.wall = cell.hits > 0 and cell.hits >= self.occupied_share * cell.visits
+        for place in list(self.cells):
+            self.cells[place].wall = self._is_wall(place)
         for end in ends[rays.hit]:
             place = (math.floor(end[0]), math.floor(end[1]))
             self.cells[place].normal = self.line_normal(place)
+
+    def _is_wall(self, place):
+        """Whether enough beams end in a cell, and more than half as many as in the cells across any wall there."""
+        cell = self.cells[place]
+        outdone = 0
+        for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
+            sides = [(place[0] + dx, place[1] + dy), (place[0] - dx, place[1] - dy)]
+            outdone += any(2 * cell.hits < self.cells[at].hits for at in sides if at in self.cells)
+        return cell.hits > 0 and cell.hits >= self.occupied_share * cell.visits and outdone < 2
 
     def _at(self, place):
         return self.cells.setdefault(place, Cell())

@@ -14,11 +14,11 @@ from slam.grid._cell_kernels import (
     MEAN_MEMORY,
     VISITS,
     counted,
-    is_wall,
     mean_x,
     mean_y,
     with_end_point,
 )
+from slam.grid._wall_kernels import has_enough_hits
 from slam.matching._likelihood_kernels import NORMALS
 from tests.slam.rooms import counts_of, empty_maps, rays, word_at
 
@@ -49,11 +49,11 @@ def test_counts_are_halved_before_they_overflow_and_keep_their_ratio(period):
     assert hits / visits == pytest.approx(1.0 / period, abs=0.03)  # one part in half the largest count of hits
 
 
-def test_a_cell_is_a_wall_from_the_occupied_share_on():
-    assert is_wall(np.uint32(1 << int(HIT_SHIFT) | 4), 0.25)
-    assert not is_wall(np.uint32(1 << int(HIT_SHIFT) | 5), 0.25)
-    assert not is_wall(np.uint32(500), 0.25)
-    assert not is_wall(np.uint32(0), 0.25)
+def test_a_cell_has_enough_hits_from_the_occupied_share_on():
+    assert has_enough_hits(np.uint32(1 << int(HIT_SHIFT) | 4), 0.25)
+    assert not has_enough_hits(np.uint32(1 << int(HIT_SHIFT) | 5), 0.25)
+    assert not has_enough_hits(np.uint32(500), 0.25)
+    assert not has_enough_hits(np.uint32(0), 0.25)
 
 
 FRACTIONS = st.floats(0.0, 1.0, exclude_max=True)
