@@ -44,8 +44,10 @@ class BuiltIn:
         return all(importlib.util.find_spec(module) is not None for module in self.modules)
 
 
+DEFAULT = "gmapping"
+"""The system where none is named."""
 BUILT_IN = {
-    "gmapping": BuiltIn("testbed.systems.gmapping:GMappingSystem", "the filter of this package, with its final pass"),
+    DEFAULT: BuiltIn("testbed.systems.gmapping:GMappingSystem", "the filter of this package, with its final pass"),
     "localization": BuiltIn("testbed.systems.localization:LocalizationSystem", "the filter in a finished map"),
     "odometry": BuiltIn("testbed.systems.odometry:OdometrySystem", "what the wheels say: the baseline"),
     "scan-matching": BuiltIn(

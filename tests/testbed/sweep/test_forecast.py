@@ -76,7 +76,7 @@ def test_the_pace_separates_what_it_measures(tmp_path, monkeypatch):
 
     monkeypatch.setattr(forecast, "compute", compute)
     monkeypatch.setattr(forecast, "recording_of", simulate)
-    monkeypatch.setattr(forecast, "job_of", lambda cell, recording: None)
+    monkeypatch.setattr(forecast, "drawn_recording", lambda cell: None)
     monkeypatch.setattr(forecast.time, "perf_counter", lambda: clock["now"])
     paces = measure_pace(cells, costs, 1)
     assert paces.keys() == {"lds01", "rplidar_a1"}
