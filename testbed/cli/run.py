@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from eval.map.grids import grid_from_true_map
 from eval.scoring import Reference
-from slam.gmapping import GMapping
+from slam.occupancy import OccupancyGrid
 from slam.step.step_report import StepReport
 from testbed.cli.shared.backend import announce_backend
 from testbed.cli.shared.console import SlowProgress, announce_world, console, progress_line
@@ -86,10 +86,8 @@ def run(
         job = Job(
             source=SimulatedFrames(simulation, simulator.duration),
             document=document,
-            seeds=seeds,
-            filter=filter_config,
-            threads=estimator.threads,
-            refine=estimator.refine,
+            seed=estimator.seed,
+            system=estimator.system(),
             truth_map=truth,
             truth_walls=exact.walls,
         )
@@ -137,10 +135,10 @@ class SimulatedFrames:
         """Why the drive did not end as planned; None = it did."""
         return self.simulation.ended(self.duration)
 
-    def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
+    def observe(self, frame: Frame, report: StepReport, make_map: Callable[[], OccupancyGrid]) -> None:
         """Give the estimate to a driver that steers by it."""
         if isinstance(self.simulation.driver, ExploreDriver):
-            self.simulation.driver.observe(frame, report, mapper)
+            self.simulation.driver.observe(frame, report, make_map)
 
 
 @contextmanager

@@ -22,12 +22,11 @@ from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
 from testbed.cli.shared.system_options import SYSTEMS, SystemOptions, compare_systems
 from testbed.datasets.truth import attach_truth
+from testbed.estimation.known_map import KnownMap
 from testbed.frame_table import TableFrames
 from testbed.inspect import AS_STATED, Reading, inspect_log, notes_of
 from testbed.provenance import config_document, settings_as_markdown
 from testbed.run.job import Job, RecordedFrames
-from testbed.run.known_map import KnownMap
-from testbed.seeds import RunSeeds
 from testbed.settings.estimator import ESTIMATOR, EstimatorOptions
 from testbed.systems.execute import Recorded
 from testbed.views import Scene
@@ -131,12 +130,9 @@ def slam(
     job = Job(
         source=RecordedFrames(TableFrames(table)),
         document=document,
-        seeds=RunSeeds.from_seed(estimator.seed),
-        filter=filter_config,
-        threads=estimator.threads,
-        refine=estimator.refine,
+        seed=estimator.seed,
+        system=estimator.system(known),
         relations=known_relations,
-        known_map=known,
         truth_map=truth_map,
         truth_walls=truth_walls,
         notes=notes_of(findings),

@@ -25,9 +25,9 @@ from testbed.envs.observation.rendering import MODES, Screen, check_render_mode,
 from testbed.envs.rewards import ExploreReward
 from testbed.envs.scenario.robot_io import RobotIO
 from testbed.envs.settings import EnvironmentSettings, check_type
+from testbed.estimation.snapshot import take_snapshot
 from testbed.exploration.belief import Belief
 from testbed.frame import Frame
-from testbed.run.snapshot import take_snapshot
 from testbed.seeds import RunSeeds
 from testbed.simulation.fleet.robot_group import Readings, RobotSetup
 from worlds import TrueMap

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from slam.gmapping import GMapping
+from collections.abc import Callable
+
+from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import compose
 from slam.sensor.deskew import exp_twist
@@ -21,7 +23,7 @@ class ExploreDriver:
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
-        self._latest: tuple[Frame, StepReport, GMapping] | None = None
+        self._latest: tuple[Frame, StepReport, Callable[[], OccupancyGrid]] | None = None
         self._scans: dict[str, Scan] = {}  # the last one of each lidar
 
     @property
@@ -39,9 +41,9 @@ class ExploreDriver:
         """Number of times that the robot backed off."""
         return self._explorer.recoveries
 
-    def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
-        """Store the filter's estimate after a frame with a scan."""
-        self._latest = (frame, report, mapper)
+    def observe(self, frame: Frame, report: StepReport, make_map: Callable[[], OccupancyGrid]) -> None:
+        """Store the estimate after a frame with a scan; make_map: returns the map as it is then."""
+        self._latest = (frame, report, make_map)
         if frame.scan is not None:
             self._scans[frame.lidar] = frame.scan
 
@@ -52,12 +54,12 @@ class ExploreDriver:
         """
         if self._latest is None:
             return 0.0, 0.0
-        frame, report, mapper = self._latest
+        frame, report, make_map = self._latest
         pose = report.pose
         if frame.twist is not None:
             pose = compose(pose, exp_twist(frame.twist, stamp - frame.stamp))
         scans = tuple(self._scans.values())
-        belief = Belief(stamp=stamp, pose=pose, scans=scans, twist=frame.twist, map=mapper.map)
+        belief = Belief(stamp=stamp, pose=pose, scans=scans, twist=frame.twist, map=make_map)
         return self._explorer.command(belief)
 
     def wait(self, stamp: float) -> tuple[float, float]:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""One run: an estimator processes frames, and the result is scored and written into a run directory."""
+"""One run: a system is followed scan by scan, and its result is scored and written into a run directory."""

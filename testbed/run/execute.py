@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One run: frames go through the filter, the estimate is scored, all files are written."""
+"""One run: frames go through the system, the estimate is scored, all files are written."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ from eval.files.failure_json import write_failure
 from eval.first_failure import find_failure
 from eval.map.lidar_view import LidarView
 from eval.scoring import Reference, score
-from slam.gmapping import GMapping
-from slam.localization import Localization
 from slam.se2 import Pose, between
 from slam.sensor.deskew import log_twist
 from slam.sensor.rays import make_rays
@@ -28,15 +26,13 @@ from testbed.formats.commands import commands_of, write_commands
 from testbed.formats.g2o import write_g2o
 from testbed.frame import Frame
 from testbed.run.covariances import covariance_metrics, write_covariances
-from testbed.run.estimation import Estimate, Estimation
+from testbed.run.estimate import Estimate
+from testbed.run.followed import Following
 from testbed.run.interruption import deferred_interruption
 from testbed.run.job import Job
-from testbed.run.known_map import KnownMap, failure_reason, localization_metrics
 from testbed.run.loop_metrics import loop_metrics, loops_to_show
 from testbed.run.mount_metrics import find_mount, mount_metrics, mount_notes
 from testbed.run.run_directory import RunDirectory, result_hash
-from testbed.run.self_check import localization_self_check, self_check_metrics
-from testbed.run.snapshot import take_snapshot
 from testbed.views import NullView, View
 
 
@@ -73,8 +69,10 @@ def execute_job(job: Job, directory: RunDirectory, watcher: RunProgress, view: V
 
 def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View) -> dict[str, Any]:
     started = time.perf_counter()
-    watcher.stage("mapping" if job.known_map is None else "localising")
-    estimation = Estimation(job.filter, job.seeds.filter, job.threads, job.known_map)
+    system = job.system
+    watcher.stage("mapping" if system.makes_map else "localising")
+    system.start((), job.seed)
+    estimation = system.following()
     with _estimate_kept(job, directory, estimation), view:
         interrupted = _feed(job, estimation, watcher, view)
         if not len(estimation.scan_frames):
@@ -83,7 +81,7 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
             return metrics
         filtered = estimation.filtered()
         estimate = filtered
-        if job.refine and job.known_map is None and not interrupted:
+        if system.refines and not interrupted:
             watcher.stage("final pass")
             try:
                 estimate, interrupted = _refined(estimation, filtered, watcher)
@@ -95,12 +93,12 @@ def _execute(job: Job, directory: RunDirectory, watcher: RunProgress, view: View
     watcher.stage("scoring")
     _write(job, directory, estimation, filtered, estimate)
     ended = "interrupted" if interrupted else job.source.ended
-    metrics = metrics_of(job, estimation, filtered, estimate, wall_seconds=wall_seconds, ended=ended)
+    metrics = metrics_of(job, filtered, estimate, wall_seconds=wall_seconds, ended=ended)
     directory.write_metrics(metrics)
     return metrics
 
 
-def _refined(estimation: Estimation, filtered: Estimate, watcher: RunProgress) -> tuple[Estimate, bool]:
+def _refined(estimation: Following, filtered: Estimate, watcher: RunProgress) -> tuple[Estimate, bool]:
     """Return the estimate after the final pass, and whether the user has ended that early."""
     with deferred_interruption() as interruption:
 
@@ -112,8 +110,8 @@ def _refined(estimation: Estimation, filtered: Estimate, watcher: RunProgress) -
 
 
 @contextmanager
-def _estimate_kept(job: Job, directory: RunDirectory, estimation: Estimation) -> Iterator[None]:
-    """Write what the filter has estimated so far if an exception ends the block."""
+def _estimate_kept(job: Job, directory: RunDirectory, estimation: Following) -> Iterator[None]:
+    """Write what the system has estimated so far if an exception ends the block."""
     try:
         yield
     except Exception:
@@ -124,22 +122,22 @@ def _estimate_kept(job: Job, directory: RunDirectory, estimation: Estimation) ->
         raise
 
 
-def _feed(job: Job, estimation: Estimation, watcher: RunProgress, view: View) -> bool:
+def _feed(job: Job, estimation: Following, watcher: RunProgress, view: View) -> bool:
     """Process all frames; returns whether the user interrupted it."""
+    system = job.system
     with deferred_interruption() as interruption:
         for frame in job.source:
-            report = estimation.process(frame)
-            if report is not None:
-                if isinstance(estimation.mapper, GMapping):
-                    job.source.observe(frame, report, estimation.mapper)
-                view.show(take_snapshot(frame, report, estimation.mapper, collided=job.source.collided))
+            system.process(frame)
+            if estimation.report is not None:
+                job.source.observe(frame, estimation.report, system.map)
+                view.show(system.snapshot(frame, collided=job.source.collided))
                 watcher.step(frame.stamp, job.source.share_done, estimation.steps.last_error)
             if interruption.requested:
                 return True
     return False
 
 
-def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: Estimate, estimate: Estimate) -> None:
+def _write(job: Job, directory: RunDirectory, estimation: Following, filtered: Estimate, estimate: Estimate) -> None:
     """Write all files except metrics and report."""
     directory.write_trajectory("estimate.tum", estimate.at_scans)
     directory.write_trajectory("estimate_dense.tum", estimate.dense)
@@ -164,7 +162,7 @@ def _write(job: Job, directory: RunDirectory, estimation: Estimation, filtered: 
     _write_failure(job, directory, estimation, estimate)
 
 
-def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, estimate: Estimate) -> None:
+def _write_failure(job: Job, directory: RunDirectory, estimation: Following, estimate: Estimate) -> None:
     """Write where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
     truth, steps = estimation.trajectory_at_scans("truth"), estimation.steps.columns()
     failure = find_failure(estimate.at_scans, truth=truth, relations=job.relations, dense=estimate.dense, steps=steps)
@@ -178,9 +176,7 @@ def _write_failure(job: Job, directory: RunDirectory, estimation: Estimation, es
     frame = estimation.frames[row]
     assert frame.scan is not None
     twist = true_twist(estimation.frames, row)
-    rays = make_rays(
-        [frame.scan], usable_range=job.filter.map.usable_range, twist=frame.twist if twist is None else twist
-    )
+    rays = make_rays([frame.scan], usable_range=estimation.usable_range, twist=frame.twist if twist is None else twist)
     write_failure(directory / "finding.json", failure, rays.ends)
 
 
@@ -203,13 +199,15 @@ def true_twist(frames: Sequence[Frame], row: int) -> Pose | None:
 
 
 def metrics_of(
-    job: Job, estimation: Estimation, filtered: Estimate, estimate: Estimate, *, wall_seconds: float, ended: str | None
+    job: Job, filtered: Estimate, estimate: Estimate, *, wall_seconds: float, ended: str | None
 ) -> dict[str, Any]:
     """Return the content of `metrics.json`: all measures of the three estimates (`eval.estimates`), ready for JSON.
 
-    filtered: the filter's path and map. estimate: the final one, the same object where there was no final pass.
+    job: its system has processed the frames. filtered: the filter's path and map. estimate: the final one, the same
+    object where there was no final pass.
     wall_seconds: time that the estimate took. ended: why the run did not end by itself, see `eval.outcome.judge`.
     """
+    system, estimation = job.system, job.system.following()
     reference = Reference(
         trajectory=estimation.trajectory_at_scans("truth"),
         relations=job.relations,
@@ -220,7 +218,7 @@ def metrics_of(
         aligns_map=job.aligns_map,
     )
     # Ctrl-C must end soon, and scoring a map takes long; a map that was given is not a result of the run
-    scores_map = ended != "interrupted" and job.known_map is None
+    scores_map = ended != "interrupted" and system.makes_map
     metrics = score(
         estimate.at_scans,
         reference=reference,
@@ -230,9 +228,8 @@ def metrics_of(
         steps=estimation.steps.columns(),
         ended=ended,
         facts={
-            **_self_check(job, estimation, estimate, ended),
-            "seed": job.seeds.seed,
-            "particles": job.filter.particles,
+            **system.own_metrics(estimate, replay=job.checks_by_replay and ended != "interrupted"),
+            "seed": job.seed,
             "refined": estimate is not filtered,
             "wall_s": wall_seconds,
             "peak_rss_mb": peak_memory_mb(),
@@ -256,36 +253,13 @@ def metrics_of(
     if mount is not None:
         metrics["mount"] = mount_metrics(mount)
     metrics["notes"] = [
+        *system.notes,
         *job.notes,
         *estimate.notes,
         *([] if mount is None else mount_notes(mount)),
         *metrics["notes"],
     ]
-    if job.known_map is None:
-        return metrics
-    metrics["notes"] = [*job.known_map.notes, *metrics["notes"]]
-    return metrics | _localized(job.known_map, estimation, estimate, ended)
-
-
-def _self_check(job: Job, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
-    """Return the group `self_check` of a run that has made a map; Ctrl-C must end soon."""
-    if not isinstance(estimation.mapper, GMapping):
-        return {}
-    replay = job.checks_by_replay and ended != "interrupted"
-    return {"self_check": self_check_metrics(estimation, estimate, replay=replay)}
-
-
-def _localized(known: KnownMap, estimation: Estimation, estimate: Estimate, ended: str | None) -> dict[str, Any]:
-    """Return the group `localization`, and the outcome if the localisation failed."""
-    assert isinstance(estimation.mapper, Localization)
-    truth = estimation.trajectory_at_scans("truth")
-    found = localization_metrics(known, estimation.mapper.status, estimation.frames, estimate.at_scans, truth)
-    start = float(estimation.stamps[estimation.scan_frames[0]])
-    groups = {"self_check": localization_self_check(found, start), "localization": found}
-    astray = failure_reason(found)
-    if ended is not None or astray is None:
-        return groups
-    return {"outcome": "lost", "outcome_reason": astray, **groups}
+    return {**metrics, **system.last_word(estimate, ended)}
 
 
 def lidar_views(frames: Sequence[Frame]) -> tuple[LidarView, ...]:

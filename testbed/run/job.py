@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The input of a run: source of the frames, settings of the filter, references."""
+"""The input of a run: source of the frames, the system, references."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -12,13 +12,10 @@ from numpy.typing import NDArray
 
 from eval.map.lidar_view import LidarView
 from eval.trajectory.relations import Relations
-from slam.config import FilterConfig
-from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.step.step_report import StepReport
 from testbed.frame import Frame
-from testbed.run.known_map import KnownMap
-from testbed.seeds import RunSeeds
+from testbed.run.followed import Followed
 
 
 class FrameSource(Protocol):
@@ -43,8 +40,8 @@ class FrameSource(Protocol):
         """Why the drive did not end as planned, known after the last frame: `collided`, `timeout`; None = it did."""
         ...
 
-    def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
-        """Process the mapper's report on a scan before the next frame is given; it may steer a robot."""
+    def observe(self, frame: Frame, report: StepReport, make_map: Callable[[], OccupancyGrid]) -> None:
+        """Process the report on a scan before the next frame is given; it may steer a robot."""
         ...
 
 
@@ -69,7 +66,7 @@ class RecordedFrames:
         """Share of the frames that were given, in [0, 1]."""
         return self._taken / len(self.frames)
 
-    def observe(self, frame: Frame, report: StepReport, mapper: GMapping) -> None:
+    def observe(self, frame: Frame, report: StepReport, make_map: Callable[[], OccupancyGrid]) -> None:
         """Do nothing, because a recording cannot be steered."""
 
 
@@ -81,16 +78,10 @@ class Job:
     """Source of the frames."""
     document: Mapping[str, Any]
     """Content of `config.toml`."""
-    seeds: RunSeeds
-    """Seeds of the run."""
-    filter: FilterConfig
-    """Settings of the filter."""
-    threads: int | None = None
-    """Threads of the filter; None = all cores. Results do not depend on it."""
-    known_map: KnownMap | None = None
-    """The map to localise in; None = a map is made."""
-    refine: bool = True
-    """Whether the final pass over all frames is made."""
+    seed: int
+    """Seed of the system."""
+    system: Followed
+    """The system that processes the frames; it was not started yet."""
     truth_map: OccupancyGrid | None = None
     """The true map: 1 occupied, 0 free, NaN not visible to any lidar."""
     truth_walls: NDArray[np.float64] | None = None

@@ -5,11 +5,15 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
 from slam.config import FilterConfig
+
+if TYPE_CHECKING:
+    from testbed.estimation.known_map import KnownMap
+    from testbed.systems.filter_system import FilterSystem
 
 FILTER_GROUP = Group("Filter", sort_key=10)
 
@@ -41,6 +45,12 @@ class EstimatorOptions:
     def filter_config(self) -> FilterConfig:
         """Settings of the filter, with the number of particles of `particles`."""
         return self.filter if self.particles is None else replace(self.filter, particles=self.particles)
+
+    def system(self, known_map: KnownMap | None = None) -> FilterSystem:
+        """Return this package's filter with these settings; known_map: the map to localise in, None = it makes one."""
+        from testbed.systems.filter_system import FilterSystem  # here: it brings the kernels along
+
+        return FilterSystem(self.filter_config, refine=self.refine, threads=self.threads, known_map=known_map)
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that decide the result, for `config.toml`."""

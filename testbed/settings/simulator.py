@@ -146,7 +146,7 @@ class SimulatorOptions:
 
     def _check_start(self) -> None:
         """Raise ValueError for a start that is not X,Y,DEG, or that a route would not begin at."""
-        from testbed.run.known_map import parse_start  # here: it brings the localisation along
+        from testbed.estimation.known_map import parse_start  # here: it brings the localisation along
 
         parse_start(self.start or "")
         if self.route == "random":
@@ -176,7 +176,7 @@ class SimulatorOptions:
 
         Raises WorldError where the place is not free.
         """
-        from testbed.run.known_map import parse_start
+        from testbed.estimation.known_map import parse_start
 
         x, y, theta = parse_start(self.start or "")
         start = worlds.Start(x=x - world.offset[0], y=y - world.offset[1], theta=theta)

@@ -13,8 +13,7 @@ import numpy as np
 
 from eval.sweep.job_times import REPORT_SECONDS
 from eval.sweep.results import SweepTable
-from testbed.sweep.execution.compute import compute, job_of
-from testbed.sweep.execution.recordings import recording_of
+from testbed.sweep.execution.compute import compute, drawn_recording
 from testbed.sweep.execution.worker_process import CellFailedError, Limits, WorkerProcess
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.plan import Costs, by_recording
@@ -181,7 +180,7 @@ def _simulated(cell: Cell, duration: float) -> float:
     """Time in which the first seconds of a drive are simulated, with the true map that is kept with it [s]."""
     started = time.perf_counter()
     probe = _probe(cell, duration, PROBE_PARTICLES[0], refine=False)
-    job_of(probe, recording_of(probe))
+    drawn_recording(probe)
     return time.perf_counter() - started
 
 

@@ -18,7 +18,7 @@ from testbed.run.run_directory import RunDirectory
 from testbed.settings.estimator import EstimatorOptions
 from testbed.sweep.execution.compute import job_of
 from testbed.sweep.execution.recordings import recording_of
-from testbed.sweep.execution.system_cells import recorded_of, system_of
+from testbed.sweep.execution.system_cells import entrant_of_cell, followed_of, recorded_of
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings
 from testbed.sweep.store import SweepDirectory
@@ -39,10 +39,11 @@ def rerun(directory: SweepDirectory, cell: Cell, watcher: RunProgress) -> bool:
     """
     folder = _folder(directory, cell)
     shutil.rmtree(folder, ignore_errors=True)
-    system = system_of(cell)
-    if system is not None:
-        return _rerun_system(directory, cell, system, folder)
-    job = replace(job_of(cell, recording_of(cell)), document=_document(cell), threads=None)
+    entrant = entrant_of_cell(cell, threads=None)
+    system = followed_of(entrant)
+    if system is None:
+        return _rerun_system(directory, cell, entrant, folder)
+    job = replace(job_of(cell, recording_of(cell), system), document=_document(cell))
     run = RunDirectory.create(folder)
     scene = Scene(
         title=str(cell),

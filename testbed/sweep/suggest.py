@@ -13,9 +13,9 @@ import numpy as np
 
 from eval.sweep.needed_count import PREDICTORS, NeededCount, Predictor, predictors_of
 from slam.config import FilterConfig
+from testbed.estimation.estimation import Estimation
 from testbed.formats import open_log
 from testbed.frame import Frame
-from testbed.run.estimation import Estimation
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.drive_features import drive_features
 from testbed.sweep.execution.recordings import recording_of

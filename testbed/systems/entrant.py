@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from slam.config import FilterConfig
 from testbed.frame import Frame
 from testbed.systems.errors import SystemsError
 from testbed.systems.feeding import Cost, Estimated, Step, feed
@@ -99,6 +100,18 @@ class ClassSystem(ClassEntrant):
         """Make a new instance; raises SystemsError where the class lacks a part of the protocol, or cannot be made."""
         name = getattr(self.cls, "__name__", repr(self.cls))
         return made_from(checked_class(name, self.cls), name, self.settings)
+
+
+def filter_settings(text: str, config: FilterConfig, *, refine: bool, threads: int | None) -> dict[str, object]:
+    """Return settings of this package's filter that a system has, by name; empty where it is not made of that filter.
+
+    Raises SystemsError for an unknown system.
+    """
+    settings = getattr(make_system(text), "settings", None)
+    if not isinstance(getattr(settings, "filter", None), FilterConfig):
+        return {}
+    given = {"filter": config, "refine": refine, "threads": threads}
+    return {name: value for name, value in given.items() if hasattr(settings, name)}
 
 
 def facts_of(system: System) -> dict[str, Any]:

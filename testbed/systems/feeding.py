@@ -202,7 +202,7 @@ def _blamed(label: str, method: str, expected: str) -> Iterator[None]:
         yield
     except SystemFailedError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # sys.exit of a system must not end the others
         raise SystemFailedError(f"{label}: {method} raised {describe(error)}, expected {expected}") from error
 
 

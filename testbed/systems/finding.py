@@ -44,8 +44,10 @@ class BuiltIn:
         return all(importlib.util.find_spec(module) is not None for module in self.modules)
 
 
+DEFAULT = "gmapping"
+"""The system where none is named."""
 BUILT_IN = {
-    "gmapping": BuiltIn("testbed.systems.gmapping:GMappingSystem", "the filter of this package, with its final pass"),
+    DEFAULT: BuiltIn("testbed.systems.gmapping:GMappingSystem", "the filter of this package, with its final pass"),
     "localization": BuiltIn("testbed.systems.localization:LocalizationSystem", "the filter in a finished map"),
     "odometry": BuiltIn("testbed.systems.odometry:OdometrySystem", "what the wheels say: the baseline"),
     "scan-matching": BuiltIn(
@@ -159,7 +161,7 @@ def find_system(text: str) -> SystemClass:
     if text in points:
         try:
             return checked_class(text, points[text].load())
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise SystemsError(f"{text}: cannot be loaded: {describe(error)}") from error
     names = ", ".join([*BUILT_IN, *BUILT_IN_PROGRAMS, *points])
     raise SystemsError(f"system {text!r}: unknown, expected one of {names}, or FILE.py:CLASS")
@@ -191,7 +193,7 @@ def made_from(cls: SystemClass, text: str, values: Mapping[str, object] | None =
         made: System = cls(_replaced(text, settings, values))
     except SystemsError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SystemsError(f"{text}: cannot be made: {describe(error)}") from error
     return made
 
@@ -240,7 +242,7 @@ def _module_of(path: Path, text: str) -> Any:
     sys.modules[spec.name] = module  # dataclasses look their module up
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SystemsError(f"{text}: cannot be imported: {describe(error)}") from error
     finally:
         sys.path.remove(folder)

@@ -3,30 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import PackageNotFoundError, version
 
-import numpy as np
-from numpy.typing import NDArray
-
-from eval.trajectory.trajectory import Trajectory
 from slam.config import FilterConfig
-from slam.occupancy import OccupancyGrid
-from slam.se2 import Pose
-from testbed.frame import Frame
-from testbed.run.estimation import Estimation
-from testbed.run.known_map import KnownMap
-from testbed.seeds import RunSeeds
-from testbed.systems.protocol import Lidar
-
-
-def own_version() -> str:
-    """Return the version of this package."""
-    try:
-        return version("slam-testbed")
-    except PackageNotFoundError:  # run from its source tree
-        return "source"
+from testbed.systems.filter_system import FilterSystem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,45 +19,6 @@ class GMappingSettings:
     """Whether all poses and the map are re-estimated after the last scan (final pass)."""
     threads: int | None = None
     """Threads; None = all cores. The result does not depend on it."""
-
-
-class FilterSystem:
-    """What the systems that are made of this package's filter share: the estimation over a recording."""
-
-    name = "gmapping"
-    version = own_version()
-
-    def __init__(self, config: FilterConfig, *, refine: bool, threads: int | None) -> None:
-        self._config, self._refine, self._threads = config, refine, threads
-        self._known_map: KnownMap | None = None
-        self._estimation: Estimation | None = None
-
-    def start(self, lidars: Sequence[Lidar], seed: int) -> None:
-        """Create the filter with the stream of random numbers that `testbed run` gives it."""
-        stream = RunSeeds.from_seed(seed).filter
-        self._estimation = Estimation(self._config, stream, self._threads, self._known_map)
-
-    def process(self, frame: Frame) -> Pose | None:
-        """Process a frame; the pose is that of the best particle."""
-        assert self._estimation is not None
-        report = self._estimation.process(frame)
-        return None if report is None else report.pose
-
-    def particles(self) -> tuple[Pose, NDArray[np.float64]] | None:
-        """Return all particles; None where there is only one, and while a localisation has none."""
-        assert self._estimation is not None
-        mapper = self._estimation.mapper
-        return (mapper.poses, mapper.weights) if len(mapper.poses) > 1 else None
-
-    def finish(self) -> tuple[Trajectory | None, OccupancyGrid | None]:
-        """Return poses at all frames and the map, after the final pass where that is wanted."""
-        assert self._estimation is not None
-        if not len(self._estimation.scan_frames):
-            return None, None
-        estimate = self._estimation.filtered()
-        if self._refine:
-            estimate = self._estimation.refined(estimate)
-        return estimate.dense, estimate.map
 
 
 class GMappingSystem(FilterSystem):

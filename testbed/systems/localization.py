@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from eval.trajectory.trajectory import Trajectory
 from slam.config import FilterConfig, LocalizationConfig
-from slam.occupancy import OccupancyGrid
-from testbed.run.known_map import KnownMap
+from testbed.estimation.known_map import KnownMap
 from testbed.systems.errors import SystemsError
-from testbed.systems.gmapping import FilterSystem
+from testbed.systems.filter_system import FilterSystem
 from testbed.systems.protocol import Lidar
 
 
@@ -41,6 +39,11 @@ class LocalizationSystem(FilterSystem):
         self.settings = settings or LocalizationSettings()
         super().__init__(self.settings.filter, refine=False, threads=self.settings.threads)
 
+    @property
+    def makes_map(self) -> bool:
+        """False: the map is given, and is no result."""
+        return False
+
     def start(self, lidars: Sequence[Lidar], seed: int) -> None:
         """Read the map. Raises SystemsError where none is given, ValueError where it cannot be used."""
         chosen = self.settings
@@ -48,7 +51,3 @@ class LocalizationSystem(FilterSystem):
             raise SystemsError("localization: needs a map, expected --system-set localization.map=FILE.yaml")
         self._known_map = KnownMap.read(chosen.map, chosen.start, chosen.localization, None)
         super().start(lidars, seed)
-
-    def finish(self) -> tuple[Trajectory | None, OccupancyGrid | None]:
-        """Return poses at all frames; the map was given, so there is none to score."""
-        return super().finish()[0], None

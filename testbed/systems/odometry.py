@@ -9,7 +9,7 @@ from eval.trajectory.trajectory import Trajectory
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
 from testbed.frame import Frame
-from testbed.systems.gmapping import own_version
+from testbed.systems.own_version import own_version
 from testbed.systems.protocol import Lidar
 
 

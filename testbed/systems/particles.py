@@ -33,7 +33,7 @@ class KeptParticles:
             return
         try:
             given = particles()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise SystemFailedError(f"{label}: particles raised {type(error).__name__}: {error}, {EXPECTED}") from error
         if given is not None:
             poses, weights = _checked(given, label)

@@ -15,9 +15,9 @@ from slam.config import FilterConfig
 from slam.motion.continuous_odometry import join_odometry
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
+from testbed.estimation.estimation import Estimation
 from testbed.formats import Log, LogError
 from testbed.inspect import Reading
-from testbed.run.estimation import Estimation
 from testbed.run.execute import RunProgress
 from testbed.seeds import RunSeeds
 

@@ -8,7 +8,7 @@ import worlds
 from eval.consistency import LEVEL, chi_square
 from eval.filter.nees import nees
 from slam.config import FilterConfig
-from testbed.run.estimation import Estimation
+from testbed.estimation.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate
 

@@ -33,9 +33,9 @@ from slam.refinement._chain_kernels import (
     solve_chain,
 )
 from slam.refinement.odometry_calibration import basis_of
+from testbed.estimation.estimation import Estimation
 from testbed.frame import Frame
 from testbed.presets import LidarPreset
-from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import OdometryConfig, SimulationConfig, simulate
 from testbed.simulation.robot.odometry import GRADES

@@ -22,8 +22,8 @@ import numpy as np
 import worlds
 from slam import se2
 from slam.config import FilterConfig
+from testbed.estimation.estimation import Estimation
 from testbed.presets import load_lidar
-from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.systems.memory import peak_memory

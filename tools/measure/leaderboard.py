@@ -3,14 +3,16 @@
 """Run all SLAM systems over the worlds of the catalogue and the recorded logs, and write the leaderboard.
 
     python -m tools.measure.leaderboard DIR [--systems odometry,karto] [--worlds office,lab] [--logs intel] [--seeds 5]
+    python -m tools.measure.leaderboard DIR [the same words] --tables
 
-Writes: docs/leaderboard.md (worlds), docs/leaderboard.md (logs)
+Writes: docs/leaderboard.md (worlds), docs/leaderboard.md (places), docs/leaderboard.md (logs)
 
-DIR holds a sweep over the worlds, one over the logs with the systems that draw random numbers, and one with the others,
-which get one seed there. The command goes on where it was stopped; Ctrl-C writes the tables of what there is. All
-systems and logs with five seeds take some hours. Logs are read from $TESTBED_DATASETS, by default ../shared/datasets;
-those that are absent are left out. Of logs without relations the published gMapping poses are the reference, which are
-some centimetres off themselves.
+DIR holds a sweep over the logs with the systems that draw no random numbers, which get one seed there, one with the
+others, and one sweep over each world, those with a short tour first. Worlds with a tour of more than 500 m get one
+seed. The command goes on where it was stopped; Ctrl-C writes the tables of what there is, and so does --tables, which
+computes nothing, also while another process computes. All systems and logs with five seeds take many hours. Logs are
+read from $TESTBED_DATASETS, by default ../shared/datasets; those that are absent are left out. Of logs without
+relations the published gMapping poses are the reference, which are some centimetres off themselves.
 """
 
 from __future__ import annotations
@@ -47,6 +49,10 @@ NOT_HERE = ("localization",)
 """Systems that do no SLAM."""
 
 
+LONG_TOUR = 500.0
+"""Worlds with a longer tour get one seed [m]: a drive takes half an hour and more."""
+
+
 @dataclass(frozen=True)
 class Part:
     """One of the sweeps."""
@@ -59,26 +65,49 @@ class Part:
         """Compute what is missing; returns the exit status of `testbed sweep`."""
         spec = folder / f"{self.name}.toml"
         spec.write_text(dump_toml(self.document), encoding="utf-8")
-        testbed = str(Path(sys.executable).with_name("testbed"))
-        command = ["sweep", str(spec), "--out", str(folder / self.name), "--workers", str(workers), "--no-worst"]
-        return subprocess.run([testbed, *command], check=False).returncode
+        return _testbed("sweep", str(spec), "--out", str(folder / self.name), "--workers", str(workers), "--no-worst")
+
+    def table(self, folder: Path) -> SweepTable | None:
+        """Gather what was computed; None where nothing was."""
+        if not (folder / self.name).is_dir():
+            return None
+        _testbed("gather", str(folder / self.name), "--no-worst")
+        try:
+            return read_sweep(folder / self.name)
+        except SweepTableError as error:
+            print(error)
+            return None
+
+
+def _testbed(*words: str) -> int:
+    """Call the command line; returns its exit status."""
+    return subprocess.run([str(Path(sys.executable).with_name("testbed")), *words], check=False).returncode
 
 
 def parts(folder: Path, systems: Sequence[str], places: Sequence[str], logs: Sequence[str], seeds: int) -> list[Part]:
-    """The sweeps of a leaderboard; those without a system or place are left out."""
+    """The sweeps of a leaderboard in their order; those without a system or place are left out."""
     found = []
-    if places:
-        document = {"worlds": list(places), "seeds": seeds, "settings": {"route": "random"}}
-        found.append(Part("worlds", {**document, **_systems(systems)}))
     drawing = [system for system in systems if system in DRAW_NUMBERS]
     for name, own, count in (
-        ("logs-drawn", drawing, seeds),
         ("logs", [system for system in systems if system not in drawing], 1),
+        ("logs-drawn", drawing, seeds),
     ):
         if own and logs:
             sources = [source_of(log, folder) for log in logs]
             found.append(Part(name, {"logs": sources, "seeds": count, **_systems(own)}))
+    tours = {place: tour_length(place) for place in places}
+    for place in sorted(places, key=lambda place: tours[place]):
+        count = 1 if tours[place] > LONG_TOUR else seeds
+        document = {"worlds": [place], "seeds": count, "settings": {"route": "random"}}
+        found.append(Part(f"world-{place}", {**document, **_systems(systems)}))
     return found
+
+
+def tour_length(place: str) -> float:
+    """Length of the tour of a world of the catalogue [m]."""
+    tour = worlds.load(place).tour
+    assert tour is not None
+    return float(np.hypot(*np.diff(np.array(tour.points), axis=0).T).sum())
 
 
 def _systems(systems: Sequence[str]) -> dict[str, Any]:
@@ -114,56 +143,80 @@ def _nearest(stamps: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.where(wanted - before < stamps[after] - wanted, before, stamps[after])
 
 
-def worlds_table(table: SweepTable) -> str:
-    """Failures, errors, maps and cost of each system over all worlds, as Markdown."""
+def worlds_table(tables: Sequence[SweepTable]) -> str:
+    """Failures, errors, maps and cost of each system, as Markdown, over the drives that all systems have done."""
     lines = [
         "| system | version | failed runs | trajectory error [cm] | map F1, within a cell | time per scan [ms] |",
         "|---|---|---|---|---|---|",
     ]
-    errors = 100.0 * table.cube("trajectory.ate_rmse_m")
-    maps, cost = table.cube("map.f1_1_cells"), 1e3 * table.cube("wall_s") / table.cube("scans")
-    for k, line in enumerate(table.lines):
-        failed, ran = int(table.failed[:, k].sum()), int(table.ran[:, k].sum())
+    done = [table.ran.all(axis=1) for table in tables]
+    for k, line in enumerate(tables[0].lines):
+        failed = _of_drives([table.failed[:, k] for table in tables], done)
+        cost = [1e3 * (table.cube("wall_s") / table.cube("scans"))[:, k] for table in tables]
         cells = (
-            failures_text(failed, ran),
-            _median(errors[:, k], "{:.1f}"),
-            _median(maps[:, k], "{:.3f}"),
-            _median(cost[:, k], "{:.1f}"),
+            failures_text(int(failed.sum()), len(failed)),
+            _median(
+                _of_drives([100.0 * table.cube("trajectory.ate_rmse_m")[:, k] for table in tables], done), "{:.1f}"
+            ),
+            _median(_of_drives([table.cube("map.f1_1_cells")[:, k] for table in tables], done), "{:.3f}"),
+            _median(_of_drives(cost, done), "{:.1f}"),
         )
         lines.append(f"| {line} | {version_of(line)} | {' | '.join(cells)} |")
-    names = ", ".join(table.places)
-    return "\n".join(
-        [*lines, "", f"{len(table.places)} worlds ({names}), {len(table.seeds)} seeds. {table.conditions}."]
-    )
+    drives = ", ".join(f"{table.places[0]} {int(there.sum())}" for table, there in zip(tables, done, strict=True))
+    planned = sum(there.size for there in done)
+    counted = sum(int(there.sum()) for there in done)
+    share = "" if counted == planned else f" of {planned} that were begun"
+    return "\n".join([*lines, "", f"{counted} drives{share}, which all systems did: {drives}. {tables[0].conditions}."])
+
+
+def _of_drives(values: Sequence[np.ndarray], chosen: Sequence[np.ndarray]) -> np.ndarray:
+    """The chosen of the values (places, counts, seeds) of several tables, one after another."""
+    return np.concatenate([own[there] for own, there in zip(values, chosen, strict=True)])
+
+
+def places_table(tables: Sequence[SweepTable]) -> str:
+    """Median error and failures of each system in each world, as Markdown; a row for each world."""
+    systems = tables[0].lines
+    lines = [f"| world | {' | '.join(systems)} |", f"|---|{'---|' * len(systems)}"]
+    for table in tables:
+        errors = 100.0 * table.cube("trajectory.ate_rmse_m")
+        cells = [_cell(errors[0, k], table.failed[0, k], table.ran[0, k], "{:.1f} cm") for k in range(len(systems))]
+        lines.append(f"| {table.places[0]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def logs_table(tables: Sequence[SweepTable]) -> str:
     """Error of each system on each log, as Markdown: median over the seeds, failures, range."""
     places = list(dict.fromkeys(place for table in tables for place in table.places))
     lines = [
-        f"| system | version | {' | '.join(places)} | time per scan [ms] |",
-        f"|---|---|{'---|' * len(places)}---|",
+        f"| system | version | failed runs | {' | '.join(places)} | time per scan [ms] |",
+        f"|---|---|---|{'---|' * len(places)}---|",
     ]
     for table in tables:
         cost = 1e3 * table.cube("wall_s") / table.cube("scans")
+        relations, truth = table.cube("relations.trans_mean_m"), table.cube("trajectory.ate_rmse_m")
+        errors = np.where(np.isfinite(relations), relations, truth)
         for k, line in enumerate(table.lines):
-            cells = [
-                _log_cell(table, table.places.index(place), k) if place in table.places else "–" for place in places
-            ]
-            lines.append(f"| {line} | {version_of(line)} | {' | '.join(cells)} | {_median(cost[:, k], '{:.1f}')} |")
+            cells = ["–"] * len(places)
+            for p, place in enumerate(table.places):
+                cells[places.index(place)] = _cell(errors[p, k], table.failed[p, k], table.ran[p, k], "{:.3f} m")
+            failures = failures_text(int(table.failed[:, k].sum()), int(table.ran[:, k].sum()))
+            told = [line, version_of(line), failures, *cells, _median(cost[:, k], "{:.1f}")]
+            lines.append(f"| {' | '.join(told)} |")
     return "\n".join(lines)
 
 
-def _log_cell(table: SweepTable, p: int, k: int) -> str:
-    relations, truth = table.cube("relations.trans_mean_m")[p, k], table.cube("trajectory.ate_rmse_m")[p, k]
-    errors = np.where(np.isfinite(relations), relations, truth)
-    known = errors[np.isfinite(errors)]
-    failed, ran = int(table.failed[p, k].sum()), int(table.ran[p, k].sum())
-    if not len(known):
-        return "no result" if ran else "not run"
-    text = f"{np.median(known):.3f} m"
-    text += f" ({known.min():.3f} to {known.max():.3f})" if len(known) > 1 else ""
-    return text + (f", {failed} of {ran} failed" if failed else "")
+def _cell(errors: np.ndarray, failed: np.ndarray, ran: np.ndarray, shape: str) -> str:
+    """Median and range of the errors of some runs, and how many of them failed; shape: of a number with its unit."""
+    known, count = errors[np.isfinite(errors)], int(ran.sum())
+    if not count:
+        return "not run"
+    text = shape.format(np.median(known)) if len(known) else "no result"
+    if len(known) > 1:
+        low, high = (shape.split(maxsplit=1)[0].format(value) for value in (known.min(), known.max()))
+        text += f" ({low} to {high})"
+    lost = int(failed[ran].sum())
+    return text + (f", {lost} of {count} failed" if lost else f", {count} runs" if count > 1 else "")
 
 
 def _median(values: np.ndarray, shape: str) -> str:
@@ -192,6 +245,7 @@ def main() -> None:
     parser.add_argument("--logs", help="default: all that are there; none")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--tables", action="store_true", help="compute nothing, write the tables of what there is")
     options = parser.parse_args()
     installed = [
         name for name, entry in (BUILT_IN | BUILT_IN_PROGRAMS).items() if entry.is_installed and name not in NOT_HERE
@@ -203,20 +257,16 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     wanted = parts(options.out, systems, places, logs, options.seeds)
     try:
-        for part in wanted:
+        for part in [] if options.tables else wanted:
             part.run(options.out, options.workers)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on")
-    tables: dict[str, SweepTable] = {}
-    for part in wanted:
-        try:
-            tables[part.name] = read_sweep(options.out / part.name)
-        except SweepTableError as error:
-            print(error)
-    words = ["DIR" if word == str(options.out) else word for word in sys.argv[1:]]
+    tables = {part.name: table for part in wanted if (table := part.table(options.out)) is not None}
+    words = ["DIR" if word == str(options.out) else word for word in sys.argv[1:] if word != "--tables"]
     command = f"`python -m tools.measure.leaderboard {shlex.join(words)}`"
-    if "worlds" in tables:
-        write_table(PAGE, "worlds", f"{worlds_table(tables['worlds'])}\n\n{command}")
+    if of_worlds := [table for name, table in tables.items() if name.startswith("world-")]:
+        write_table(PAGE, "worlds", f"{worlds_table(of_worlds)}\n\n{command}")
+        write_table(PAGE, "places", places_table(of_worlds))
     if of_logs := [tables[name] for name in ("logs", "logs-drawn") if name in tables]:
         write_table(PAGE, "logs", f"{logs_table(of_logs)}\n\n{command}")
 

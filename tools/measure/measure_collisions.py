@@ -44,7 +44,7 @@ def explore(world: str, seed: int, backend: Backend, duration: float) -> Simulat
     with simulate(load(world), config, driver) as simulation:
         for frame in simulation:
             if frame.scan is not None:
-                driver.observe(frame, mapper.process(frame.odometry, frame.scan, twist=frame.twist), mapper)
+                driver.observe(frame, mapper.process(frame.odometry, frame.scan, twist=frame.twist), mapper.map)
     return simulation
 
 

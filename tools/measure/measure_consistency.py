@@ -29,7 +29,7 @@ from eval.report.plots import BAD, ESTIMATE, GOOD, ODOMETRY, QUIET, STYLE
 from eval.sweep.results import CURVE_GRID, SweepTable, read_sweep
 from slam import se2
 from slam.config import FilterConfig, MatchConfig
-from testbed.run.estimation import Estimation
+from testbed.estimation.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import LidarLayers, OdometryConfig, SimulationConfig, simulate
 from tools.pages import DOCS, write_table

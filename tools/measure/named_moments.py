@@ -29,8 +29,8 @@ import worlds
 from eval.failure_cause import find_cause
 from eval.first_failure import find_failure
 from slam.config import FilterConfig, MotionConfig, ProposalConfig
+from testbed.estimation.estimation import Estimation
 from testbed.frame import Frame
-from testbed.run.estimation import Estimation
 from testbed.simulation import OdometryConfig, SimulationConfig, simulate
 from testbed.stress import perturbations
 

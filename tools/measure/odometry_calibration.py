@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import worlds
 from slam.config import FilterConfig
 from slam.refinement import refine
-from testbed.run.estimation import Estimation
+from testbed.estimation.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import OdometryConfig, SimulationConfig, simulate
 from tools.pages import DOCS, write_table

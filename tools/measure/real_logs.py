@@ -34,9 +34,10 @@ from eval.trajectory.errors import absolute_error
 from eval.trajectory.relations import EXACT, Relations, read_relations, relation_error
 from eval.trajectory.trajectory import Trajectory
 from slam import FilterConfig
+from testbed.estimation.estimation import Estimation
 from testbed.formats import open_log
 from testbed.frame import Frame
-from testbed.run.estimation import Estimate, Estimation
+from testbed.run.estimate import Estimate
 from testbed.seeds import RunSeeds
 
 ROOT = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).resolve().parents[2].parent / "shared" / "datasets"))

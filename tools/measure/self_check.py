@@ -49,11 +49,12 @@ from slam.config import FilterConfig, MotionConfig
 from slam.diagnosis.path_check import left_out_score
 from slam.sensor.rays import make_rays
 from slam.step.scan_intake import gate_opens
+from testbed.estimation.estimation import Estimation
+from testbed.estimation.self_check import self_check_metrics
 from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.presets import load_lidar, load_robot
-from testbed.run.estimation import Estimate, Estimation
-from testbed.run.self_check import self_check_metrics
+from testbed.run.estimate import Estimate
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.stress.perturbations import thin_scans

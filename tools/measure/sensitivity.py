@@ -22,7 +22,7 @@ from pathlib import Path
 
 from eval.files.atomic_write import atomic_write
 from slam.config import FilterConfig
-from testbed.run.estimation import Estimation
+from testbed.estimation.estimation import Estimation
 from testbed.seeds import RunSeeds
 from tools.measure.measure_variants import LOGS, recording
 from tools.pages import DOCS, write_table

@@ -31,10 +31,10 @@ from eval.map.grids import grid_from_true_map
 from eval.outcome import evidence_from_truth, judge
 from eval.trajectory.association import associate
 from slam.config import FilterConfig, LocalizationConfig
+from testbed.estimation.estimation import Estimation
+from testbed.estimation.known_map import KnownMap
 from testbed.frame import Frame
 from testbed.presets import load_lidar, load_robot
-from testbed.run.estimation import Estimation
-from testbed.run.known_map import KnownMap
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.stress.suite import SEVERITIES, Case, design, perturbed

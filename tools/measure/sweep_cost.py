@@ -26,8 +26,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from testbed.kernels import compile_kernels, is_compiled
-from testbed.sweep.execution.compute import compute, job_of
-from testbed.sweep.execution.recordings import forget_recordings, recording_of
+from testbed.sweep.execution.compute import compute, drawn_recording
+from testbed.sweep.execution.recordings import forget_recordings
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.code_version import code_version
 from testbed.sweep.spec.plan import Costs, by_recording, input_digests, plan
@@ -65,7 +65,7 @@ def measure(sample: Sequence[Cell]) -> tuple[list[float], list[float]]:
     for number, cell in enumerate(sample, start=1):
         forget_recordings()
         started = time.process_time()
-        job_of(cell, recording_of(cell))  # this draws the true map, too
+        drawn_recording(cell)
         ready = time.process_time()
         compute(cell)
         simulation.append(ready - started)

@@ -43,9 +43,9 @@ from eval.trajectory.relations import EXACT, Relations, read_relations, relation
 from eval.trajectory.trajectory import Trajectory
 from slam import FilterConfig, se2
 from slam.se2 import Pose
+from testbed.estimation.estimation import Estimation
 from testbed.formats import Log, open_log
 from testbed.presets import load_robot
-from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation.config import CONTROL_PERIOD
 from testbed.twin.reconstruction import read_reconstruction

@@ -21,7 +21,7 @@ from testbed.cli.shared.status import GATE_FAILED, USAGE_ERROR
 from testbed.frame import Frame
 from testbed.run.run_directory import RunDirectory
 from testbed.settings.estimator import EstimatorOptions
-from testbed.systems.entrant import Entrant, PythonSystem, built_in_program
+from testbed.systems.entrant import Entrant, PythonSystem, built_in_program, filter_settings
 from testbed.systems.errors import SystemFailedError, SystemsError
 from testbed.systems.execute import Recorded, execute_system
 from testbed.systems.feeding import Estimated
@@ -115,10 +115,9 @@ SYSTEMS = SystemOptions()
 def _own_settings(text: str, estimator: EstimatorOptions, shared: Mapping[str, object]) -> dict[str, object]:
     """Settings of the filter from the command line, for the systems that are made of it."""
     known = settings_of(make_system(text))
-    given: dict[str, object] = {**shared}
-    if text in ("gmapping", "scan-matching", "localization"):
-        given |= {"filter": estimator.filter_config, "refine": estimator.refine, "threads": estimator.threads}
-    return {key: value for key, value in given.items() if key in known}
+    given = {key: value for key, value in shared.items() if key in known}
+    of_filter = filter_settings(text, estimator.filter_config, refine=estimator.refine, threads=estimator.threads)
+    return given | of_filter
 
 
 def _with_values(entrants: list[PythonSystem], texts: tuple[str, ...]) -> list[PythonSystem]:

@@ -11,12 +11,12 @@ import numpy as np
 
 from eval.filter.nees import nees
 from eval.filter.step_table import column, updates
-from testbed.run.estimation import Estimation
 from testbed.run.execute import metrics_of
+from testbed.run.followed import Followed
 from testbed.run.job import Job
 from testbed.sweep.errors import SweepError
 from testbed.sweep.execution.recordings import Recording, recording_of
-from testbed.sweep.execution.system_cells import compute_system, system_of
+from testbed.sweep.execution.system_cells import compute_system, entrant_of_cell, followed_of
 from testbed.sweep.result import MEASURED, CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.code_version import code_version
@@ -32,37 +32,42 @@ def compute(cell: Cell) -> CellResult:
     started = time.perf_counter()
     check_inputs(cell)
     recording = recording_of(cell)
-    system = system_of(cell)
-    if system is not None:
-        return compute_system(cell, system, recording, started)
+    entrant = entrant_of_cell(cell)
+    system = followed_of(entrant)
+    if system is None:
+        return compute_system(cell, entrant, recording, started)
     # both would take more time than all other scoring, and the truth is known
-    job = replace(job_of(cell, recording), aligns_map=False, checks_by_replay=False)
+    job = replace(job_of(cell, recording, system), aligns_map=False, checks_by_replay=False)
     began = time.perf_counter()
-    estimation = Estimation(job.filter, job.seeds.filter, job.threads)
+    system.start((), job.seed)
     for frame in job.source:
-        estimation.process(frame)
+        system.process(frame)
+    estimation = system.following()
     filtered = estimation.filtered()
-    estimate = estimation.refined(filtered) if job.refine else filtered
-    metrics = metrics_of(
-        job, estimation, filtered, estimate, wall_seconds=time.perf_counter() - began, ended=job.source.ended
-    )
+    estimate = estimation.refined(filtered) if system.refines else filtered
+    metrics = metrics_of(job, filtered, estimate, wall_seconds=time.perf_counter() - began, ended=job.source.ended)
     metrics["features"] = recording.features
     timing = {name: metrics.pop(name, None) for name in MEASURED} | {"cell_s": time.perf_counter() - started}
     del timing["peak_rss_mb"]  # this process has computed other cells, whose memory would count too
     return CellResult(metrics, _curves(estimation.steps.columns()), timing)
 
 
-def job_of(cell: Cell, recording: Recording) -> Job:
-    """The job that `testbed run` or `testbed slam` would execute with the settings of the cell."""
+def drawn_recording(cell: Cell) -> Recording:
+    """Return the recording of a cell with its true map, both of which are kept for the next cell of the same drive."""
+    recording = recording_of(cell)
+    recording.truth_map(RunSettings.of(cell.settings).filter.map.cell)
+    return recording
+
+
+def job_of(cell: Cell, recording: Recording, system: Followed) -> Job:
+    """The job that `testbed run` or `testbed slam` would execute with the settings of the cell, and its system."""
     settings = RunSettings.of(cell.settings)
     truth = recording.truth_map(settings.filter.map.cell)
     return Job(
         source=recording.source,
         document={},
-        seeds=cell.seeds,
-        filter=replace(settings.filter, particles=cell.particles),
-        threads=1,
-        refine=settings.refine,
+        seed=cell.seed,
+        system=system,
         truth_map=truth.grid,
         truth_walls=truth.walls,
         lidars=recording.lidars,

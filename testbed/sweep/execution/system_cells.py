@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Cells whose frames are processed by another SLAM system than the filter of this package (`testbed.systems`)."""
+"""The SLAM system of a cell (`testbed.systems`), and cells with one that no run can follow scan by scan."""
 
 from __future__ import annotations
 
@@ -8,29 +8,34 @@ from dataclasses import replace
 from typing import Any
 
 from eval.scoring import Reference
+from testbed.run.followed import Followed
 from testbed.sweep.execution.recordings import Recording
 from testbed.sweep.result import MEASURED, CellResult
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.spec.settings import RunSettings
-from testbed.systems.entrant import Entrant, PythonSystem, entrant_of
+from testbed.systems.entrant import ClassEntrant, Entrant, PythonSystem, entrant_of, filter_settings
 from testbed.systems.execute import Recorded, metrics_of_system
+from testbed.systems.finding import DEFAULT
 
-FILTER = "gmapping"
-"""The system that cells have without the setting `system`: the filter of this package."""
 COSTS = ("cpu_s", "ms_per_scan", "ms_per_scan_p95", "finish_s", "memory_mb")
 """What differs from run to run in the group `system`; `wall_s` is among `MEASURED`."""
 
 
-def system_of(cell: Cell) -> Entrant | None:
-    """The system of a cell, with the cell's settings; None for the filter of this package."""
+def entrant_of_cell(cell: Cell, threads: int | None = 1) -> Entrant:
+    """The system of a cell, with the cell's settings; threads: of this package's filter, None = all cores."""
     settings = RunSettings.of(cell.settings)
-    if settings.system in ("", FILTER):
-        return None
-    entrant = entrant_of(settings.system, settings.system_format)
-    if isinstance(entrant, PythonSystem) and entrant.text in ("scan-matching", "localization"):
-        config = replace(settings.filter, particles=cell.particles)
-        return replace(entrant, settings={"filter": config, "threads": 1})
-    return entrant
+    entrant = entrant_of(settings.system or DEFAULT, settings.system_format)
+    if not isinstance(entrant, PythonSystem):
+        return entrant
+    config = replace(settings.filter, particles=cell.particles)
+    own = filter_settings(entrant.text, config, refine=settings.refine, threads=threads)
+    return replace(entrant, settings=own)
+
+
+def followed_of(entrant: Entrant) -> Followed | None:
+    """A new instance of a system that a run can follow; None for other systems."""
+    system = entrant.make() if isinstance(entrant, ClassEntrant) else None
+    return system if isinstance(system, Followed) else None
 
 
 def recorded_of(cell: Cell, recording: Recording) -> Recorded:

@@ -31,7 +31,7 @@ def explore(world, strategy="nearest", duration=150.0, seed=0, backend="fast", *
     with simulate(world, config, driver) as simulation:
         for frame in simulation:
             if frame.scan is not None:
-                driver.observe(frame, mapper.process(frame.odometry, frame.scan, twist=frame.twist), mapper)
+                driver.observe(frame, mapper.process(frame.odometry, frame.scan, twist=frame.twist), mapper.map)
     return simulation, mapper
 
 
@@ -127,7 +127,7 @@ def test_the_driver_does_not_look_at_the_truth():
             for frame in simulation:
                 frames.append(frame.truth)
                 if frame.scan is not None:
-                    driver.observe(frame, mapper.process(frame.odometry, frame.scan, twist=frame.twist), mapper)
+                    driver.observe(frame, mapper.process(frame.odometry, frame.scan, twist=frame.twist), mapper.map)
         drives.append(np.array(frames))
     assert np.array_equal(*drives)
     assert np.hypot(*(drives[0][-1] - drives[0][0])[:2]) > 0.5

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from slam.config import FilterConfig
+from testbed.estimation.estimation import Estimation
 from testbed.inspect.sweeps import with_beam_times
-from testbed.run.estimation import Estimation
 from tests.testbed.inspect.test_recording import drive, with_table
 from tests.testbed.run.test_starting_path import error_of
 

@@ -18,8 +18,8 @@ from testbed.cli.shared.console import progress_line
 from testbed.run.execute import execute_job
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.run_directory import RunDirectory
-from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
+from testbed.systems.filter_system import FilterSystem
 from testbed.views import NullView
 from worlds import load
 
@@ -45,9 +45,8 @@ def carried_out(frames, folder, *, refine):
     job = Job(
         source=RecordedFrames(frames),
         document={},
-        seeds=RunSeeds.from_seed(0),
-        filter=FilterConfig(particles=3),
-        refine=refine,
+        seed=0,
+        system=FilterSystem(FilterConfig(particles=3), refine=refine, threads=None),
     )
     reported = Reported()
     with progress_line() as watcher:

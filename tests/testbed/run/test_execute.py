@@ -12,12 +12,12 @@ import pytest
 
 from slam.config import FilterConfig, ProposalConfig
 from testbed.cli.shared.console import progress_line
+from testbed.estimation.estimation import Estimation
 from testbed.frame import Frame
-from testbed.run.estimation import Estimation
 from testbed.run.execute import execute_job
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.run_directory import RunDirectory
-from testbed.seeds import RunSeeds
+from testbed.systems.filter_system import FilterSystem
 from testbed.views import NullView, Snapshot
 from tests.testbed.views.synthetic import snapshots
 
@@ -51,9 +51,8 @@ def watched(path: Path, config: FilterConfig, seconds: float, collided_from: int
     job = Job(
         source=Collision(frames, view, collided_from),
         document={},
-        seeds=RunSeeds.from_seed(0),
-        filter=config,
-        refine=False,
+        seed=0,
+        system=FilterSystem(config, refine=False, threads=None),
     )
     with progress_line() as watcher:
         execute_job(job, RunDirectory.create(path / "run"), watcher, view)
@@ -93,8 +92,8 @@ def test_an_error_after_the_mapping_keeps_what_was_estimated(tmp_path: Path, mon
 
     monkeypatch.setattr(Estimation, "refined", fail)
     frames = [Frame(stamp=s.stamp, odometry=s.odometry, scan=s.scan, truth=s.truth) for s in snapshots(1.0)]
-    seeds, config = RunSeeds.from_seed(0), FilterConfig(particles=2)
-    job = Job(source=RecordedFrames(frames), document={}, seeds=seeds, filter=config, refine=True)
+    system = FilterSystem(FilterConfig(particles=2), refine=True, threads=None)
+    job = Job(source=RecordedFrames(frames), document={}, seed=0, system=system)
     with progress_line() as watcher, pytest.raises(OverflowError):
         execute_job(job, RunDirectory.create(tmp_path / "run"), watcher)
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
@@ -126,7 +125,9 @@ def test_an_interrupted_final_pass_keeps_its_rounds_or_the_path_of_the_filter(tm
     """The first Ctrl-C ends it after the round that it is in, the second at once."""
     frames = [Frame(stamp=s.stamp, odometry=s.odometry, scan=s.scan, truth=s.truth) for s in snapshots(1.0)]
     config = FilterConfig(particles=2)
-    job = Job(source=RecordedFrames(frames), document={}, seeds=RunSeeds.from_seed(0), filter=config, refine=True)
+    job = Job(
+        source=RecordedFrames(frames), document={}, seed=0, system=FilterSystem(config, refine=True, threads=None)
+    )
     metrics = execute_job(job, RunDirectory.create(tmp_path / "run"), Interrupting(times))
     assert metrics["outcome"] == "interrupted"
     assert metrics["refined"] == (times == 1)

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from slam import FilterConfig, Scan
 from slam.refinement import scan_frames
 from testbed import large_arrays
+from testbed.estimation.estimation import Estimation
 from testbed.frame import Frame
 from testbed.run import frame_store
-from testbed.run.estimation import Estimation
 from testbed.run.frame_store import FrameStore
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate

@@ -11,7 +11,7 @@ import pytest
 import worlds
 from eval.filter.health import filter_health
 from slam.config import FilterConfig
-from testbed.run.estimation import Estimation
+from testbed.estimation.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.settings.simulator import SIMULATOR
 from testbed.simulation import simulate

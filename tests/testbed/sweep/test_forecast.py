@@ -75,8 +75,7 @@ def test_the_pace_separates_what_it_measures(tmp_path, monkeypatch):
         return type("Result", (), {"metrics": {"trajectory": {"length_m": metres}}})
 
     monkeypatch.setattr(forecast, "compute", compute)
-    monkeypatch.setattr(forecast, "recording_of", simulate)
-    monkeypatch.setattr(forecast, "job_of", lambda cell, recording: None)
+    monkeypatch.setattr(forecast, "drawn_recording", simulate)
     monkeypatch.setattr(forecast.time, "perf_counter", lambda: clock["now"])
     paces = measure_pace(cells, costs, 1)
     assert paces.keys() == {"lds01", "rplidar_a1"}

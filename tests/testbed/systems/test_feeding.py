@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """What a system sees, what becomes of what it returns, and how mistakes are named."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -68,6 +70,11 @@ class Raising(Wheels):
         return 1 / 0 if frame.stamp > 1.0 else None
 
 
+class Exiting(Wheels):
+    def process(self, frame):
+        sys.exit(3)
+
+
 class RefusingToStart(Wheels):
     def start(self, lidars, seed):
         raise KeyError("no such lidar")
@@ -103,6 +110,7 @@ ELSEWHEN = Trajectory(np.array([1e9, 1e9 + 1.0]), np.zeros((2, 3)))
             Raising(),
             r"scan 3 \(1.100 s\): process raised ZeroDivisionError: .*\(test_feeding.py:\d+\), expected a pose",
         ),
+        (Exiting(), r"^x: scan 0 \(0.000 s\): process raised SystemExit: 3 \(test_feeding.py:\d+\), expected a pose"),
         (RefusingToStart(), r"^x: start raised KeyError: 'no such lidar'"),
         (Unfinished(), r"after scan 39: finish raised RuntimeError: no memory"),
         (Silent(), "returned no pose, neither from process nor from finish"),

@@ -114,6 +114,12 @@ def test_a_file_that_cannot_be_imported_is_named_with_its_line(tmp_path):
         find_system(f"{tmp_path}/broken.py:Mine")
 
 
+def test_a_file_that_exits_when_it_is_imported_is_named(tmp_path):
+    (tmp_path / "script.py").write_text("import sys\nsys.exit(2)\n")
+    with pytest.raises(SystemsError, match=r"cannot be imported: SystemExit: 2 \(script.py:2\)"):
+        find_system(f"{tmp_path}/script.py:Mine")
+
+
 def test_systems_of_other_packages_are_found_by_entry_point(monkeypatch):
     points = [
         EntryPoint("theirs", "testbed.systems.odometry:OdometrySystem", finding.GROUP),

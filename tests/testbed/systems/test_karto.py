@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(
     not BUILT_IN["karto"].is_installed, reason="yag-slam is not installed: pip install 'slam-testbed[karto]'"
 )
 DATASETS = Path(os.environ.get("TESTBED_DATASETS", Path(__file__).parents[4] / "shared" / "datasets"))
-PUBLISHED = {"seattle": 2.55, "edmonton": 0.94}
+PUBLISHED = {"seattle": 2.55, "edmonton": 0.94, "acapulco": 2.35}
 """Distance to the reference on logs, root mean square after alignment, as the datasets' own page states it [m]."""
 
 

@@ -13,8 +13,8 @@ from slam.config import FilterConfig, MatchConfig, ResampleConfig
 from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
+from testbed.estimation.snapshot import take_snapshot
 from testbed.frame import Frame
-from testbed.run.snapshot import take_snapshot
 from testbed.views import Scene, Snapshot
 
 WIDTH, HEIGHT = 8.0, 6.0

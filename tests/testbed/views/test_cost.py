@@ -13,10 +13,10 @@ import pytest
 import worlds
 from eval.map.grids import grid_from_true_map
 from slam.config import FilterConfig
+from testbed.estimation.estimation import Estimation
+from testbed.estimation.snapshot import take_snapshot
 from testbed.formats import open_log
 from testbed.frame import Frame
-from testbed.run.estimation import Estimation
-from testbed.run.snapshot import take_snapshot
 from testbed.simulation import SimulationConfig, simulate
 from testbed.views import Scene, open_view
 

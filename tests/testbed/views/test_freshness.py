@@ -18,11 +18,11 @@ from slam.gmapping import GMapping
 from slam.localization import Localization
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
+from testbed.estimation.snapshot import take_snapshot
 from testbed.exploration import ExploreDriver, make_explorer
 from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.presets import load_lidar
-from testbed.run.snapshot import take_snapshot
 from testbed.simulation import DriverConfig, SimulationConfig, simulate
 from testbed.views import Snapshot, open_view
 from testbed.views.another_best import MIN_JUMP_M
@@ -76,7 +76,7 @@ def explore() -> Iterator[Snapshot]:
         for frame in frames:
             if frame.scan is not None:
                 step = mapper.process(frame.odometry, frame.scan, twist=frame.twist)
-                explorer.observe(frame, step, mapper)
+                explorer.observe(frame, step, mapper.map)
                 yield take_snapshot(frame, step, mapper)
 
 

@@ -15,46 +15,20 @@ from slam import se2
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from slam.localization import Localization
-from slam.loops import LoopClosing
 from slam.motion.continuous_odometry import join_odometry
 from slam.motion.interpolation import interpolate_with_odometry
-from slam.occupancy import OccupancyGrid
 from slam.refinement import Refined, refine
 from slam.refinement.progress import Watch, unwatched
 from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
+from testbed.estimation.known_map import KnownMap
+from testbed.estimation.starting_path import likelier, starting_path_note, what_is_lacking
 from testbed.frame import Frame
+from testbed.run.estimate import Estimate
 from testbed.run.frame_store import FrameStore
-from testbed.run.known_map import KnownMap
-from testbed.run.starting_path import likelier, starting_path_note, what_is_lacking
 from testbed.run.step_table import StepTable
 from testbed.seeds import Stream
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Estimate:
-    """The estimate of a whole recording; poses are `T_map_robot`."""
-
-    dense: Trajectory
-    """Poses at every frame, in the order of the recording."""
-    scan_frames: NDArray[np.intp]
-    """Indices of the frames with a scan, (scans,)."""
-    map: OccupancyGrid
-    """The map that belongs to the poses."""
-    closing: LoopClosing | None = None
-    """The loops that the final pass found; None where none were looked for."""
-    noise: dict[str, float] | None = None
-    """What the final pass found the noise to be, the group `noise` of `metrics.json`; None without a final pass."""
-    covariances: NDArray[np.float64] | None = None
-    """Covariances of the dense poses relative to the first, (frames, 3, 3); None without a final pass."""
-    notes: tuple[str, ...] = ()
-    """What a reader of the result must know."""
-
-    @property
-    def at_scans(self) -> Trajectory:
-        """Poses at every scan."""
-        return self.dense[self.scan_frames]
 
 
 @dataclass
@@ -70,6 +44,8 @@ class Estimation:
     mapper: GMapping | Localization = field(init=False)
     steps: StepTable = field(init=False)
     frames: FrameStore = field(init=False, default_factory=FrameStore)
+    report: StepReport | None = field(init=False, default=None)
+    """What happened at the last frame; None if it has no scan."""
     _online: list[Pose] = field(init=False, default_factory=list)
     """The pose that was reported at each scan, (3,) each."""
     _waiting: dict[str, tuple[Pose, Scan]] = field(init=False, default_factory=dict)
@@ -92,6 +68,7 @@ class Estimation:
         gates would otherwise skip most of the lidars.
         """
         self.frames.append(frame)
+        self.report = None
         if frame.scan is None:
             return None
         others = [_seen_from(frame, *seen) for name, seen in self._waiting.items() if name != frame.lidar]
@@ -109,6 +86,7 @@ class Estimation:
         best = self.mapper.best if isinstance(self.mapper, GMapping) else None
         self.steps.add(frame, report, seconds, self.mapper.poses, self.mapper.weights, best)
         self._online.append(report.pose)
+        self.report = report
         return report
 
     @property
@@ -120,6 +98,11 @@ class Estimation:
     def odometry(self) -> Pose:
         """`T_odom_robot` at every frame, joined where the odometry started again, (frames, 3)."""
         return join_odometry(self.frames.stamps, self.frames.odometry)
+
+    @property
+    def usable_range(self) -> float:
+        """Readings beyond it are not used [m]."""
+        return self.config.map.usable_range
 
     @property
     def stamps(self) -> NDArray[np.float64]:

@@ -12,9 +12,9 @@ from eval.trajectory.errors import absolute_error
 from slam import se2
 from slam.config import FilterConfig
 from slam.scan import Scan
+from testbed.estimation.estimation import Estimation
 from testbed.frame import Frame
 from testbed.presets import Mount, load_lidar, load_robot
-from testbed.run.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from worlds import load

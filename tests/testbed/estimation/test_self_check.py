@@ -10,13 +10,13 @@ import pytest
 from eval.limits import Limit
 from slam.config import FilterConfig, MotionConfig
 from testbed.cli.shared.console import progress_line
+from testbed.estimation.self_check import localization_self_check
 from testbed.run.execute import execute_job
 from testbed.run.job import Job, RecordedFrames
 from testbed.run.run_directory import RunDirectory
-from testbed.run.self_check import localization_self_check
-from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.stress.perturbations import slip, thin_scans
+from testbed.systems.filter_system import FilterSystem
 from worlds import load
 
 OLD = FilterConfig(particles=2, motion=MotionConfig(jump_share=0.0, failure_share=0.0))
@@ -31,7 +31,7 @@ def frames():
 
 
 def metrics_of(frames, folder, config):
-    job = Job(source=RecordedFrames(frames), document={}, seeds=RunSeeds.from_seed(0), filter=config, threads=1)
+    job = Job(source=RecordedFrames(frames), document={}, seed=0, system=FilterSystem(config, refine=True, threads=1))
     with progress_line() as watcher:
         execute_job(job, RunDirectory.create(folder), watcher)
     return json.loads((folder / "metrics.json").read_text())

@@ -13,11 +13,11 @@ from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
 from slam.config import FilterConfig
 from slam.scan import Scan
+from testbed.estimation import estimation as estimation_module
+from testbed.estimation.estimation import Estimation
+from testbed.estimation.starting_path import what_is_lacking
 from testbed.presets import lidars, load_lidar
 from testbed.presets.models import LidarPreset
-from testbed.run import estimation as estimation_module
-from testbed.run.estimation import Estimation
-from testbed.run.starting_path import what_is_lacking
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.robot.odometry import OdometryConfig

@@ -14,9 +14,9 @@ from eval.map.grids import grid_from_true_map
 from slam import se2
 from slam.config import FilterConfig, LocalizationConfig
 from slam.localization import Localization
+from testbed.estimation.estimation import Estimation
+from testbed.estimation.known_map import KnownMap, failure_reason, localization_metrics, parse_start
 from testbed.formats import open_log
-from testbed.run.estimation import Estimation
-from testbed.run.known_map import KnownMap, failure_reason, localization_metrics, parse_start
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from worlds import load, true_map

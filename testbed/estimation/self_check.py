@@ -15,8 +15,9 @@ from slam.diagnosis.wheel_speed import WheelNews, wheel_news
 from slam.gmapping import GMapping
 from slam.se2 import Pose
 from slam.sensor.rays import Rays, make_rays
-from testbed.run.estimation import Estimate, Estimation
-from testbed.run.known_map import failure_reason
+from testbed.estimation.estimation import Estimation
+from testbed.estimation.known_map import failure_reason
+from testbed.run.estimate import Estimate
 
 
 def self_check_metrics(estimation: Estimation, estimate: Estimate, *, replay: bool) -> dict[str, Any]:
