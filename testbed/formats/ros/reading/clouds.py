@@ -20,6 +20,7 @@ from testbed.formats.log import LogError
 from testbed.formats.ros.packing import messages
 from testbed.formats.ros.reading.content import BagContent, Heights
 from testbed.formats.ros.reading.decode import RawScan, stamp_of
+from testbed.formats.ros.reading.raw_scans import ScanRecorder
 
 USUAL_COUNT, MAX_COUNT = 720, 4096
 """Directions of a scan: half a degree each, the default of pointcloud_to_laserscan; and where they are the lidar's own,
@@ -56,6 +57,8 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
     content.level_mounts = {frame: (float(T[0, 3]), float(T[1, 3]), 0.0) for frame, T in places.items()}
     clouds = [connection for connection in connections if connection.topic in content.cloud_frames]
     directions = {c.topic: _directions_of(reader, c, places[content.cloud_frames[c.topic]], content) for c in clouds}
+    recorders = {topic: ScanRecorder(content.scan_store) for topic in content.scans}
+    known = timed = 0
     for number, (connection, _, raw) in enumerate(messages(reader, clouds), start=1):
         message = reader.deserialize(raw, connection.msgtype)
         topic = connection.topic
@@ -63,9 +66,10 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
             scan = slice_of(message, places[content.cloud_frames[topic]], content.heights, directions[topic])
         except (ValueError, TypeError) as error:
             raise LogError(f"{path}: cloud {number} ({connection.topic}): {error}") from None
-        kept = content.readings.keep(scan.ranges)
-        content.scans[topic].append(scan._replace(ranges=kept, number=number, source=f"cloud {{}} ({topic})"))
-    known = sum(int(np.isfinite(scan.ranges).sum()) for scans in content.scans.values() for scan in scans)
+        recorders[topic].take(scan, number, f"cloud {{}} ({topic})")
+        known += int(np.isfinite(scan.ranges).sum())
+        timed += scan.time_increment > 0.0
+    content.scans = {topic: recorder.finish() for topic, recorder in recorders.items()}
     count = sum(map(len, content.scans.values()))
     low, high = content.heights
     where = f"between {low:g} and {high:g} m above {robot or 'the robot'}"
@@ -76,7 +80,6 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
         f"scans are slices of point clouds {where}: {known / max(count, 1):.0f} of "
         f"{max(d.number for d in directions.values())} directions"
     )
-    timed = sum(scan.time_increment > 0.0 for scans in content.scans.values() for scan in scans)
     if timed:
         content.notes.append(f"the points of {timed} of {count} clouds have times: so have the beams")
 

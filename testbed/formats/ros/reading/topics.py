@@ -10,6 +10,7 @@ from typing import Any
 from testbed.formats.checksums import SEAL_TOPIC
 from testbed.formats.log import LogError, Topic
 from testbed.formats.ros.reading.content import BagContent
+from testbed.formats.ros.reading.raw_scans import ScanRecorder
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 ECHO_TYPE = "sensor_msgs/msg/MultiEchoLaserScan"
@@ -53,7 +54,7 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
         there = ", ".join(sorted(by_type[SCAN_TYPE if seen == CLOUD_TYPE else CLOUD_TYPE])) or "nothing of either kind"
         advice = "leave --slice out" if seen == CLOUD_TYPE else "--slice LOW,HIGH makes scans of them, heights in m"
         raise LogError(f"{path}: no topic of type {seen}, but {there}; {advice}")
-    content.scans = {topic: [] for topic in sorted(by_type[seen])}
+    content.scans = {topic: ScanRecorder(content.scan_store).finish() for topic in sorted(by_type[seen])}
     if not others and by_type[seen] and transforms is not None:
         content.topics = {"odometry": transforms}
     else:
