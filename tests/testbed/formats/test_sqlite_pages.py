@@ -14,7 +14,9 @@ def test_rows_are_those_of_sqlite(tmp_path, page):
     """Messages of all sizes, over several pages too, and numbers of all lengths."""
     rng = np.random.default_rng(0)
     sizes = rng.integers(0, 3 * page, 60).tolist()
-    times = [int(sign) << int(bits) for sign, bits in zip(rng.choice([-1, 1], 60), rng.integers(0, 62, 60), strict=True)]
+    times = [
+        int(sign) << int(bits) for sign, bits in zip(rng.choice([-1, 1], 60), rng.integers(0, 62, 60), strict=True)
+    ]
     rows = [(k + 1, k % 5, times[k], rng.bytes(size)) for k, size in enumerate(sizes)]
     base = sqlite3.connect(tmp_path / "whole.db3")
     base.execute(f"PRAGMA page_size = {page}")

@@ -27,6 +27,8 @@ class BagContent:
     """The lidar's place ahead of the robot's centre as the user gave it [m]."""
     heights: Heights | None = None
     """The slice of point clouds that becomes scans; None = there are scans."""
+    namespace: str | None = None
+    """The robot that is read, where a bag has several; None = there is one."""
     cloud_frames: dict[str, str] = field(default_factory=dict)
     """Frame of the point clouds of each topic."""
     level_mounts: dict[str, tuple[float, float, float]] = field(default_factory=dict)

@@ -12,6 +12,7 @@ import numpy as np
 
 from testbed.formats.log import LogError
 from testbed.formats.ros.reading.content import BagContent
+from testbed.formats.ros.reading.namespaces import choices
 from testbed.formats.ros.reading.raw_scans import Head, RawScans, ScanRecorder, in_order_of_time
 from testbed.formats.ros.reading.repairs import Fan, sound_beats
 from testbed.formats.ros.reading.topics import usual_topic
@@ -129,7 +130,10 @@ class ScanColumns:
         try:
             mount = content.transforms.mount(robot, head.frame_id)
         except ValueError as error:
-            raise LogError(f"{self._path}: {place}: {error}; --laser-offset X says where the lidar sits") from None
+            advice = choices([robot, head.frame_id])
+            raise LogError(
+                f"{self._path}: {place}: {error}{advice}; --laser-offset X says where the lidar sits"
+            ) from None
         if not content.transforms.leads(robot, head.frame_id):
             content.notes.append(
                 f"no transform says where {head.frame_id} is mounted: it is taken to sit at the robot's centre, ahead; "

@@ -10,6 +10,7 @@ from typing import Any
 from testbed.formats.checksums import SEAL_TOPIC
 from testbed.formats.log import LogError, Topic
 from testbed.formats.ros.reading.content import BagContent
+from testbed.formats.ros.reading.namespaces import choices, is_within, of_namespace
 from testbed.formats.ros.reading.raw_scans import ScanRecorder
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
@@ -36,11 +37,17 @@ TRUTH_TYPES = (
 
 def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     """Connections that are to be read; what they are for goes into `content`."""
+    connections = reader.connections
+    if content.namespace is not None:
+        connections = of_namespace(connections, content.namespace)
+        if not any(is_within(connection.topic, content.namespace) for connection in connections):
+            there = choices(connection.topic for connection in reader.connections) or "; leave --namespace out"
+            raise LogError(f"{path}: no topic begins with /{content.namespace}/{there}")
     by_type: defaultdict[str, set[str]] = defaultdict(set)
-    for connection in reader.connections:
+    for connection in connections:
         by_type[connection.msgtype].add(connection.topic)
     poses, maps = sorted(by_type[ODOMETRY_TYPE]), sorted(by_type[MAP_TYPE])
-    filled = {c.topic for c in reader.connections if c.msgcount}
+    filled = {c.topic for c in connections if c.msgcount}
     others = [topic for topic in poses if not _is_ground_truth(topic)]
     frames = set().union(*(by_type[kind] for kind in TRANSFORM_TYPES))
     transforms = usual_topic(sorted(topic for topic in frames if "static" not in topic), "/tf")
@@ -66,7 +73,7 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     if true_maps := [topic for topic in maps if _is_ground_truth(topic)]:
         content.topics["map"] = true_maps[0]
     taken = {*content.topics.values(), *content.scans, *(by_type["std_msgs/msg/String"] & {DESCRIPTION})}
-    wanted = [c for c in reader.connections if c.topic in taken or c.msgtype in TRANSFORM_TYPES]
+    wanted = [c for c in connections if c.topic in taken or c.msgtype in TRANSFORM_TYPES]
     content.all_topics = _all_topics(reader, content, {c.topic for c in wanted})
     derived = {SEAL_TOPIC, *(f"{topic}_cloud" for topic in content.scans)}
     content.others = sorted(
@@ -98,11 +105,13 @@ def _is_ground_truth(topic: str) -> bool:
 
 def _choose(path: Path, kind: str, topics: list[str], usual: str, reader: Any) -> str:
     if not topics:
+        moving = [c.topic for c in reader.connections if c.msgtype in TRANSFORM_TYPES and "static" not in c.topic]
         there = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:8]) or "nothing"
-        raise LogError(f"{path}: no topic of type {kind}; there is: {there}")
+        raise LogError(f"{path}: no topic of type {kind}; there is: {there}{choices(moving)}")
     chosen = usual_topic(topics, usual)
     if chosen is None:
-        raise LogError(f"{path}: several topics of type {kind} and none is {usual}: {', '.join(topics)}")
+        several = f"several topics of type {kind} and none is {usual}: {', '.join(topics)}"
+        raise LogError(f"{path}: {several}{choices(topics)}")
     return chosen
 
 

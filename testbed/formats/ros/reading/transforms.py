@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.formats.ros.messages import joints_of
+from testbed.formats.ros.reading.namespaces import choices, is_within
 
 ROBOT_FRAMES = ("base_footprint", "base_link")
 """Names of the robot's own frame, by REP 105 and REP 120."""
@@ -62,12 +63,21 @@ class Moving:
         """The transforms themselves, (n, 4, 4)."""
         return np.array(self._columns[pair][2]).reshape(-1, 4, 4)
 
-    def odometry(self) -> tuple[str, str] | None:
+    def odometry(self, namespace: str | None = None) -> tuple[str, str] | None:
         """Parent and child of the transform that is odometry: from `odom`, best to the robot's base; None = there is
-        none."""
+        none.
+
+        namespace: that of the robot, where there are several; ValueError where it is needed
+        """
         pairs = [pair for pair, count in self.counts.items() if "odom" in pair[0].lower() and count > 1]
+        if namespace is not None:
+            pairs = [pair for pair in pairs if is_within(pair[1], namespace)] or pairs
         order = {name: rank for rank, name in enumerate(ROBOT_FRAMES)}
-        return min(pairs, key=lambda pair: (order.get(pair[1], len(order)), pair), default=None)
+        ranks = {pair: order.get(pair[1].rpartition("/")[2], len(order)) for pair in pairs}
+        bases = [pair[1] for pair in pairs if ranks[pair] < len(order)]
+        if not set(ROBOT_FRAMES) & set(bases) and (advice := choices(bases)):
+            raise ValueError(f"odometry of several robots: {', '.join(sorted(bases))}{advice}")
+        return min(pairs, key=lambda pair: (ranks[pair], pair), default=None)
 
     def mounts(self) -> dict[str, Mount]:
         """Transforms that hardly change, by their child: mounts that are sent as if they moved."""
