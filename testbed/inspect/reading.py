@@ -35,6 +35,8 @@ class Reading:
 
     namespace: str | None = None
     """Of a bag with several robots, the one whose topics and frames begin so, such as robot1."""
+    topics: str | None = None
+    """Of a bag with several topics of a type, those that are read, such as /front/scan,/odom_raw."""
 
     def __post_init__(self) -> None:
         if self.time_offset is not None:
@@ -56,6 +58,7 @@ class Reading:
             range_max=self.range_max,
             heights=self._heights(),
             namespace=None if self.namespace is None else self.namespace.strip("/"),
+            topics=() if self.topics is None else tuple(name.strip() for name in self.topics.split(",")),
             scans_needed=scans_needed,
         )
         log = with_beam_times(log)

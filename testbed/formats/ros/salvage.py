@@ -226,16 +226,30 @@ def _end_of_content(source: BinaryIO) -> int:
 
 
 def _whole_part(content: bytes, kind: int) -> bytes:
-    """The whole records in the begin of a chunk; nothing where it is packed or no chunk."""
-    if kind != CHUNK or len(content) < _CHUNK_HEAD + 12 or _LENGTH.unpack_from(content, _CHUNK_HEAD)[0]:
+    """The whole records in the begin of a chunk, unpacked; nothing where it is no chunk."""
+    if kind != CHUNK or len(content) < _CHUNK_HEAD + 4:
         return b""
-    begin = at = _CHUNK_HEAD + 12
+    begin = _CHUNK_HEAD + 4
+    end = begin + int(_LENGTH.unpack_from(content, _CHUNK_HEAD)[0])
+    content = _begin_of_packed(bytes(content[begin:end]), content[end + 8 :])
+    at = 0
     while at + RECORD.size <= len(content):
         end = at + RECORD.size + RECORD.unpack_from(content, at)[1]
         if end > len(content):
             break
         at = end
-    return content[begin:at]
+    return content[:at]
+
+
+def _begin_of_packed(compression: bytes, data: bytes) -> bytes:
+    """What the begin of a packed chunk unpacks to; nothing where it was packed in an unknown way."""
+    if compression == b"zstd":
+        return bytes(zstd().ZstdDecompressor().decompress(data))
+    if compression == b"lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        return bytes(LZ4FrameDecompressor().decompress(data))
+    return b"" if compression else data
 
 
 def _copy(source: BinaryIO, out: BinaryIO, size: int) -> None:

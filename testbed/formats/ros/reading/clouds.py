@@ -51,7 +51,7 @@ def peek_clouds(content: BagContent, reader: Any, connections: list[Any]) -> Non
 
 def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[Any]) -> None:
     """Read all clouds, one at a time, once the transforms are known; they become scans of `content`."""
-    assert content.heights is not None
+    assert content.selection.heights is not None
     robot = content.odometry.child_frame
     places = {frame: content.transforms.place(robot, frame) for frame in content.cloud_frames.values()}
     content.level_mounts = {frame: (float(T[0, 3]), float(T[1, 3]), 0.0) for frame, T in places.items()}
@@ -63,7 +63,7 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
         message = reader.deserialize(raw, connection.msgtype)
         topic = connection.topic
         try:
-            scan = slice_of(message, places[content.cloud_frames[topic]], content.heights, directions[topic])
+            scan = slice_of(message, places[content.cloud_frames[topic]], content.selection.heights, directions[topic])
         except (ValueError, TypeError) as error:
             raise LogError(f"{path}: cloud {number} ({connection.topic}): {error}") from None
         recorders[topic].take(scan, number, f"cloud {{}} ({topic})")
@@ -71,7 +71,7 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
         timed += scan.time_increment > 0.0
     content.scans = {topic: recorder.finish() for topic, recorder in recorders.items()}
     count = sum(map(len, content.scans.values()))
-    low, high = content.heights
+    low, high = content.selection.heights
     where = f"between {low:g} and {high:g} m above {robot or 'the robot'}"
     if not known:
         there = _heights_of_first(reader, clouds, places[content.cloud_frames[clouds[0].topic]]) if clouds else ""
@@ -86,12 +86,12 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
 
 def _directions_of(reader: Any, connection: Any, T_robot_lidar: NDArray[np.float64], content: BagContent) -> Directions:
     """The directions of the lidar of a topic."""
-    assert content.heights is not None
+    assert content.selection.heights is not None
     angles = []
     for _, _, raw in islice(messages(reader, [connection]), SAMPLE):
         with suppress(ValueError, TypeError):  # it is complained about later, with its place
             message = reader.deserialize(raw, connection.msgtype)
-            angles.append(_part_of(message, T_robot_lidar, content.heights).angles)
+            angles.append(_part_of(message, T_robot_lidar, content.selection.heights).angles)
     return find_directions(angles) if angles else USUAL_DIRECTIONS
 
 

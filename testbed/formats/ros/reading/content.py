@@ -19,16 +19,28 @@ Heights = tuple[float, float]
 """Lowest and highest point of a slice, above the robot's frame [m]."""
 
 
+class Selection(NamedTuple):
+    """What is read of a bag that holds more."""
+
+    heights: Heights | None = None
+    """The slice of point clouds that becomes scans; None = there are scans."""
+    namespace: str | None = None
+    """What the topics and frames of the robot begin with, where there are several robots."""
+    topics: tuple[str, ...] = ()
+    """Topics that the user chose: others of their types are not read."""
+
+
+WHOLE = Selection()
+
+
 @dataclass
 class BagContent:
     """Topics, messages and transforms of a bag that is being read."""
 
     laser_offset: float | None = None
     """The lidar's place ahead of the robot's centre as the user gave it [m]."""
-    heights: Heights | None = None
-    """The slice of point clouds that becomes scans; None = there are scans."""
-    namespace: str | None = None
-    """The robot that is read, where a bag has several; None = there is one."""
+    selection: Selection = WHOLE
+    """What is read of it."""
     cloud_frames: dict[str, str] = field(default_factory=dict)
     """Frame of the point clouds of each topic."""
     level_mounts: dict[str, tuple[float, float, float]] = field(default_factory=dict)

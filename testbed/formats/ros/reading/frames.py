@@ -14,7 +14,7 @@ from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import Track
 from testbed.formats.ros.reading.raw_scans import RawScans
 from testbed.formats.ros.reading.repairs import bridged, with_sound_twists
-from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar
+from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar, sound_scans
 from testbed.formats.ros.reading.stale_poses import with_fresh_poses
 from testbed.frame_table import FrameTable
 
@@ -41,7 +41,7 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     content.notes += [*stale, *odd_twists, *jumps]
     first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = one_topic_per_lidar(path, content)
-    scans = of_level_lidars(content, scans)
+    scans = sound_scans(path, content, of_level_lidars(content, scans), range_max)
     if len(scans) and not len(_reachable(scans, track)):
         scans = _by_clock_of_bag(content, scans)
     reachable = _reachable(scans, track)

@@ -31,7 +31,7 @@ def complete_transforms(path: Path, content: BagContent, connections: list[Any],
         for connection, time, raw in messages(reader, connections) if connections else ():
             content.moving.add(reader.deserialize(raw, connection.msgtype), seconds(time))
     if from_tf:
-        pair = content.moving.odometry(content.namespace)
+        pair = content.moving.odometry(content.selection.namespace)
         if pair is None:
             sent = ", ".join(f"{parent} to {child}" for parent, child in list(content.moving.counts)[:8])
             raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and {tf} has no transform from odom, but {sent}")

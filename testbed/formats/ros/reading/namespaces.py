@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Bags of several robots: the topics and frames of each begin with its name: `/robot1/scan`, `robot1/base_link`."""
+"""Which topics of a bag are read, where it has several: those of one robot, whose topics and frames begin with its
+name, as `/robot1/scan` and `robot1/base_link`; or those that the user names.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +31,15 @@ def of_namespace(connections: list[Any], namespace: str) -> list[Any]:
         and (connection.msgtype not in kinds or connection.topic in ("/tf", "/tf_static"))
     ]
     return [connection for connection in connections if connection in own or connection in shared]
+
+
+def of_topics(connections: list[Any], topics: tuple[str, ...]) -> list[Any]:
+    """The connections of some topics, and of all types that none of them has; ValueError for one that is not there."""
+    there = {connection.topic for connection in connections}
+    if missing := [topic for topic in topics if topic not in there]:
+        raise ValueError(f"no topic {', '.join(missing)}; there is: {', '.join(sorted(there)[:20])}")
+    kinds = {connection.msgtype for connection in connections if connection.topic in topics}
+    return [c for c in connections if c.topic in topics or c.msgtype not in kinds]
 
 
 def choices(names: Iterable[str]) -> str:

@@ -17,7 +17,7 @@ from testbed.formats.checksums import SEAL_TOPIC, MessageSum, verify
 from testbed.formats.log import Log, LogError, shortened
 from testbed.formats.ros.packing import messages
 from testbed.formats.ros.reading.clouds import peek_clouds, read_clouds
-from testbed.formats.ros.reading.content import BagContent, Heights, RawMessage
+from testbed.formats.ros.reading.content import WHOLE, BagContent, RawMessage, Selection
 from testbed.formats.ros.reading.frames import assemble
 from testbed.formats.ros.reading.intake import Intake
 from testbed.formats.ros.reading.missing_transforms import complete_transforms
@@ -33,17 +33,15 @@ def read_bag(
     *,
     laser_offset: float | None = None,
     range_max: float | None = None,
-    heights: Heights | None = None,
-    namespace: str | None = None,
+    selection: Selection = WHOLE,
 ) -> Log:
     """Read a ROS bag; frames are sorted by the stamps in the messages' headers.
 
     laser_offset [m]: the lidar sits this far ahead of the robot's centre, whatever the transforms say; range_max [m]
-    overrides what the scans say; heights [m]: scans are made of the points of clouds between them; namespace: what the
-    topics and frames of the robot begin with, in a bag of several. Topics are chosen by type: of several, `/odom` and
-    `/cmd_vel`, and of several with scans of one lidar (one frame) `/scan`. Odometry and truth are interpolated at the
-    scans' stamps, a frame's command is the latest one; scans outside of the odometry's time are left out and counted,
-    as are topics.
+    overrides what the scans say; selection: what is read of a bag that holds more. Topics are chosen by type: of
+    several, `/odom` and `/cmd_vel`, and of several with scans of one lidar (one frame) `/scan`. Odometry and truth are
+    interpolated at the scans' stamps, a frame's command is the latest one; scans outside of the odometry's time are
+    left out and counted, as are topics.
     Raises LogError, naming the file and the place, for damaged bags, missing topics, clocks that do not meet, and
     values that make no sense.
     """
@@ -52,7 +50,7 @@ def read_bag(
     metadata = path / "metadata.yaml"
     if metadata.is_file() and metadata.stat().st_size > MAX_METADATA:
         raise LogError(f"{metadata}: larger than {MAX_METADATA} bytes")
-    content = BagContent(laser_offset=laser_offset, heights=heights, namespace=namespace)
+    content = BagContent(laser_offset=laser_offset, selection=selection)
     with _complaints(path, content), readable(path) as (paths, notes):
         content.notes += notes
         _read_messages(path, paths, content)

@@ -61,6 +61,11 @@ class Fan(NamedTuple):
             and self.difference <= ACCEPTED_BEAMS
         )
 
+    def in_radians(self) -> Fan:
+        """The same of angles in degrees."""
+        first, last, step = (math.radians(angle) for angle in (self.angle_min, self.angle_max, self.increment))
+        return Fan(first, last, step, self.readings)
+
     def check(self) -> str | None:
         """A note where the numbers differ by about a beam; ValueError, with the numbers, where they contradict."""
         if self.readings < 2:

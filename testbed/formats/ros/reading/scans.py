@@ -18,6 +18,8 @@ from testbed.formats.ros.reading.repairs import Fan, sound_beats
 from testbed.formats.ros.reading.topics import usual_topic
 from testbed.frame_table import BeamPattern, Floats, Integers
 
+MAX_BAD_SHARE = 0.1
+"""So many scans that make no sense are left out; where there are more, all of them are doubtful."""
 MAX_BEATS, SWEEP_STEP = 100, 1e-5
 """Drivers that measure the time of each turn state another one for each scan. Of more than so many, the times of turns
 are rounded to so much [s], a tenth of a millimetre at 10 m/s: else each scan would have beam times of its own."""
@@ -40,15 +42,15 @@ class ScanColumns:
         fans: list[tuple[Fan, bool]] = [(Fan(0.0, 0.0, 0.0, 0), False)] * len(kinds)
         for kind in np.argsort(first).tolist():
             row = int(first[kind])
-            head, place = self._in_radians(scans.head(row), int(scans.sizes[row])), scans.place(row)
-            self._check(head, place)
+            head = self._in_radians(self._with_limits(scans.head(row), range_max), int(scans.sizes[row]))
+            place = scans.place(row)
             if head.frame_id not in known_mounts:
                 known_mounts[head.frame_id] = self._mount(head, place)
             mounts[kind], upside_down = known_mounts[head.frame_id]
             fans[kind] = _fan(head, int(scans.sizes[row])), upside_down
-            self._check_fan(place, fans[kind][0])
+            self._note_fan(fans[kind][0])
             lidars[kind] = self.lidars.setdefault(head.frame_id, len(self.lidars))
-            limits[kind] = head.range_min, head.range_max if range_max is None else range_max
+            limits[kind] = head.range_min, head.range_max
         self.lidar_of, self.limits, self.mounts = lidars[kind_of], limits[kind_of], mounts[kind_of]
         self.pattern_of = self._make_patterns(fans, kind_of, self._sound_beats(scans))
 
@@ -82,19 +84,8 @@ class ScanColumns:
         if not any("in degrees" in other for other in self._content.notes):
             numbers = f"{head.angle_min:g} to {head.angle_max:g}"
             self._content.notes.append(f"the angles of the scans are in degrees ({numbers}): read as such")
-        return head._replace(
-            angle_min=math.radians(head.angle_min),
-            angle_max=math.radians(head.angle_max),
-            angle_increment=math.radians(head.angle_increment),
-        )
-
-    def _check(self, head: Head, place: str) -> None:
-        if not (math.isfinite(head.angle_min) and math.isfinite(head.angle_increment)):
-            numbers = f"angle_min {head.angle_min} and angle_increment {head.angle_increment}"
-            raise LogError(f"{self._path}: {place}: angles must be finite, got {numbers}")
-        if not head.range_max > head.range_min >= 0.0:
-            limits = f"{head.range_min} and {head.range_max}"
-            raise LogError(f"{self._path}: {place}: expected 0 <= range_min < range_max, got {limits}")
+        fan = _fan(head, readings).in_radians()
+        return head._replace(angle_min=fan.angle_min, angle_max=fan.angle_max, angle_increment=fan.increment)
 
     def _sound_beats(self, scans: RawScans) -> Floats:
         """Time between two beams of each scan [s], (n,); 0, with a note, where the stated one cannot be true."""
@@ -112,11 +103,17 @@ class ScanColumns:
         sizes = np.maximum(scans.sizes, 1)
         return np.round(beats * sizes / SWEEP_STEP) * SWEEP_STEP / sizes
 
-    def _check_fan(self, place: str, fan: Fan) -> None:
-        try:
-            note = fan.check()
-        except ValueError as error:
-            raise LogError(f"{self._path}: {place}: {error}") from None
+    def _with_limits(self, head: Head, range_max: float | None) -> Head:
+        """The same with a range_min that is none taken as 0, with a note, and the range_max that the user gave."""
+        least = head.range_min
+        if not least >= 0.0:
+            least = 0.0
+            if not any("range_min is" in other for other in self._content.notes):
+                self._content.notes.append(f"range_min is {head.range_min:g}: taken as 0")
+        return head._replace(range_min=least, range_max=head.range_max if range_max is None else range_max)
+
+    def _note_fan(self, fan: Fan) -> None:
+        note = fan.check()
         if note is not None and not any("angle_max is" in other for other in self._content.notes):
             self._content.notes.append(note)
 
@@ -152,10 +149,50 @@ def _angles(first: float, step: float, count: int, upside_down: bool) -> Floats:
     return -angles if upside_down else angles
 
 
+def sound_scans(path: Path, content: BagContent, scans: RawScans, range_max: float | None) -> RawScans:
+    """The scans without those whose angles or limits make no sense, with a note, where they are few: drivers send such
+    when they start. range_max [m] overrides what the scans say.
+
+    Raises LogError, naming the first one, where there are more, and where no scan has a reading.
+    """
+    if len(scans) and not scans.sizes.any():
+        raise LogError(f"{path}: all {len(scans)} scans are empty: they have no ranges")
+    kinds, first, kind_of = np.unique(
+        np.column_stack([scans.heads, scans.sizes]), axis=0, return_index=True, return_inverse=True
+    )
+    faults = [
+        _fault_of(scans.head(row), size, range_max) for row, size in zip(first, kinds[:, 1].tolist(), strict=True)
+    ]
+    bad = np.array([fault is not None for fault in faults], dtype=bool)[kind_of.reshape(-1)]
+    if not bad.any():
+        return scans
+    row = int(np.argmax(bad))
+    fault = f"{scans.place(row)}: {faults[kind_of.reshape(-1)[row]]}"
+    if bad.sum() > MAX_BAD_SHARE * len(scans):
+        raise LogError(f"{path}: {fault}")
+    content.notes.append(f"{bad.sum()} of {len(scans)} scans are left out: {fault}")
+    return scans.chosen(~bad)
+
+
+def _fault_of(head: Head, readings: int, range_max: float | None) -> str | None:
+    """Why the angles or limits of a scan make no sense; None where they do."""
+    if not (math.isfinite(head.angle_min) and math.isfinite(head.angle_increment)):
+        return f"angles must be finite, got angle_min {head.angle_min} and angle_increment {head.angle_increment}"
+    most = head.range_max if range_max is None else range_max
+    if head.range_min >= most or not most > 0.0:
+        return f"expected 0 <= range_min < range_max, got {head.range_min} and {most}"
+    fan = _fan(head, readings)
+    try:
+        (fan.in_radians() if fan.is_in_degrees else fan).check()
+    except ValueError as error:
+        return str(error)
+    return None
+
+
 def of_level_lidars(content: BagContent, scans: RawScans) -> RawScans:
     """The scans without those of lidars that lean, with a note, if others remain: many robots carry one that looks down
     or up."""
-    if content.laser_offset is not None or content.heights is not None:
+    if content.laser_offset is not None or content.selection.heights is not None:
         return scans
     faults = {}
     for name in scans.frames:
@@ -185,7 +222,8 @@ def one_topic_per_lidar(path: Path, content: BagContent) -> tuple[RawScans, list
     for topics in by_lidar.values():
         usual = usual_topic(topics, "/scan")
         if usual is None:
-            raise LogError(f"{path}: several topics with scans of one lidar, none is /scan: {', '.join(topics)}")
+            several = f"several topics with scans of one lidar, none is /scan: {', '.join(topics)}"
+            raise LogError(f"{path}: {several}; --topics NAME says which")
         chosen.add(usual)
     kept = [content.scans[topic] for topic in sorted(chosen)] or [ScanRecorder(content.scan_store).finish()]
     return in_order_of_time(kept), [topic for topic in content.scans if topic not in chosen]

@@ -10,7 +10,7 @@ from typing import Any
 from testbed.formats.checksums import SEAL_TOPIC
 from testbed.formats.log import LogError, Topic
 from testbed.formats.ros.reading.content import BagContent
-from testbed.formats.ros.reading.namespaces import choices, is_within, of_namespace
+from testbed.formats.ros.reading.namespaces import choices, is_within, of_namespace, of_topics
 from testbed.formats.ros.reading.raw_scans import ScanRecorder
 
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
@@ -38,11 +38,16 @@ TRUTH_TYPES = (
 def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     """Connections that are to be read; what they are for goes into `content`."""
     connections = reader.connections
-    if content.namespace is not None:
-        connections = of_namespace(connections, content.namespace)
-        if not any(is_within(connection.topic, content.namespace) for connection in connections):
+    if content.selection.topics:
+        try:
+            connections = of_topics(connections, content.selection.topics)
+        except ValueError as error:
+            raise LogError(f"{path}: {error}") from None
+    if content.selection.namespace is not None:
+        connections = of_namespace(connections, content.selection.namespace)
+        if not any(is_within(connection.topic, content.selection.namespace) for connection in connections):
             there = choices(connection.topic for connection in reader.connections) or "; leave --namespace out"
-            raise LogError(f"{path}: no topic begins with /{content.namespace}/{there}")
+            raise LogError(f"{path}: no topic begins with /{content.selection.namespace}/{there}")
     by_type: defaultdict[str, set[str]] = defaultdict(set)
     for connection in connections:
         by_type[connection.msgtype].add(connection.topic)
@@ -56,8 +61,8 @@ def choose_topics(path: Path, reader: Any, content: BagContent) -> list[Any]:
     truths = [topic for kind in TRUTH_TYPES for topic in sorted(by_type[kind]) if _is_ground_truth(topic)]
     commands = sorted(set().union(*(by_type[kind] for kind in COMMAND_TYPES)))
     by_type[SCAN_TYPE] |= by_type[ECHO_TYPE]
-    seen = SCAN_TYPE if content.heights is None else CLOUD_TYPE
-    if not by_type[seen] and (content.heights is not None or by_type[CLOUD_TYPE]):
+    seen = SCAN_TYPE if content.selection.heights is None else CLOUD_TYPE
+    if not by_type[seen] and (content.selection.heights is not None or by_type[CLOUD_TYPE]):
         there = ", ".join(sorted(by_type[SCAN_TYPE if seen == CLOUD_TYPE else CLOUD_TYPE])) or "nothing of either kind"
         advice = "leave --slice out" if seen == CLOUD_TYPE else "--slice LOW,HIGH makes scans of them, heights in m"
         raise LogError(f"{path}: no topic of type {seen}, but {there}; {advice}")
@@ -111,7 +116,7 @@ def _choose(path: Path, kind: str, topics: list[str], usual: str, reader: Any) -
     chosen = usual_topic(topics, usual)
     if chosen is None:
         several = f"several topics of type {kind} and none is {usual}: {', '.join(topics)}"
-        raise LogError(f"{path}: {several}{choices(topics)}")
+        raise LogError(f"{path}: {several}; --topics NAME says which{choices(topics)}")
     return chosen
 
 

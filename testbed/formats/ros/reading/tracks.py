@@ -28,6 +28,8 @@ from testbed.frame_table import Floats, Integers
 
 BATCH = 4096
 """Messages that are decoded at a time: 3 MB of odometry."""
+MAX_BAD_SHARE = 0.1
+"""So many messages without a sound pose are left out; where there are more, the topic makes no sense."""
 Pair = tuple[str, str]
 """Frame and child frame."""
 
@@ -60,14 +62,15 @@ class OdometryColumns:
         self._batches = Batches(self._decode)
         self.take = self._batches.take
         self._parts: list[tuple[Pair, _Part]] = []
-        self._faults: dict[Pair, BadMessageError] = {}
+        self._faults: dict[Pair, list[BadMessageError]] = {}
         self._counts: Counter[Pair] = Counter()
 
     def finish(self, note: Callable[[str], None], topic: str) -> tuple[Floats, Track]:
         """The bag's times [s], (n,), and the poses of one pair of frames in the order of the bag: where several
         programs send to the topic, that of the robot's base, else the most frequent one.
 
-        Raises BadMessageError, with the number of the message in the bag, where a pose is none in the plane.
+        Messages whose pose is none in the plane are left out where they are few. Raises BadMessageError, with the
+        number of the first one in the bag, where they are not.
         """
         self._batches.flush()
         pairs, named = set(self._counts), [pair for pair in self._counts if all(pair)]
@@ -76,8 +79,12 @@ class OdometryColumns:
             left_out = self._counts.total() - self._counts[chosen]
             note(f"{left_out} messages of {topic} are of other frames than {chosen[0]} to {chosen[1]}: left out")
             pairs = {chosen}
-        if faults := [self._faults[pair] for pair in pairs & self._faults.keys()]:
-            raise min(faults, key=lambda fault: fault.number)
+        faults = [fault for pair in pairs & self._faults.keys() for fault in self._faults[pair]]
+        if faults:
+            first = min(faults, key=lambda fault: fault.number)
+            if len(faults) > MAX_BAD_SHARE * sum(self._counts[pair] for pair in pairs):
+                raise first
+            note(f"{len(faults)} messages of {topic} are left out: message {first.number}: {first}")
         kept = [part for pair, part in self._parts if pair in pairs]
         self._parts = []
         return _in_order(kept)
@@ -90,12 +97,17 @@ class OdometryColumns:
         for pair, of_pair in by_pair.items():
             self._counts[pair] += len(of_pair)
             try:
-                track = decode_odometry([message.data for message in of_pair], self._encoding, self._deserialise)
-            except BadMessageError as error:
-                fault = BadMessageError(of_pair[error.number].number, str(error))
-                self._faults.setdefault(pair, fault)
-                continue
-            self._parts.append((pair, _Part.of(of_pair, track)))
+                self._decode_all(pair, of_pair)
+            except BadMessageError:
+                for message in of_pair:
+                    try:
+                        self._decode_all(pair, [message])
+                    except BadMessageError as error:
+                        self._faults.setdefault(pair, []).append(BadMessageError(message.number, str(error)))
+
+    def _decode_all(self, pair: Pair, messages: list[RawMessage]) -> None:
+        track = decode_odometry([message.data for message in messages], self._encoding, self._deserialise)
+        self._parts.append((pair, _Part.of(messages, track)))
 
 
 class PoseColumns:
