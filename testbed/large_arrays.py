@@ -8,7 +8,7 @@ import mmap
 import os
 import tempfile
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ IN_MEMORY = 30_000_000
 """Readings of so many bytes stay in memory: half an hour of 360 beams at 10 Hz."""
 SEGMENT = 16_000_000
 """Bytes of a file's piece, and of what is copied at a time."""
+PIECE = 1_000_000
+"""Bytes that are written to a file at a time."""
 
 Ranges = NDArray[np.float32] | NDArray[np.float64]
 Kind = TypeVar("Kind", np.float32, np.float64)
@@ -58,6 +60,71 @@ class ReadingsStore:
             forget_pages(segment)
 
 
+class ReadingsColumn:
+    """Readings that come piece by piece and are one array at last; those beyond a limit go to a temporary file."""
+
+    def __init__(self, in_memory: int = IN_MEMORY) -> None:
+        """in_memory: bytes that stay in memory"""
+        self._in_memory = in_memory
+        self._pieces = bytearray()
+        self._file: IO[bytes] | None = None
+        self._array: NDArray[np.float32] | None = None
+        self._size = 0
+
+    def append(self, ranges: NDArray[np.float32]) -> int:
+        """Take in readings (n,); the place of the first one in the array.
+
+        Raises OSError, naming the temporary folder, where there is no room for them.
+        """
+        begin, self._size = self._size, self._size + ranges.size
+        self._pieces += ranges.tobytes()
+        if len(self._pieces) > (self._in_memory if self._file is None else PIECE):
+            self._write()
+        return begin
+
+    def array(self) -> NDArray[np.float32]:
+        """All readings (n,); more cannot be taken in."""
+        if self._array is None:
+            self._array = np.frombuffer(self._pieces, dtype=np.float32) if self._file is None else self._mapped_file()
+        return self._array
+
+    def _mapped_file(self) -> NDArray[np.float32]:
+        self._write()
+        assert self._file is not None
+        with self._file as file:
+            return np.frombuffer(mmap.mmap(file.fileno(), 4 * self._size), dtype=np.float32)
+
+    def _write(self) -> None:
+        try:
+            self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115 - it lives as long as the column
+            self._file.write(self._pieces)
+            self._file.flush()
+        except OSError as error:
+            raise _no_room(error) from None
+        self._pieces = bytearray()
+
+
+def gathered(
+    whole: NDArray[np.float32], starts: NDArray[np.int64], sizes: NDArray[np.int64], in_memory: int = IN_MEMORY
+) -> NDArray[np.float32]:
+    """Pieces of an array one after the other, (sum of sizes,); in a file where they are many.
+
+    starts, sizes: first reading of each piece, and their number, (pieces,)
+    """
+    count = int(sizes.sum())
+    out = np.empty(count, dtype=np.float32) if 4 * count <= in_memory else in_file(count)
+    at = since = 0
+    for k in range(len(starts)):
+        begin, size = int(starts[k]), int(sizes[k])
+        out[at : at + size] = whole[begin : begin + size]
+        at += size
+        if 4 * (at - since) > SEGMENT:
+            since = at
+            forget_pages(out)
+            forget_pages(whole)
+    return out
+
+
 def joined(parts: Sequence[Ranges], in_memory: int = IN_MEMORY) -> NDArray[Any]:
     """Readings one after the other, (readings,); in a file where they are many."""
     count, kind = sum(part.size for part in parts), parts[0].dtype if parts else np.dtype(np.float32)
@@ -86,9 +153,13 @@ def in_file(count: int, kind: np.dtype[Any] = np.dtype(np.float32)) -> NDArray[A
             else:
                 file.truncate(size)
         except OSError as error:
-            reason = f"{error.strerror}, for the scans of a long recording or run"
-            raise OSError(error.errno, reason, tempfile.gettempdir()) from None
+            raise _no_room(error) from None
         return np.frombuffer(mmap.mmap(file.fileno(), size), dtype=kind)
+
+
+def _no_room(error: OSError) -> OSError:
+    """The same error with the name of the temporary folder."""
+    return OSError(error.errno, f"{error.strerror}, for the scans of a long recording or run", tempfile.gettempdir())
 
 
 def forget_pages(array: NDArray[np.generic]) -> None:

@@ -15,6 +15,7 @@ from testbed.formats.carmen.reader import MESSAGES, read_carmen
 from testbed.formats.checksums import CONFIG, verify
 from testbed.formats.log import Log, LogError
 from testbed.formats.parquet import TABLE, read_parquet
+from testbed.formats.ros.reading.content import Selection
 from testbed.formats.ros.reading.reader import read_bag
 from testbed.formats.ros.salvage import bag_files, is_packed
 from testbed.formats.tum import ODOMETRY, read_trajectories
@@ -33,16 +34,18 @@ def open_log(
     laser_offset: float | None = None,
     range_max: float | None = None,
     heights: tuple[float, float] | None = None,
+    namespace: str | None = None,
+    topics: tuple[str, ...] = (),
     scans_needed: bool = True,
 ) -> Log:
     """Read a recorded log whole; the format is recognised from the content, not from the name.
 
     laser_offset, range_max [m] override what the log says, see `read_carmen`; heights [m]: scans are made of the points
-    between them of the point clouds of a bag. Raises LogError, with one line that
-    names the file, the place and what was expected, for anything that cannot be read and, if `scans_needed`, for a log
-    without scans.
+    between them of the point clouds of a bag; namespace, topics: the robot, and the topics, that are read of a bag with
+    several. Raises LogError, with one line that names the file, the place and what was expected, for anything that
+    cannot be read and, if `scans_needed`, for a log without scans.
     """
-    log = _read(Path(path), laser_offset, range_max, heights)
+    log = _read(Path(path), laser_offset, range_max, Selection(heights, namespace, topics))
     _check_mounts(Path(path), log)
     if scans_needed and not log.scan_count:
         raise LogError("; ".join([f"{path}: no scans in this {log.format}", *log.notes]))
@@ -62,19 +65,21 @@ def _check_mounts(path: Path, log: Log) -> None:
         )
 
 
-def _read(path: Path, laser_offset: float | None, range_max: float | None, heights: tuple[float, float] | None) -> Log:
+def _read(path: Path, laser_offset: float | None, range_max: float | None, selection: Selection) -> Log:
     if not path.exists():
         raise LogError(f"{path}: no such file")
     if within := _recordings_below(path):
         if len(within) > 1:
             raise LogError(f"{path}: holds {len(within)} recordings; name one, such as {within[0]}")
-        log = _read(within[0], laser_offset, range_max, heights)
+        log = _read(within[0], laser_offset, range_max, selection)
         return replace(log, notes=(f"read {within[0].name}, the only recording in {path}", *log.notes))
     path = _recording_in(path)
     if _is_bag(path):
-        return read_bag(path, laser_offset=laser_offset, range_max=range_max, heights=heights)
-    if heights is not None:
+        return read_bag(path, laser_offset=laser_offset, range_max=range_max, selection=selection)
+    if selection.heights is not None:
         raise LogError(f"{path}: a slice of heights is for point clouds in bags")
+    if selection.namespace is not None or selection.topics:
+        raise LogError(f"{path}: namespaces and topics are those of bags")
     if _is_carmen(path):
         return read_carmen(path, laser_offset=laser_offset, range_max=range_max)
     if laser_offset is not None:

@@ -33,6 +33,11 @@ class Reading:
     """LOW,HIGH: scans are made of the points of clouds (PointCloud2) between these heights above the robot's frame
     [m]."""
 
+    namespace: str | None = None
+    """Of a bag with several robots, the one whose topics and frames begin so, such as robot1."""
+    topics: str | None = None
+    """Of a bag with several topics of a type, those that are read, such as /front/scan,/odom_raw."""
+
     def __post_init__(self) -> None:
         if self.time_offset is not None:
             parse_time_offset(self.time_offset)
@@ -52,6 +57,8 @@ class Reading:
             laser_offset=self.laser_offset,
             range_max=self.range_max,
             heights=self._heights(),
+            namespace=None if self.namespace is None else self.namespace.strip("/"),
+            topics=() if self.topics is None else tuple(name.strip() for name in self.topics.split(",")),
             scans_needed=scans_needed,
         )
         log = with_beam_times(log)

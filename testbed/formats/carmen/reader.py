@@ -107,7 +107,9 @@ def read_carmen(path: str | Path, *, laser_offset: float | None = None, range_ma
         try:
             _take(line, content)
         except ValueError as error:
-            raise LogError(f"{path}:{number}: {error}") from None
+            if line.endswith("\n") or not content.messages:
+                raise LogError(f"{path}:{number}: {error}") from None
+            content.cut_note = f"line {number}, the last one, ends early and is left out: {error}"
     return _assemble(path, content, laser_offset, range_max)
 
 
@@ -180,6 +182,8 @@ class _Content:
     truth: tuple[float, Pose] | None = None
     counts: Counter[str] = field(default_factory=Counter)
     unit: StampUnit = field(default_factory=StampUnit)
+    cut_note: str = ""
+    """What is missing of the last line, for the user."""
     readings: ReadingsStore = field(default_factory=lambda: ReadingsStore(kind=np.float64))
     """Where the readings of scans are kept."""
 
@@ -282,6 +286,12 @@ def _robotlaser(kind: str, text: str) -> _Message:
     if not (math.isfinite(start) and math.isfinite(step) and range_max > 0):
         raise ValueError(f"{kind} needs finite angles and a positive maximum_range, got {' '.join(rest[1:5])}")
     ranges, rest = _ranges(kind, rest[7])
+    view = abs(step) * max(ranges.size - 2, 0)  # some count a beam more than there are
+    if view > 2.0 * math.pi + 1e-3 or (step == 0.0 and ranges.size > 1):
+        raise ValueError(
+            f"{kind}: an angular_resolution of {step:g} rad and {ranges.size} beams make a view of {view:g} rad: "
+            "expected up to a turn, in radians"
+        )
     _, rest = _counted(kind, "remission", rest)
     _expect(f"{kind} with {ranges.size} beams", rest, 3 if kind in RAW else 14, after="after its remissions")
     message = _Message(
@@ -402,6 +412,7 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
     skipped_note = (
         f"messages left out: {', '.join(skipped[:8])}{' and others' if skipped[8:] else ''}" if skipped else ""
     )
+    cut = content.cut_note
     unit_note = NANOSECONDS_NOTE if content.unit.is_nanoseconds else ""
     table = FrameTable.from_frames([_frame(message, offsets, no_returns) for message in content.messages])
     content.readings.forget()
@@ -409,7 +420,7 @@ def _assemble(path: Path, content: _Content, laser_offset: float | None, range_m
         table=table,
         path=path,
         format="CARMEN log",
-        notes=tuple(note for note in (*pose_notes, *range_notes, offset_note, skipped_note, unit_note) if note),
+        notes=tuple(note for note in (*pose_notes, *range_notes, offset_note, skipped_note, unit_note, cut) if note),
     )
 
 

@@ -20,6 +20,7 @@ from typing import Any, BinaryIO, NamedTuple
 from testbed.formats.log import LogError
 from testbed.formats.ros.mcap import CHUNK, DATA_END, FOOTER, FOOTER_CONTENT, MAGIC, RECORD, verify_mcap
 from testbed.formats.ros.packing import zstd
+from testbed.formats.ros.sqlite_pages import message_rows, page_size
 
 PACKED = ".zstd"
 """Ending of the files of a bag that are packed as a whole."""
@@ -151,12 +152,11 @@ def _repaired(file: Path, folder: Path, bag: Path) -> Path:
 
 
 def _stated_size(head: bytes) -> int:
-    """Bytes of an SQLite file by its head: the size of a page, 1 for 65536, and their number."""
+    """Bytes of an SQLite file by its head."""
     if len(head) < _SQLITE_HEAD:
         return _SQLITE_HEAD
-    (page,) = struct.unpack_from(">H", head, 16)
     (count,) = struct.unpack_from(">I", head, 28)
-    return int((65536 if page == 1 else page) * count)
+    return page_size(head) * int(count)
 
 
 def _finish_sqlite(copy: Path, bag: Path) -> None:
@@ -174,15 +174,18 @@ def _finish_sqlite(copy: Path, bag: Path) -> None:
     with sqlite3.connect(cut) as whole:
         for (text,) in base.execute("SELECT sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'"):
             whole.execute(text)
-        for table in ("topics", "messages", "schema"):
+        for table in ("topics", "schema", "message_definitions"):
             with suppress(sqlite3.DatabaseError):  # the end of what is whole, or a table of newer bags only
                 for row in base.execute(f"SELECT * FROM {table} NOT INDEXED"):
                     whole.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(row))})", row)
+        columns = "id, topic_id, timestamp, data"
+        whole.executemany(f"INSERT OR IGNORE INTO messages ({columns}) VALUES (?, ?, ?, ?)", message_rows(copy))
+        whole.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
         kept = whole.execute("SELECT COUNT(*) FROM messages").fetchone()[0]
     whole.close()
     base.close()
     if not kept:
-        raise LogError(f"{bag}: {missing} bytes are missing at its end, and with them the way to its messages")
+        raise LogError(f"{bag}: {missing} bytes are missing at its end, and with them all messages")
     cut.replace(copy)
 
 
@@ -223,16 +226,30 @@ def _end_of_content(source: BinaryIO) -> int:
 
 
 def _whole_part(content: bytes, kind: int) -> bytes:
-    """The whole records in the begin of a chunk; nothing where it is packed or no chunk."""
-    if kind != CHUNK or len(content) < _CHUNK_HEAD + 12 or _LENGTH.unpack_from(content, _CHUNK_HEAD)[0]:
+    """The whole records in the begin of a chunk, unpacked; nothing where it is no chunk."""
+    if kind != CHUNK or len(content) < _CHUNK_HEAD + 4:
         return b""
-    begin = at = _CHUNK_HEAD + 12
+    begin = _CHUNK_HEAD + 4
+    end = begin + int(_LENGTH.unpack_from(content, _CHUNK_HEAD)[0])
+    content = _begin_of_packed(bytes(content[begin:end]), content[end + 8 :])
+    at = 0
     while at + RECORD.size <= len(content):
         end = at + RECORD.size + RECORD.unpack_from(content, at)[1]
         if end > len(content):
             break
         at = end
-    return content[begin:at]
+    return content[:at]
+
+
+def _begin_of_packed(compression: bytes, data: bytes) -> bytes:
+    """What the begin of a packed chunk unpacks to; nothing where it was packed in an unknown way."""
+    if compression == b"zstd":
+        return bytes(zstd().ZstdDecompressor().decompress(data))
+    if compression == b"lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        return bytes(LZ4FrameDecompressor().decompress(data))
+    return b"" if compression else data
 
 
 def _copy(source: BinaryIO, out: BinaryIO, size: int) -> None:

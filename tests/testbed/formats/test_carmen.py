@@ -323,3 +323,28 @@ def test_the_rear_laser_without_a_pose_faces_backwards(tmp_path):
     table = open_log(path).table
     np.testing.assert_allclose(table.mounts, [[-0.3, 0.0, math.pi]])
     assert table.lidars == ("rear_laser",)
+
+
+def test_a_last_line_that_was_cut_is_left_out(tmp_path):
+    path = tmp_path / "a.log"
+    lines = [ODOM_LINE.format(x=0, stamp=0.5), ODOM_LINE.format(x=1, stamp=1.0)]
+    whole = "\r\n".join([*lines, ""])
+    cut = whole[: len(lines[0]) + len(lines[1]) // 2].encode()
+    path.write_bytes(cut)
+    log = open_log(path, scans_needed=False)
+    assert len(log.table) == 1
+    assert log.notes[-1].startswith("line 2, the last one, ends early and is left out: ODOM")
+    path.write_bytes(cut + b"\r\n")
+    with pytest.raises(LogError, match=r"a\.log:2: ODOM"):
+        open_log(path, scans_needed=False)
+
+
+@pytest.mark.parametrize(("start", "step"), [("-90", "45.0"), ("-1.57", "0.0"), ("-1.57", "-3.0")])
+def test_angles_of_more_than_a_turn_or_of_none_are_refused(tmp_path, start, step):
+    """Degrees, or a resolution that nobody filled in."""
+    path = tmp_path / "a.log"
+    path.write_text(f"ROBOTLASER1 0 {start} 180 {step} 80 0.01 0 5 1 2 3 2 1 0 0 0 0 0 0 0 0 0 0 0 0 1.0 host 1.0\n")
+    with pytest.raises(
+        LogError, match=r"a\.log:1: ROBOTLASER1: an angular_resolution of .* and 5 beams make a view of"
+    ):
+        open_log(path)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from slam import se2
 from slam.motion.continuous_odometry import has_jumped
 from testbed.formats.ros.reading.content import BagContent
-from testbed.formats.ros.reading.decode import RawScan, Track, seconds
+from testbed.formats.ros.reading.decode import Track, seconds
+from testbed.formats.ros.reading.raw_scans import RawScans
 
 Floats = NDArray[np.float64]
 
@@ -60,12 +61,12 @@ def one_clock(content: BagContent, times: Floats, track: Track) -> Track:
     return track.first(count)
 
 
-def in_one_pass(content: BagContent, nanoseconds: Sequence[int], scans: list[RawScan]) -> list[RawScan]:
+def in_one_pass(content: BagContent, nanoseconds: Sequence[int], scans: RawScans) -> RawScans:
     """Scans of a topic without repeated passes, by the times of the bag where their stamps are none.
 
     nanoseconds: times of the bag [ns]
     """
-    stamps = np.array([scan.stamp for scan in scans])
+    stamps = scans.stamps
     times = np.array([seconds(time) for time in nanoseconds])
     fault = _fault(stamps, times)
     if fault is not None:
@@ -84,8 +85,8 @@ def in_one_pass(content: BagContent, nanoseconds: Sequence[int], scans: list[Raw
     if count < len(kept):
         content.notes.append(f"{len(kept) - count} scans from where their time steps back on are left out")
     kept = kept[:count]
-    chosen = [(scans[row], stamps[row].item()) for row in kept.tolist()]
-    return [scan if scan.stamp == stamp else scan._replace(stamp=stamp) for scan, stamp in chosen]
+    scans = scans.at(stamps)
+    return scans if len(kept) == len(scans) else scans.chosen(kept)
 
 
 def true_path(content: BagContent, times: Floats, track: Track) -> Track:
@@ -200,10 +201,10 @@ def _joined(content: BagContent, stamps: Floats, times: Floats, steps: list[int]
     return np.concatenate([stamps[piece] + (lag - lags[0]) for piece, lag in zip(pieces, lags, strict=True)])
 
 
-def _repeated(scans: Sequence[RawScan], stamps: Floats) -> NDArray[np.bool_]:
+def _repeated(scans: RawScans, stamps: Floats) -> NDArray[np.bool_]:
     """Tell which scans have the stamp (n,) [s], the frame and the readings of the one before."""
     alike = np.append(False, np.diff(stamps) == 0.0)[: len(scans)]
     for row in np.flatnonzero(alike).tolist():
-        a, b = scans[row - 1 : row + 1]
-        alike[row] = a.frame_id == b.frame_id and np.array_equal(a.ranges, b.ranges, equal_nan=True)
+        same_lidar = scans.head(row - 1).frame_id == scans.head(row).frame_id
+        alike[row] = same_lidar and np.array_equal(scans.ranges_of(row - 1), scans.ranges_of(row), equal_nan=True)
     return alike

@@ -20,6 +20,7 @@ from testbed.formats.log import LogError
 from testbed.formats.ros.packing import messages
 from testbed.formats.ros.reading.content import BagContent, Heights
 from testbed.formats.ros.reading.decode import RawScan, stamp_of
+from testbed.formats.ros.reading.raw_scans import ScanRecorder
 
 USUAL_COUNT, MAX_COUNT = 720, 4096
 """Directions of a scan: half a degree each, the default of pointcloud_to_laserscan; and where they are the lidar's own,
@@ -50,24 +51,27 @@ def peek_clouds(content: BagContent, reader: Any, connections: list[Any]) -> Non
 
 def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[Any]) -> None:
     """Read all clouds, one at a time, once the transforms are known; they become scans of `content`."""
-    assert content.heights is not None
+    assert content.selection.heights is not None
     robot = content.odometry.child_frame
     places = {frame: content.transforms.place(robot, frame) for frame in content.cloud_frames.values()}
     content.level_mounts = {frame: (float(T[0, 3]), float(T[1, 3]), 0.0) for frame, T in places.items()}
     clouds = [connection for connection in connections if connection.topic in content.cloud_frames]
     directions = {c.topic: _directions_of(reader, c, places[content.cloud_frames[c.topic]], content) for c in clouds}
+    recorders = {topic: ScanRecorder(content.scan_store) for topic in content.scans}
+    known = timed = 0
     for number, (connection, _, raw) in enumerate(messages(reader, clouds), start=1):
         message = reader.deserialize(raw, connection.msgtype)
         topic = connection.topic
         try:
-            scan = slice_of(message, places[content.cloud_frames[topic]], content.heights, directions[topic])
+            scan = slice_of(message, places[content.cloud_frames[topic]], content.selection.heights, directions[topic])
         except (ValueError, TypeError) as error:
             raise LogError(f"{path}: cloud {number} ({connection.topic}): {error}") from None
-        kept = content.readings.keep(scan.ranges)
-        content.scans[topic].append(scan._replace(ranges=kept, number=number, source=f"cloud {{}} ({topic})"))
-    known = sum(int(np.isfinite(scan.ranges).sum()) for scans in content.scans.values() for scan in scans)
+        recorders[topic].take(scan, number, f"cloud {{}} ({topic})")
+        known += int(np.isfinite(scan.ranges).sum())
+        timed += scan.time_increment > 0.0
+    content.scans = {topic: recorder.finish() for topic, recorder in recorders.items()}
     count = sum(map(len, content.scans.values()))
-    low, high = content.heights
+    low, high = content.selection.heights
     where = f"between {low:g} and {high:g} m above {robot or 'the robot'}"
     if not known:
         there = _heights_of_first(reader, clouds, places[content.cloud_frames[clouds[0].topic]]) if clouds else ""
@@ -76,19 +80,18 @@ def read_clouds(path: Path, content: BagContent, reader: Any, connections: list[
         f"scans are slices of point clouds {where}: {known / max(count, 1):.0f} of "
         f"{max(d.number for d in directions.values())} directions"
     )
-    timed = sum(scan.time_increment > 0.0 for scans in content.scans.values() for scan in scans)
     if timed:
         content.notes.append(f"the points of {timed} of {count} clouds have times: so have the beams")
 
 
 def _directions_of(reader: Any, connection: Any, T_robot_lidar: NDArray[np.float64], content: BagContent) -> Directions:
     """The directions of the lidar of a topic."""
-    assert content.heights is not None
+    assert content.selection.heights is not None
     angles = []
     for _, _, raw in islice(messages(reader, [connection]), SAMPLE):
         with suppress(ValueError, TypeError):  # it is complained about later, with its place
             message = reader.deserialize(raw, connection.msgtype)
-            angles.append(_part_of(message, T_robot_lidar, content.heights).angles)
+            angles.append(_part_of(message, T_robot_lidar, content.selection.heights).angles)
     return find_directions(angles) if angles else USUAL_DIRECTIONS
 
 

@@ -4,19 +4,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.occupancy import OccupancyGrid
 from testbed.formats.log import Topic
-from testbed.formats.ros.reading.decode import NO_TRACK, RawScan, Track
+from testbed.formats.ros.reading.decode import NO_TRACK, Track
+from testbed.formats.ros.reading.raw_scans import RawScans, ScanStore
 from testbed.formats.ros.reading.transforms import Moving, Transforms
-from testbed.large_arrays import ReadingsStore
 
 Heights = tuple[float, float]
 """Lowest and highest point of a slice, above the robot's frame [m]."""
+
+
+class Selection(NamedTuple):
+    """What is read of a bag that holds more."""
+
+    heights: Heights | None = None
+    """The slice of point clouds that becomes scans; None = there are scans."""
+    namespace: str | None = None
+    """What the topics and frames of the robot begin with, where there are several robots."""
+    topics: tuple[str, ...] = ()
+    """Topics that the user chose: others of their types are not read."""
+
+
+WHOLE = Selection()
 
 
 @dataclass
@@ -25,8 +39,8 @@ class BagContent:
 
     laser_offset: float | None = None
     """The lidar's place ahead of the robot's centre as the user gave it [m]."""
-    heights: Heights | None = None
-    """The slice of point clouds that becomes scans; None = there are scans."""
+    selection: Selection = WHOLE
+    """What is read of it."""
     cloud_frames: dict[str, str] = field(default_factory=dict)
     """Frame of the point clouds of each topic."""
     level_mounts: dict[str, tuple[float, float, float]] = field(default_factory=dict)
@@ -39,12 +53,10 @@ class BagContent:
     """Every topic, with what it is read for."""
     others: list[str] = field(default_factory=list)
     """Topics that are left out, as the user reads them."""
-    scans: dict[str, list[RawScan]] = field(default_factory=dict)
+    scans: dict[str, RawScans] = field(default_factory=dict)
     """The scans of each topic."""
-    readings: ReadingsStore = field(default_factory=ReadingsStore)
-    """Where their readings are kept."""
-    heads: dict[tuple[str | float, ...], tuple[Any, ...]] = field(default_factory=dict)
-    """What the scans say of themselves, once for all that say the same."""
+    scan_store: ScanStore = field(default_factory=ScanStore)
+    """What they share."""
     odometry: Track = NO_TRACK
     truth: Track = NO_TRACK
     commands: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))

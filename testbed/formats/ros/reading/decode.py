@@ -70,15 +70,6 @@ class RawScan(NamedTuple):
     range_max: float
     ranges: NDArray[np.float32]
     """[m], (beams,)."""
-    number: int = 0
-    """Counts the messages that are read, from 1."""
-    source: str = ""
-    """What it was read of, with {} for its number."""
-
-    @property
-    def place(self) -> str:
-        """Where in the bag it is, for messages to the user."""
-        return self.source.format(self.number)
 
 
 class BadMessageError(ValueError):
@@ -107,16 +98,17 @@ def decode_odometry(raws: Sequence[bytes], encoding: Encoding, deserialise: Dese
 
 
 def publishers(raws: Sequence[bytes], encoding: Encoding) -> list[tuple[str, str]]:
-    """The frame and the child frame of each Odometry message; empty where all are alike, or they cannot be told."""
-    cursor = _Cursor(raws[0], encoding) if raws else None
-    if cursor is None or (first := _texts(raws[0], encoding, 2)) is None:
-        return []
+    """The frame and the child frame of each Odometry message; that of the first one, or nothing, where they cannot be
+    told."""
+    cursor = _Cursor(raws[0], encoding)
+    if (first := _texts(raws[0], encoding, 2)) is None:
+        return [("", "")] * len(raws)
     cursor.header()
     begin = cursor.at
     cursor.texts(2)
     texts = bytes(raws[0][begin : cursor.at])
     if all(bytes(raw[begin : cursor.at]) == texts for raw in raws):
-        return []
+        return [(first[0], first[1])] * len(raws)
     found = [_texts(raw, encoding, 2) for raw in raws]
     return [(texts[0], texts[1]) if texts else (first[0], first[1]) for texts in found]
 

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from testbed.formats.log import Log, LogError
 from testbed.formats.pose_interpolation import ODOMETRY_REACH, interpolate
 from testbed.formats.ros.reading.content import BagContent
-from testbed.formats.ros.reading.decode import RawScan, Track
+from testbed.formats.ros.reading.decode import Track
+from testbed.formats.ros.reading.raw_scans import RawScans
 from testbed.formats.ros.reading.repairs import bridged, with_sound_twists
-from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar
+from testbed.formats.ros.reading.scans import ScanColumns, of_level_lidars, one_topic_per_lidar, sound_scans
 from testbed.formats.ros.reading.stale_poses import with_fresh_poses
 from testbed.frame_table import FrameTable
-from testbed.large_arrays import joined
 
 MAX_GAP, GAP_PERIODS = 1.0, 3.0
 """Scans between two odometry messages that are further apart than this [s], and than some usual periods, are noted."""
@@ -41,14 +41,14 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     content.notes += [*stale, *odd_twists, *jumps]
     first, last = track.stamps[0], track.stamps[-1]
     scans, repeated = one_topic_per_lidar(path, content)
-    scans = of_level_lidars(content, scans)
-    if scans and not _reachable(scans, track):
+    scans = sound_scans(path, content, of_level_lidars(content, scans), range_max)
+    if len(scans) and not len(_reachable(scans, track)):
         scans = _by_clock_of_bag(content, scans)
     reachable = _reachable(scans, track)
-    if scans and not reachable:
+    if len(scans) and not len(reachable):
         raise LogError(
             f"{path}: the clocks of scans and odometry do not meet, nor by the bag's own times: scans from "
-            f"{scans[0].stamp:.3f} to {scans[-1].stamp:.3f} s, odometry from {first:.3f} to {last:.3f} s"
+            f"{scans.stamps[0]:.3f} to {scans.stamps[-1]:.3f} s, odometry from {first:.3f} to {last:.3f} s"
         )
     chosen = " and ".join(topic for topic in content.scans if topic not in repeated) or "nowhere"
     notes = [f"scans from {chosen}, odometry from {content.topics['odometry']}"]
@@ -71,13 +71,14 @@ def assemble(path: Path, content: BagContent, range_max: float | None) -> Log:
     )
 
 
-def _reachable(scans: list[RawScan], track: Track) -> list[RawScan]:
-    """The scans within the time of the odometry."""
+def _reachable(scans: RawScans, track: Track) -> RawScans:
+    """The scans within the time of the odometry; they are in the order of time."""
     first, last = track.stamps[0] - ODOMETRY_REACH, track.stamps[-1] + ODOMETRY_REACH
-    return [scan for scan in scans if first <= scan.stamp <= last]
+    begin = int(np.searchsorted(scans.stamps, first, side="left"))
+    return scans.chosen(slice(begin, int(np.searchsorted(scans.stamps, last, side="right"))))
 
 
-def _by_clock_of_bag(content: BagContent, scans: list[RawScan]) -> list[RawScan]:
+def _by_clock_of_bag(content: BagContent, scans: RawScans) -> RawScans:
     """Scans whose clock is another than that of the odometry, such as the time since the lidar was switched on: both
     are related by the times at which the bag recorded them."""
     shift = content.scan_clock_offset - content.clock_offset
@@ -85,17 +86,17 @@ def _by_clock_of_bag(content: BagContent, scans: list[RawScan]) -> list[RawScan]
         f"stamps of scans are by another clock, {-shift:+.1f} s from that of the odometry: related by the bag's own "
         "times; --time-offset auto refines that"
     )
-    return [scan._replace(stamp=scan.stamp + shift) for scan in scans]
+    return scans.at(scans.stamps + shift)
 
 
-def _gap_notes(track: Track, scans: list[RawScan]) -> list[str]:
+def _gap_notes(track: Track, scans: RawScans) -> list[str]:
     """Notes on scans for whose time there is no odometry near by."""
-    if len(track.stamps) < MIN_MESSAGES or not scans:
+    if len(track.stamps) < MIN_MESSAGES or not len(scans):
         return []
     spans = np.diff(track.stamps)
     if (period := float(np.median(spans))) > MAX_PERIOD:
         return [f"odometry comes every {period:.1f} s only: poses are interpolated, turns between them are lost"]
-    after = np.clip(np.searchsorted(track.stamps, [scan.stamp for scan in scans]), 1, len(spans))
+    after = np.clip(np.searchsorted(track.stamps, scans.stamps), 1, len(spans))
     around = spans[after - 1]
     far = around > max(MAX_GAP, GAP_PERIODS * float(np.median(spans)))
     if not far.any():
@@ -106,9 +107,9 @@ def _gap_notes(track: Track, scans: list[RawScan]) -> list[str]:
     ]
 
 
-def _table(path: Path, content: BagContent, track: Track, scans: list[RawScan], range_max: float | None) -> FrameTable:
+def _table(path: Path, content: BagContent, track: Track, scans: RawScans, range_max: float | None) -> FrameTable:
     """A frame for each scan, and one for each odometry message at whose stamp there is no scan."""
-    stamps = np.array([scan.stamp for scan in scans])
+    stamps = scans.stamps
     alone = ~np.isin(track.stamps, stamps)
     at = np.clip(np.searchsorted(track.stamps, stamps), 0, len(track.stamps) - 1)
     all_stamps = np.concatenate([track.stamps[alone], stamps])
@@ -125,12 +126,12 @@ def _table(path: Path, content: BagContent, track: Track, scans: list[RawScan], 
         command=_latest(content.commands, all_stamps),
         truth=_truth_at(content.truth, all_stamps),
         scan_rows=rows[int(alone.sum()) :],
-        scan_lidars=np.array(seen.lidar_of, dtype=np.int64),
-        scan_patterns=np.array(seen.pattern_of, dtype=np.int64),
-        scan_starts=np.cumsum([0, *(scan.ranges.size for scan in scans)], dtype=np.int64),
-        ranges=joined([scan.ranges for scan in scans]),
-        range_limits=np.array(seen.limits).reshape(-1, 2),
-        mounts=np.array(seen.mounts).reshape(-1, 3),
+        scan_lidars=seen.lidar_of,
+        scan_patterns=seen.pattern_of,
+        scan_starts=np.concatenate([[0], np.cumsum(scans.sizes)]),
+        ranges=scans.ranges(),
+        range_limits=seen.limits,
+        mounts=seen.mounts,
         lidars=tuple(seen.lidars),
         patterns=tuple(seen.patterns),
     )

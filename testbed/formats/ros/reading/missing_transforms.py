@@ -9,38 +9,36 @@ from typing import Any
 import numpy as np
 
 from testbed.formats.log import LogError
+from testbed.formats.ros.packing import messages
 from testbed.formats.ros.reading.clocks import one_clock
-from testbed.formats.ros.reading.content import BagContent, RawMessage
+from testbed.formats.ros.reading.content import BagContent
 from testbed.formats.ros.reading.decode import Track, seconds
 from testbed.formats.ros.reading.repairs import with_twists
-from testbed.formats.ros.reading.topics import DESCRIPTION, ODOMETRY_TYPE, TRANSFORM_TYPES
+from testbed.formats.ros.reading.topics import DESCRIPTION, ODOMETRY_TYPE
 from testbed.formats.ros.reading.transforms import MAX_PLAY, Mount, Moving, joint_transforms, planar_transform
 
 
-def complete_transforms(
-    path: Path, content: BagContent, raws: dict[str, tuple[Any, list[RawMessage]]], reader: Any
-) -> None:
-    """Look for odometry in /tf, and for mounts in /tf and the robot's description, where they are nowhere else."""
-    lidars = {scan.frame_id for scans in content.scans.values() for scan in scans} | set(content.cloud_frames.values())
+def complete_transforms(path: Path, content: BagContent, connections: list[Any], reader: Any) -> None:
+    """Look for odometry in /tf, and for mounts in /tf and the robot's description, where they are nowhere else.
+
+    connections: those of transforms that are sent again and again; they are read only now, and only if needed
+    """
+    lidars = {name for scans in content.scans.values() for name in scans.frames} | set(content.cloud_frames.values())
     robot = content.odometry.child_frame
     tf = content.topics["odometry"]
-    from_tf = tf in raws and raws[tf][0].msgtype in TRANSFORM_TYPES
+    from_tf = tf in {connection.topic for connection in connections}
     if from_tf or not all(content.transforms.leads(robot, lidar) for lidar in lidars):
-        for topic, (connection, messages) in raws.items():
-            if connection.msgtype in TRANSFORM_TYPES and "static" not in topic:
-                for raw in messages:
-                    content.moving.add(reader.deserialize(raw.data, connection.msgtype), seconds(raw.time))
+        for connection, time, raw in messages(reader, connections) if connections else ():
+            content.moving.add(reader.deserialize(raw, connection.msgtype), seconds(time))
     if from_tf:
-        pair = content.moving.odometry()
+        pair = content.moving.odometry(content.selection.namespace)
         if pair is None:
-            sent = ", ".join(f"{parent} to {child}" for parent, child in list(content.moving.stamps)[:8])
+            sent = ", ".join(f"{parent} to {child}" for parent, child in list(content.moving.counts)[:8])
             raise LogError(f"{path}: no topic of type {ODOMETRY_TYPE}, and {tf} has no transform from odom, but {sent}")
         track = _track_of(content.moving, pair)
-        content.odometry = with_twists(one_clock(content, np.array(content.moving.times[pair]), track))
+        content.odometry = with_twists(one_clock(content, content.moving.times(pair), track))
         if other := sum(
-            len(found)
-            for (parent, child), found in content.moving.stamps.items()
-            if child == pair[1] and parent != pair[0]
+            count for (parent, child), count in content.moving.counts.items() if child == pair[1] and parent != pair[0]
         ):
             content.notes.append(f"{other} transforms to {pair[1]} come from other frames than {pair[0]}: left out")
         content.topics["odometry"] = f"{tf} ({pair[0]} to {pair[1]})"
@@ -58,9 +56,9 @@ def complete_transforms(
 
 def _track_of(moving: Moving, pair: tuple[str, str]) -> Track:
     """Odometry out of transforms; ValueError where one leans."""
-    poses = [planar_transform(matrix) for matrix in moving.matrices[pair]]
-    stamps = np.array(moving.stamps[pair])
-    return Track(stamps, np.array(poses), np.full((len(stamps), 3), np.nan), *pair)
+    stamps = moving.stamps(pair)
+    poses = np.array([planar_transform(matrix) for matrix in moving.matrices(pair)])
+    return Track(stamps, poses, np.full((len(stamps), 3), np.nan), *pair)
 
 
 def _find_mounts(content: BagContent, robot: str, lidars: set[str]) -> None:

@@ -61,6 +61,11 @@ class Fan(NamedTuple):
             and self.difference <= ACCEPTED_BEAMS
         )
 
+    def in_radians(self) -> Fan:
+        """The same of angles in degrees."""
+        first, last, step = (math.radians(angle) for angle in (self.angle_min, self.angle_max, self.increment))
+        return Fan(first, last, step, self.readings)
+
     def check(self) -> str | None:
         """A note where the numbers differ by about a beam; ValueError, with the numbers, where they contradict."""
         if self.readings < 2:
@@ -91,9 +96,11 @@ class Fan(NamedTuple):
         return None
 
 
-def sound_beat(beat: float, readings: int) -> bool:
-    """Tell whether the time between two beams [s] can be true: all of a scan within `MAX_SWEEP`."""
-    return math.isfinite(beat) and abs(beat) * max(readings - 1, 1) <= MAX_SWEEP
+def sound_beats(beats: Floats, readings: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which times between two beams [s] can be true, (n,): all of a scan within `MAX_SWEEP`."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        sound: NDArray[np.bool_] = np.abs(beats) * np.maximum(readings - 1, 1) <= MAX_SWEEP
+    return sound
 
 
 def with_twists(track: Track) -> Track:

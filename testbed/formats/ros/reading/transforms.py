@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from slam.se2 import Pose
 from testbed.formats.ros.messages import joints_of
+from testbed.formats.ros.reading.namespaces import choices, is_within
 
 ROBOT_FRAMES = ("base_footprint", "base_link")
 """Names of the robot's own frame, by REP 105 and REP 120."""
@@ -26,45 +28,71 @@ MAX_TILT = math.radians(5.0)
 
 
 class Moving:
-    """Transforms that are sent again and again, by parent and child frame."""
+    """Transforms that are sent again and again, by parent and child frame, as columns."""
 
     def __init__(self) -> None:
-        self.stamps: dict[tuple[str, str], list[float]] = {}
-        self.times: dict[tuple[str, str], list[float]] = {}
-        self.matrices: dict[tuple[str, str], list[NDArray[np.float64]]] = {}
+        self._columns: dict[tuple[str, str], tuple[array[float], array[float], array[float]]] = {}
 
     def add(self, message: Any, recorded: float) -> None:
         """Take in a tf2_msgs/TFMessage that was recorded at a time of the bag [s]; ValueError where a transform is not
         finite."""
         for transform in message.transforms:
             pair = _name(transform.header.frame_id), _name(transform.child_frame_id)
+            if pair not in self._columns:
+                self._columns[pair] = array("d"), array("d"), array("d")
+            stamps, times, matrices = self._columns[pair]
             time = transform.header.stamp
-            self.stamps.setdefault(pair, []).append((time.sec * 1_000_000_000 + time.nanosec) / 1_000_000_000)
-            self.times.setdefault(pair, []).append(recorded)
-            matrix = _matrix(transform.transform.translation, transform.transform.rotation)
-            self.matrices.setdefault(pair, []).append(matrix)
+            stamps.append((time.sec * 1_000_000_000 + time.nanosec) / 1_000_000_000)
+            times.append(recorded)
+            matrices.frombytes(_matrix(transform.transform.translation, transform.transform.rotation).tobytes())
 
-    def odometry(self) -> tuple[str, str] | None:
+    @property
+    def counts(self) -> dict[tuple[str, str], int]:
+        """How many transforms there are, by parent and child."""
+        return {pair: len(stamps) for pair, (stamps, _, _) in self._columns.items()}
+
+    def stamps(self, pair: tuple[str, str]) -> NDArray[np.float64]:
+        """Stamps of the transforms from a parent to a child [s], (n,)."""
+        return np.array(self._columns[pair][0])
+
+    def times(self, pair: tuple[str, str]) -> NDArray[np.float64]:
+        """The bag's times of them [s], (n,)."""
+        return np.array(self._columns[pair][1])
+
+    def matrices(self, pair: tuple[str, str]) -> NDArray[np.float64]:
+        """The transforms themselves, (n, 4, 4)."""
+        return np.array(self._columns[pair][2]).reshape(-1, 4, 4)
+
+    def odometry(self, namespace: str | None = None) -> tuple[str, str] | None:
         """Parent and child of the transform that is odometry: from `odom`, best to the robot's base; None = there is
-        none."""
-        pairs = [pair for pair in self.stamps if "odom" in pair[0].lower() and len(self.stamps[pair]) > 1]
+        none.
+
+        namespace: that of the robot, where there are several; ValueError where it is needed
+        """
+        pairs = [pair for pair, count in self.counts.items() if "odom" in pair[0].lower() and count > 1]
+        if namespace is not None:
+            pairs = [pair for pair in pairs if is_within(pair[1], namespace)] or pairs
         order = {name: rank for rank, name in enumerate(ROBOT_FRAMES)}
-        return min(pairs, key=lambda pair: (order.get(pair[1], len(order)), pair), default=None)
+        ranks = {pair: order.get(pair[1].rpartition("/")[2], len(order)) for pair in pairs}
+        bases = [pair[1] for pair in pairs if ranks[pair] < len(order)]
+        if not set(ROBOT_FRAMES) & set(bases) and (advice := choices(bases)):
+            raise ValueError(f"odometry of several robots: {', '.join(sorted(bases))}{advice}")
+        return min(pairs, key=lambda pair: (ranks[pair], pair), default=None)
 
     def mounts(self) -> dict[str, Mount]:
         """Transforms that hardly change, by their child: mounts that are sent as if they moved."""
         found = {}
-        for (parent, child), matrices in self.matrices.items():
-            stack = np.array(matrices)
+        for parent, child in self._columns:
+            stack = self.matrices((parent, child))
             off = np.abs(stack - np.median(stack, axis=0)).max(axis=(1, 2))
             if float(np.median(off)) < MAX_WOBBLE:
-                found[child] = Mount(parent, matrices[int(np.argmin(off))], float(off.max()))
+                found[child] = Mount(parent, stack[int(np.argmin(off))].copy(), float(off.max()))
         return found
 
     def moved(self) -> dict[str, str]:
         """Parent of each frame whose transform changes, by the frame."""
         fixed = self.mounts()
-        return {child: parent for parent, child in self.matrices if child not in fixed}
+        return {child: parent for parent, child in self._columns if child not in fixed}
 
 
 class Mount(NamedTuple):
