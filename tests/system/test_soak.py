@@ -12,8 +12,12 @@ import testbed  # noqa: F401  registers the environments
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from testbed.formats import open_log
+from testbed.frame import Frame
+from testbed.run.snapshot import take_snapshot
+from testbed.views import open_view
 from tests.shell import call
 from tests.testbed.cli.test_cli import room_log
+from tests.testbed.views.synthetic import scan_at, scene, truth_at
 
 REST = "not run to the end: runs 20 to 160 of one process, without pictures, go from 459 to 462 MB (453 to 466)"
 MAX_GROWTH_MB = 20.0
@@ -36,8 +40,9 @@ def assert_flat(repeat, warm_up: int, count: int) -> None:
     before = resident_mb()
     for k in range(warm_up, warm_up + count):
         repeat(k)
-    grown = resident_mb() - before
-    assert grown < MAX_GROWTH_MB, f"{grown:.1f} MB more after {count} repetitions"
+    after = resident_mb()
+    print(f"{count} repetitions: {before:.1f} to {after:.1f} MB")  # noqa: T201  shown by pytest -rP
+    assert after - before < MAX_GROWTH_MB, f"{after - before:.1f} MB more after {count} repetitions"
 
 
 def assert_runs_stay_flat(folder: Path, warm_up: int, count: int) -> None:
@@ -57,6 +62,20 @@ def assert_resets_stay_flat(name: str, warm_up: int, count: int) -> None:
         environment.close()
 
 
+def assert_mapping_stays_flat(recording: Path, warm_up: int, count: int) -> None:
+    """The filter and its recording, 40 scans of 24 beams a second, of a robot that drives round and round in a room."""
+    mapper = GMapping(FilterConfig(particles=2), seed=0, threads=1)
+    with open_view(recording, scene()) as view:
+
+        def step(k: int) -> None:
+            stamp = k / 40.0
+            pose = truth_at(stamp)
+            frame = Frame(stamp=stamp, odometry=pose, scan=scan_at(pose, stamp, beams=24), truth=pose)
+            view.show(take_snapshot(frame, mapper.process(pose, frame.scan), mapper))
+
+        assert_flat(step, warm_up, count)
+
+
 @pytest.mark.nightly
 @pytest.mark.timeout(7200)
 @pytest.mark.xfail(reason=REST, strict=False)
@@ -69,6 +88,17 @@ def test_a_thousand_runs_of_one_process_stay_flat(tmp_path):
 @pytest.mark.parametrize("name", ["testbed/Drive-v0", "testbed/Explore-v0"])
 def test_ten_thousand_resets_stay_flat(name):
     assert_resets_stay_flat(name, 100, 10_000)
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(7200)
+def test_an_hour_at_40_hertz_stays_flat(tmp_path):
+    """144,000 scans as fast as they are mapped, with the recording that a viewer would show meanwhile."""
+    assert_mapping_stays_flat(tmp_path / "recording.rrd", 4000, 140_000)
+
+
+def test_a_minute_at_40_hertz_stays_flat(tmp_path):
+    assert_mapping_stays_flat(tmp_path / "recording.rrd", 400, 2000)
 
 
 def test_estimates_without_a_recording_stay_flat(tmp_path):
