@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from eval.files.atomic_write import atomic_write, create_once
+from slam import FilterConfig, GMapping, save_checkpoint
 from testbed.formats.write import HOLDS, write_log
 from testbed.sweep.spec.plan import Shard
 from testbed.sweep.spec.spec import SweepSpec
@@ -118,6 +119,15 @@ def test_the_lock_of_a_sweep_that_does_not_fit_is_named(small_disk, shard):
     with pytest.raises(OSError, match="space") as raised, SweepDirectory(disk, manifest).locked(shard):
         pass
     assert raised.value.filename.startswith(str(disk / ".lock"))
+
+
+def test_a_checkpoint_that_does_not_fit_is_named_and_removed(small_disk):
+    disk = small_disk(4)
+    with pytest.raises(OSError, match=r"space.*filter\.npz'$"):
+        save_checkpoint(GMapping(FilterConfig(particles=200)), disk / "filter.npz")
+    assert left(disk) == []
+    with pytest.raises(FileNotFoundError, match=r"/filter\.npz'$"):
+        save_checkpoint(GMapping(FilterConfig(particles=2)), disk / "absent" / "filter.npz")
 
 
 @pytest.fixture(scope="module")
