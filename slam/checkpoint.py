@@ -31,7 +31,7 @@ class CheckpointError(ValueError):
 
 
 def save_checkpoint(mapper: GMapping, path: str | os.PathLike[str]) -> None:
-    """Write the whole filter to `path`: under a temporary name first, then renamed; raises OSError that names `path`."""
+    """Write the whole filter to `path`: under a temporary name first, then renamed. OSError names `path`."""
     arrays, values = mapper.state()
     header = {"version": VERSION, "config": asdict(mapper.config), "values": values}
     target = Path(path)
