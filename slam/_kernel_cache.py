@@ -22,6 +22,7 @@ import numba
 ROOT_USER = 0
 """Root can do as it likes anyway; a cache that root has made ahead, as in a container, is used by everyone."""
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+OTHERS_MAY_ENTER = stat.S_IXGRP | stat.S_IXOTH
 
 _log = logging.getLogger(__name__)
 
@@ -91,8 +92,21 @@ def _reason_against(folder: Path) -> str | None:
             sticky = place == root and status.st_mode & stat.S_ISVTX  # as /tmp: others cannot replace what is in it
             if status.st_mode & OTHERS_MAY_WRITE and not sticky:
                 return f"{place} can be written by others"
+        return _reason_against_content(folder)
     except OSError as error:
         return f"{error.filename or folder}: {(error.strerror or str(error)).lower()}"
+    return None
+
+
+def _reason_against_content(folder: Path) -> str | None:
+    """Why what lies in a folder cannot be trusted, such as a file from when the folder could be written by others."""
+    is_closed = not folder.stat().st_mode & OTHERS_MAY_ENTER  # as we make it: who cannot enter can write nothing in it
+    for place in folder.rglob("*"):
+        status = place.lstat()
+        if status.st_uid not in (os.getuid(), ROOT_USER):
+            return f"{place} belongs to another user"
+        if status.st_mode & OTHERS_MAY_WRITE and not is_closed and not stat.S_ISLNK(status.st_mode):
+            return f"{place} can be written by others"
     return None
 
 

@@ -31,7 +31,7 @@ class CheckpointError(ValueError):
 
 
 def save_checkpoint(mapper: GMapping, path: str | os.PathLike[str]) -> None:
-    """Write the whole filter to `path`: under a temporary name first, then renamed."""
+    """Write the whole filter to `path`: under a temporary name first, then renamed. OSError names `path`."""
     arrays, values = mapper.state()
     header = {"version": VERSION, "config": asdict(mapper.config), "values": values}
     target = Path(path)
@@ -41,6 +41,9 @@ def save_checkpoint(mapper: GMapping, path: str | os.PathLike[str]) -> None:
             members: dict[str, Any] = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays}
             np.savez(file, **members)
         temporary.replace(target)
+    except OSError as error:
+        error.filename = str(target)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -15,6 +15,10 @@ POOLS = ("counts", "surface", "field")
 """Names of the maps' pools of tiles."""
 MAY_BE_NEGATIVE_INFINITE = ("log_weights", "log_histories")
 """Logarithms of weights: a particle that cannot be has minus infinity."""
+ROUNDING = 1e-6
+"""By how much the sum of the weights may be off."""
+FARTHEST = 1e8
+"""Largest number of a pose [m, rad] or of a cell: the path begins at the origin, and maps end before."""
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -29,6 +33,7 @@ def check_state(arrays: Arrays, values: Mapping[str, Any], fresh: tuple[Arrays, 
     for name, expected in fresh_arrays.items():
         _check_kind(name, arrays[name], expected)
     _check_sizes(arrays)
+    _check_particles(arrays)
     _check_scans(arrays, values)
     _check_tree(arrays)
     for pool in POOLS:
@@ -83,7 +88,18 @@ def _check_sizes(arrays: Arrays) -> None:
     for name in names:
         _require(len(arrays[name]) == particles, f"{name}: {len(arrays[name])} particles, expected {particles}")
     _require(arrays["map_corner"].shape == (2,), "map_corner: expected two numbers")
-    _require(bool(np.isfinite(arrays["log_weights"]).any()), "log_weights: no particle has a weight")
+
+
+def _check_particles(arrays: Arrays) -> None:
+    """Check that the weights have the sum 1, that covariances may be some, and that nothing is endlessly far away."""
+    with np.errstate(over="ignore"):
+        total = float(np.exp(arrays["log_weights"]).sum())
+    _require(abs(total - 1.0) < ROUNDING, f"log_weights: weights with the sum {total:.3g}, expected 1")
+    variances = np.diagonal(arrays["spread"], axis1=1, axis2=2)
+    _require(bool((variances >= 0.0).all()), "spread: negative variances")
+    for name in ("poses", "tree_poses", "map_corner"):
+        farthest = max(float(arrays[name].max(initial=0)), -float(arrays[name].min(initial=0)))
+        _require(farthest <= FARTHEST, f"{name}: {farthest:.3g}, expected at most {FARTHEST:.0e}")
 
 
 def _check_scans(arrays: Arrays, values: Mapping[str, Any]) -> None:
@@ -135,6 +151,8 @@ def _check_area(arrays: Arrays) -> None:
     _require(len(set(cells)) == 1, f"tables of {', '.join(POOLS)} that cover {cells} cells, expected the same")
     touched, tiles = arrays["map_touched"].shape, arrays["counts_table"].shape[1:]
     _require(touched == tiles, f"map_touched: shape {touched}, expected {tiles}")
+    side = math.isqrt(arrays["counts_data0"].shape[1])
+    _require(not (arrays["map_corner"] % side).any(), f"map_corner: not the corner of a tile of {side} cells")
 
 
 def _check_values(name: str, value: Any, fresh: Any) -> None:

@@ -71,13 +71,16 @@ def create_once(path: str | os.PathLike[str], text: str) -> bool:
     """
     path = Path(path)
     temporary = _temporary(path)
-    temporary.write_text(text, encoding="utf-8")
     try:
+        temporary.write_text(text, encoding="utf-8")
         path.hardlink_to(temporary)
     except FileExistsError:
         return False
+    except OSError as error:
+        _name_target(error, temporary, path)
+        raise
     finally:
-        temporary.unlink()
+        temporary.unlink(missing_ok=True)
     return True
 
 
@@ -109,7 +112,8 @@ def _is_running(process: int) -> bool:
 def _name_target(error: BaseException, temporary: Path, path: Path) -> None:
     """Let the message of an error name the file that was asked for, not the temporary one."""
     if isinstance(error, OSError) and error.errno is not None:
-        named = str(path) if error.filename is None else str(error.filename)
+        copied_to = error.filename2 if error.errno == errno.ENOSPC else None  # what is copied comes first
+        named = str(copied_to or error.filename or path)
         error.filename = named.replace(str(temporary), str(path))
     else:
         error.args = tuple(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 
 from testbed.cli.shared.status import INTERRUPTED
-from testbed.run.interruption import signals_interrupt
+from testbed.run.interruption import signals_end_process, signals_interrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -28,4 +28,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         sys.stderr.write("testbed: interrupted\n")
         status = INTERRUPTED
+    if arguments is None:  # this process has nothing else to do
+        signals_end_process(status)
     sys.exit(status)

@@ -9,13 +9,14 @@ dropped it all the same ("Exception ignored in …") or turned it into another e
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
 import time
 from _thread import start_new_thread
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TYPE_CHECKING
 
@@ -75,6 +76,25 @@ def signals_interrupt() -> Iterator[None]:
         sys.unraisablehook = hook
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+def signals_end_process(status: int) -> None:
+    """Let signals end the process at once with `status`: all is written, only Python itself is still to be ended.
+
+    By default they would end it with their own number then, or with a traceback, as if the command had failed.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+
+    def end(number: int, frame: FrameType | None) -> None:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError, RuntimeError):  # its reader has gone, it is closed, it is being flushed
+                stream.flush()
+        os._exit(status)
+
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, end)
 
 
 class _Patience:

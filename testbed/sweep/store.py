@@ -240,10 +240,13 @@ def _lock(file: TextIOWrapper, kind: int, path: Path) -> None:
 
 
 def _write_lock_owner(file: TextIOWrapper) -> None:
-    """Write which process holds the lock."""
+    """Write which process holds the lock; raises OSError that names the file."""
     file.truncate(0)
-    file.write(f"process {os.getpid()} on {socket.gethostname()}")
-    file.flush()
+    try:  # past the buffer, whose rest would be written once more when the file is closed
+        os.write(file.fileno(), f"process {os.getpid()} on {socket.gethostname()}".encode())
+    except OSError as error:
+        error.filename = file.name
+        raise
 
 
 _QUESTIONS = ("title", "measure", "margin", "baseline", "until", "give_up")

@@ -59,9 +59,11 @@ def test_a_single_particle_is_enough_and_so_are_few_scans(scans):
 
 
 TAKEN = {
-    "a particle that cannot be": ("log_weights", 0, -np.inf),
     "a history that cannot be": ("log_histories", 0, -np.inf),
     "the last founder": ("tree_founders", 0, 5),
+    "the farthest pose": ("poses", 0, -1e8),
+    "a pose that is certain": ("spread", 0, 0.0),
+    "a map whose corner is elsewhere": ("map_corner", 0, -16),
 }
 
 
@@ -74,6 +76,8 @@ def test_numbers_at_the_edge_are_taken(sound, fresh, case):
 REFUSED = {
     "poses": (0, -np.inf, "poses: numbers that are not finite"),
     "spread": (0, np.nan, "spread: numbers that are not finite"),
+    "tree_poses": (0, 1.1e8, "tree_poses: 1.1e+08, expected at most 1e+08"),
+    "map_corner": (1, 1, "map_corner: not the corner of a tile of 16 cells"),
     "log_weights": (0, np.inf, "log_weights: numbers that are not finite"),
     "log_histories": (0, np.nan, "log_histories: numbers that are not finite"),
     "tree_founders": (0, 6, "tree_founders: not particles"),
@@ -106,6 +110,9 @@ def test_one_number_beyond_the_edge_is_refused(sound, fresh, name):
         ("tree_parents", -2, "tree_parents: not before their children"),
         ("counts_table", -1, "counts_table: tiles that are not there"),
         ("surface_table", 461, "surface_table: tiles that are not there"),
+        ("spread", -1e-9, "spread: negative variances"),
+        ("poses", -1.1e8, "poses: 1.1e+08, expected at most 1e+08"),
+        ("map_corner", 1 << 60, "map_corner: 1.15e+18, expected at most 1e+08"),
     ],
 )
 def test_numbers_below_the_edge_are_refused(sound, fresh, name, value, problem):
@@ -152,8 +159,11 @@ def test_some_particle_is_there_and_has_a_weight(sound, fresh):
     arrays, values = sound
     refuse(arrays | {"poses": arrays["poses"][:0]}, values, fresh, "poses: no particle")
     nobody = np.full(6, -np.inf)
-    refuse(arrays | {"log_weights": nobody}, values, fresh, "log_weights: no particle has a weight")
+    refuse(arrays | {"log_weights": nobody}, values, fresh, "log_weights: weights with the sum 0, expected 1")
     check_state(arrays | {"log_weights": with_item(nobody, 0, 0.0)}, values, fresh)
+    for off in (-2e-6, 2e-6, 800.0):
+        refuse(arrays | {"log_weights": with_item(nobody, 0, off)}, values, fresh, "log_weights: weights with the sum")
+    check_state(arrays | {"log_weights": with_item(nobody, 0, 5e-7)}, values, fresh)
     refuse(arrays | {"map_corner": np.zeros(3, int)}, values, fresh, "map_corner: expected two numbers")
 
 

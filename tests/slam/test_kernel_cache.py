@@ -79,6 +79,43 @@ def test_a_folder_that_another_user_has_planted_is_not_used(folders, level, capl
     assert str(temporary) in line
 
 
+def kept(folder: Path) -> Path:
+    """A file as numba keeps it, in a folder of its own."""
+    inner = folder / "slam_1234"
+    inner.mkdir()
+    file = inner / "kernel.nbi"
+    file.write_bytes(b"")
+    return file
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a file to another user")
+def test_a_file_of_another_user_in_a_folder_of_ours_is_not_used(folders, caplog):
+    """As from when the folder could be written by others."""
+    package, _, temporary = folders
+    file = kept(found(package))
+    os.chown(file, NOBODY, NOBODY)
+    assert found(package).parents[1] == temporary
+    shutil.rmtree(temporary)
+    temporary.write_text("a file")
+    assert found(package) is None
+    assert f"{file} belongs to another user" in caplog.text
+
+
+def test_a_file_that_others_can_write_is_not_used_where_they_can_enter(folders):
+    package, usual, temporary = folders
+    folder = found(package)
+    file = kept(folder)
+    for place, closed in ((file, 0o644), (file.parent, 0o755)):
+        place.chmod(0o775)  # as with the umask of many systems, 002
+        folder.chmod(0o755)
+        assert found(package).parents[1] == temporary
+        folder.chmod(0o700)
+        assert found(package).parents[1] == usual
+        place.chmod(closed)
+        folder.chmod(0o755)
+        assert found(package).parents[1] == usual
+
+
 def test_a_link_to_a_folder_elsewhere_is_not_followed(folders, tmp_path):
     package, _, temporary = folders
     folder = found(package)

@@ -252,3 +252,25 @@ def test_by_seconds_no_piece_ends_after_the_last_pose():
     path = straight(41)
     first, last = relative_error(associate(path, path), 2.0, "s").pairs
     assert (first.tolist(), last.tolist()) == (list(range(21)), list(range(20, 41)))
+
+
+def test_a_pose_just_within_the_tolerances_of_a_piece_counts():
+    """Stamps that are exact: a tenth of the piece too late, and a piece that is a microsecond too long."""
+    still = np.zeros((3, 3))
+    late = Trajectory(np.array([-1.0, -0.5, 0.1]), still)
+    first, last = relative_error(associate(late, late), 1.0, "s").pairs
+    assert (first.tolist(), last.tolist()) == ([0], [2])
+    round_stamps = Trajectory(np.array([0.0, 0.5, 1.0]), still)
+    first, last = relative_error(associate(round_stamps, round_stamps), 1.0 + 1e-6, "s").pairs
+    assert (first.tolist(), last.tolist()) == ([0], [2])
+
+
+def test_stretches_of_a_long_path_are_not_one_step_too_long():
+    """The sum of 100,000 steps of 0.1 m is 2e-8 m off, far more than that of a short path."""
+    n = 100_001
+    to_and_fro = np.zeros((n, 3))
+    to_and_fro[1::2, 0] = 0.1
+    path = Trajectory(np.arange(n, dtype=np.float64), to_and_fro)
+    first, last = stretches(associate(path, path), 1000.0)
+    np.testing.assert_array_equal(last - first, 10_000)
+    assert len(first) == n - 10_000

@@ -133,10 +133,13 @@ def test_offsets_have_the_covariance_of_the_laplace_approximation():
     np.testing.assert_allclose(offsets @ L, 1.2 * z, atol=1e-12)
 
 
-def proposed(grids, hits, guesses, kind, *, prior, seed=0, model=MODEL, fail_share=0.1, half_width=NOT_EVEN):
+def proposed(
+    grids, hits, guesses, kind, *, prior, seed=0, model=MODEL, fail_share=0.1, half_width=NOT_EVEN, scatter=1.0
+):
+    """scatter: of the 20 poses about the optimum, in units of what it should be"""
     n = len(guesses)
     rng = np.random.default_rng(seed)
-    near, normal = rng.standard_normal((20, 3)), rng.standard_normal((n, 3))
+    near, normal = scatter * rng.standard_normal((20, 3)), rng.standard_normal((n, 3))
     draws = Draws(near, normal, normal, *rng.uniform(size=(2, n)))
     out = ProposalResult(
         np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan),
@@ -211,6 +214,20 @@ def test_the_gaussian_is_fitted_to_the_samples_that_are_reported(room):
     np.testing.assert_allclose(weights @ samples, out.mean[0], atol=1e-9)
     away = samples - out.mean[0]
     np.testing.assert_allclose((weights[:, None] * away).T @ away, out.covariance[0], atol=1e-12)
+
+
+def test_poses_without_scatter_leave_the_gaussian_of_the_optimum(room):
+    """All poses the same: their covariance is zero, which no pose can be drawn from."""
+    n = 3
+    grids, truth, hits = repeated(room, n)
+    prior = motion_prior((0.3, 0.0, 0.12), MotionConfig(failure_share=0.0))
+    guesses = truth + np.array([[0.02, -0.02, 0.01], [0.0, 0.03, -0.01], [-0.01, 0.0, 0.02]])
+    out, draws = proposed(grids, hits, guesses, IMPROVED, prior=prior, scatter=0.0)
+    for i in range(n):
+        optimum, L = optimum_of(grids, guesses[i], hits, MODEL, prior)
+        expected = optimum + np.linalg.solve(L.T, draws.error[i])
+        np.testing.assert_allclose(out.pose[i], expected, atol=1e-4)
+        np.testing.assert_allclose(out.mean[i], optimum, atol=1e-4)
 
 
 def fit_evenly(arguments, near, half_width):

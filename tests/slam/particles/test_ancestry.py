@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slam.particles._ancestry_kernels import mark_alive
 from slam.particles.ancestry import Ancestry
 
 
@@ -109,3 +110,9 @@ def test_room_is_made_when_it_is_needed_and_for_as_much_again():
     assert len(tree._parents) == len(tree._poses) == 8
     tree.add(np.zeros((2, 3)))
     assert len(tree._parents) == len(tree._poses) == 2 * 8 + 4 * 2
+
+
+def test_the_dead_are_not_marked():
+    """Node 3 is the last one, which the parent of the root, -1, would name as an index."""
+    parents = np.array([-1, 0, 0, 1])
+    assert mark_alive(parents, np.array([2])).tolist() == [True, False, True, False]

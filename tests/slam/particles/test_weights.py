@@ -105,3 +105,18 @@ def test_headings_are_compared_the_short_way_round(heading):
     poses[:, 2] = (poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
     found = pose_covariance(poses, np.array([0.75, 0.25]), np.zeros((2, 3, 3)))
     np.testing.assert_allclose(found, np.diag([0.0, 0.0, 0.25 * 0.75 * 0.09]), atol=1e-12)
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi])
+@pytest.mark.parametrize(
+    ("offsets", "weights"),
+    [((-0.05, 0.05), (0.5, 0.5)), ((0.001, -2.0), (0.1, 0.9)), ((-0.001, 2.0), (0.1, 0.9))],
+    ids=["narrow", "to the right", "to the left"],
+)
+def test_headings_scatter_alike_about_all_directions(middle, offsets, weights):
+    """Wherever headings are cut, from pi to -pi or elsewhere, none of two that are less than half a turn apart is."""
+    headings, shares = np.array(offsets), np.array(weights)
+    expected = shares @ (headings - shares @ headings) ** 2
+    poses = np.column_stack([np.zeros((2, 2)), (headings + middle + np.pi) % (2.0 * np.pi) - np.pi])
+    found = pose_covariance(poses, shares, np.zeros((2, 3, 3)))
+    np.testing.assert_allclose(found[2, 2], expected, rtol=1e-9)

@@ -3,6 +3,7 @@
 
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -13,6 +14,16 @@ from tests.shell import AT_A_TERMINAL, TESTBED, call
 
 LIMIT = 120.0
 """Longest time that anything here may take [s]."""
+
+ENDS_SLOWLY = """
+import atexit, signal, sys, time
+sys.argv = ["testbed", *sys.argv[1:]]
+signal.signal(signal.SIGINT, signal.default_int_handler)
+atexit.register(lambda: (print("ends", file=sys.stderr, flush=True), time.sleep(100)))
+from testbed.cli import main
+main()
+"""
+"""A process that takes its time to end after the command has ended."""
 
 
 def wait_until(condition, process: subprocess.Popen) -> None:
@@ -84,6 +95,20 @@ def test_a_signal_to_simulate_leaves_whole_datasets_only(tmp_path, number):
     assert call(*arguments) == 0
     assert len([path for path in out.iterdir() if path.is_dir()]) == 4
     assert all(is_complete(path) for path in out.iterdir() if path.is_dir())
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(("command", "status"), [("presets list", 0), ("worlds show nowhere", 2)])
+def test_a_signal_after_the_end_of_a_command_does_not_change_its_status(number, command, status):
+    """All is written then; only Python itself has to end."""
+    command = [sys.executable, "-c", ENDS_SLOWLY, *command.split()]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    lines = list(iter(process.stderr.readline, "ends\n"))
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=LIMIT)
+    assert process.returncode == status
+    assert errors == ""
+    assert (len(lines), "burger" in output) == ((0, True) if status == 0 else (1, False))
 
 
 def test_the_handler_of_the_caller_is_restored():

@@ -49,9 +49,9 @@ def truth_at(stamp: float) -> np.ndarray:
     return np.array([3.5 + 2.0 * np.cos(phase), 2.5 + 1.5 * np.sin(phase), np.arctan2(dy, dx)])
 
 
-def scan_at(pose: np.ndarray, stamp: float) -> Scan:
+def scan_at(pose: np.ndarray, stamp: float, beams: int = BEAMS) -> Scan:
     """Exact ranges to the walls from a pose (3,)."""
-    angles = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, beams, endpoint=False)
     direction = np.stack([np.cos(pose[2] + angles), np.sin(pose[2] + angles)], axis=-1)[:, None]
     start, along = walls()[:, :2], walls()[:, 2:] - walls()[:, :2]
     away = start - pose[:2]
