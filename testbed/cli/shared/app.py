@@ -10,18 +10,17 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
-from cyclopts.help import DefaultFormatter
 
 from testbed.cli.shared.config_file import apply_config_file
-from testbed.cli.shared.help_pages import ALL, UsualOptions
+from testbed.cli.shared.help_pages import ALL, AllOptions, UsualOptions
 from testbed.cli.shared.help_texts import HELP
 from testbed.cli.shared.status import USAGE_ERROR
 
 app = App(
     name="testbed",
     help="A SLAM testbed: simulate a robot or read a log, map it with a particle filter, score the result.",
-    help_epilogue="First steps: `testbed run office`, then open the report whose path it prints. A finished run: "
-    "`testbed view --demo`.",
+    help_epilogue="Begin with `testbed run office`, and open the report whose path it prints. `testbed view --demo` "
+    "shows a finished run at once. `testbed COMMAND --help` has examples that work when they are pasted.",
     version=lambda: version("slam-testbed"),
     config=apply_config_file,
     default_parameter=Parameter(negative_iterable=()),
@@ -31,11 +30,10 @@ app = App(
     result_action="return_value",
 )
 for _name, _help in HELP.items():
-    app.command(
-        f"testbed.cli.{_name}:{'app' if _name in ('datasets', 'worlds', 'presets', 'systems') else _name}",
-        name=_name,
-        help=_help,
-    )
+    if _name in ("datasets", "worlds", "presets", "systems"):
+        app.command(f"testbed.cli.{_name}:app", name=_name, help=_help)
+    else:
+        app.command(f"testbed.cli.{_name}:{_name}", name=_name, help=_help, help_epilogue="")
 
 
 def run_app(arguments: Sequence[str] | None) -> int:
@@ -55,7 +53,7 @@ def run_app(arguments: Sequence[str] | None) -> int:
 
 def _with_whole_help(tokens: list[str]) -> list[str]:
     """The arguments with `--help` for `--help-all`, which is prepared."""
-    app.help_formatter = DefaultFormatter() if ALL in tokens else UsualOptions()
+    app.help_formatter = AllOptions() if ALL in tokens else UsualOptions()
     return ["--help" if token == ALL else token for token in tokens]
 
 
