@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
 from testbed.cli.shared.config_file import apply_config_file
 from testbed.cli.shared.help_pages import ALL, AllOptions, UsualOptions
@@ -76,7 +77,20 @@ def _one_line(error: Exception) -> str:
     if isinstance(error, UnusedCliTokensError):
         words = ", ".join(error.unused_tokens or ())
         return f"unexpected {words}; several worlds or values are separated by commas, without spaces: office,lab"
+    if isinstance(error, MissingArgumentError) and error.command_chain and error.keyword is None:
+        return _what_is_missing(error)
     return " ".join(str(error).split())
+
+
+def _what_is_missing(error: MissingArgumentError) -> str:
+    """Name the missing argument as a user does, with the first example of the help that has it."""
+    assert error.argument is not None
+    command, name = " ".join(error.command_chain or ()), error.argument.name
+    if error.argument.field_info.is_positional:
+        name = name.lstrip("-").upper()
+    examples = re.findall(rf"^testbed {command} .*$", HELP[command.split(maxsplit=1)[0]], flags=re.MULTILINE)
+    example = f", as in: {examples[0]}" if examples else f"; testbed {command} --help says more"
+    return f"{command}: expected {name}{example}"
 
 
 def _complain(text: str) -> None:

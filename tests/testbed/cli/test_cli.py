@@ -57,7 +57,9 @@ def here(tmp_path, monkeypatch):
     ("arguments", "complaint"),
     [
         (["rn", "office"], 'Did you mean "run"'),
-        (["run"], "--world"),
+        (["run"], "run: expected WORLD, as in: testbed run office"),
+        (["simulate", "office"], "simulate: expected --out, as in: testbed simulate office --out data"),
+        (["worlds", "import", "map.yaml"], "expected --out, as in: testbed worlds import MAP.yaml --out floor.toml"),
         (["run", "ofice"], "office"),
         (["run", "office", "--particles", "0"], "particles must be at least 1"),
         (["run", "office", "--particles", "-3"], "particles must be at least 1"),
