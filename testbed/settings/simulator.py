@@ -17,7 +17,7 @@ from testbed.presets.models import MAX_BEAMS
 from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig, SurfaceConfig
 from testbed.simulation.config import BackendName, decided_backend
-from testbed.simulation.drivers.driver import Command
+from testbed.simulation.drivers.driver import Command, Strategy
 from testbed.simulation.physics.pybullet import import_pybullet
 from testbed.simulation.robot.off_wall import OffWallBeams
 from testbed.simulation.simulator import TOUR_CLEARANCE
@@ -219,6 +219,8 @@ class DatasetDriverConfig(DriverConfig):
 
     kind: Annotated[Literal["tour", "explore", "recorded", "teleop"], Parameter(show_choices=False)] = "tour"
     """tour: follow the tour of the world; recorded: repeat the commands of --commands."""
+    strategy: Annotated[Strategy, Parameter(show=False)] = DriverConfig.strategy
+    """Of explore, which makes no datasets."""
 
 
 @Parameter(name="*")
