@@ -175,24 +175,17 @@ def longer_in_words(loop: ClosingLoop, start: float) -> str:
     named = [other for other in loop.longer if other is longest or (other is deadliest and other.died)]
     parts = [_undecided_in_words(other, start) for other in named]
     if len(loop.longer) > len(named):
-        parts.append(f"{len(loop.longer) - len(named)} more")
-    which = "a longer one" if len(loop.longer) == 1 else "longer ones"
-    why = (
-        ""
-        if longest.spread is None
-        else f" made the spread fall by less than {100.0 * MIN_FALL_M:.0f}\N{NO-BREAK SPACE}cm"
-    )
-    return f"{which}{why}: {'; '.join(parts)}"
+        parts.append(f"and {len(loop.longer) - len(named)} more")
+    loops = "a longer loop" if len(loop.longer) == 1 else "longer loops"
+    least = f"{100.0 * MIN_FALL_M:.0f}\N{NO-BREAK SPACE}cm"
+    what = loops if longest.spread is None else f"in {loops} the particles' spread fell by less than {least}"
+    return f"{what}: {'; '.join(parts)}"
 
 
 def _undecided_in_words(loop: ClosingLoop, start: float) -> str:
-    """Length, times, deaths and spread of a loop that has decided nothing, since a start [s]."""
-    words = [f"{loop.metres:.0f} m {times_of_loop(loop, start)}"]
-    if deaths := deaths_in_words(loop, start):
-        words.append(deaths)
-    if loop.spread is not None and loop.least_spread is not None:
-        words.append(f"spread {length(loop.spread)} to {length(loop.least_spread[0])}")
-    return ", ".join(words)
+    """Length, times and deaths of a loop that has decided nothing, since a start [s]."""
+    deaths = f", where {deaths_in_words(loop, start)}" if loop.died else ""
+    return f"{loop.metres:.0f} m {times_of_loop(loop, start)}{deaths}"
 
 
 def _spreads(

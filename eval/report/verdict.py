@@ -259,7 +259,8 @@ def _loop(context: ReportContext, told: float | None) -> Loop:
     start = context.start
     times = f"old walls in view again {times_of_loop(loop, start)}"
     before = " before the estimate was lost" if lost else ""
-    which = " that decided between the particles" if loop.longer else ""
+    fell = "particles died" if loop.spread is None else "the particles' spread fell"
+    which = f" in which {fell}" if loop.longer else ""
     text = (
         f"The largest loop{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start, told)}"
     )

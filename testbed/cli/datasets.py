@@ -14,7 +14,7 @@ from rich.table import Table
 from testbed.cli.shared.console import results
 from testbed.cli.shared.help_texts import HELP
 
-app = App(name="datasets", help=HELP["datasets"])
+app = App(name="datasets", help=HELP["datasets"], help_epilogue="")
 
 LICENCE = "CC-BY-4.0"
 MAX_NAMES = 12
@@ -97,6 +97,8 @@ def index(
     url: str | None = None,
 ) -> None:
     """Write index, card and contact sheet of a collection again, for instance after its last shard.
+
+    Example: `testbed datasets index data --test office`, after `testbed simulate office,lab --out data`
 
     Parameters
     ----------

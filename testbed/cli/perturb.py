@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from dataclasses import field, fields, make_dataclass
 from pathlib import Path
@@ -27,8 +26,7 @@ PERTURBATION_GROUP = Group("Perturbations", sort_key=5)
 
 def _option(row: Perturbation) -> tuple[str, Any, Any]:
     """The field of a perturbation, whose option is its name."""
-    nothing = "inf" if row.neutral == math.inf else "0"
-    shown = Parameter(name=f"--{row.name}", help=f"{row.summary} {nothing} changes nothing.")
+    shown = Parameter(name=f"--{row.name}", help=row.summary)
     return row.name.replace("-", "_"), Annotated[float | None, shown], field(default=None)
 
 

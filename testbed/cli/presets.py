@@ -13,7 +13,7 @@ from testbed.seeds import RunSeeds
 from testbed.simulation.robot.odometry import GRADES
 from testbed.simulation.robot.umbmark import umbmark as drive_squares
 
-app = App(name="presets", help="List robots and lidars, and measure their odometry.")
+app = App(name="presets", help="List robots and lidars, and measure their odometry.", help_epilogue="")
 
 
 @app.command(name="list")

@@ -55,7 +55,7 @@ class DatasetOptions:
     """The datasets to make."""
 
     out: Path
-    """Directory that takes the datasets; those that exist already are kept, if they have the same settings."""
+    """Directory that takes the datasets; those that are there already are kept."""
     seed: int = 0
     """Seed of the first dataset; each further one has the next."""
     count: int = 1
@@ -63,18 +63,16 @@ class DatasetOptions:
     workers: int = 1
     """Datasets that are made at the same time."""
     format: DatasetFormat = "rosbag2"
-    """rosbag2: directory with an MCAP file that ROS 2 plays and Rerun shows; rosbag2-lean: without the point clouds
-    that Rerun draws, in half the space; rosbag2-sqlite: with a .db3 file; rosbag1: a .bag file; carmen: packed CARMEN
-    log; parquet: a table."""
+    """rosbag2: MCAP file that ROS 2 plays and Rerun shows; rosbag2-lean: without point clouds, in half the space;
+    rosbag2-sqlite: .db3 file; rosbag1: .bag file; carmen: packed CARMEN log; parquet: a table."""
     compress: Annotated[bool, Parameter(negative=())] = False
     """Pack the chunks of rosbag2 with zstd, those of rosbag1 with LZ4. The other formats do not change."""
     vary: tuple[str, ...] = ()
     """KEY=A,B,C: the same drives with each of these values of lidar, beams, noise, clutter, odometry.… or layers.…; may
     be repeated, for all combinations."""
     draw: tuple[str, ...] = ()
-    """KEY=A,B: for each dataset one of these values of robot, lidar, beams, noise, clutter, odometry.… or layers.…, in
-    random turn, so that each world gets each of them equally often; KEY=LOW..HIGH: a random number from this range; may
-    be repeated."""
+    """KEY=A,B: each dataset gets one of these values, each equally often in a world; KEY=LOW..HIGH: a random number
+    from this range. Keys as for --vary, and robot; may be repeated."""
     shard: str | None = None
     """i/n: make only shard i of n (from 0); `testbed datasets index` combines the shards."""
     scheduler: str | None = None
@@ -114,7 +112,6 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
     world
         Name from the catalogue (`testbed worlds list`), a TOML file, a ROS map (`.yaml`), or `generated:KIND:SEED`;
         several are separated by commas, and `generated:KIND*N` stands for N generated worlds.
-        A world without a tour gets a tour of all the floor that the robot can reach.
     """
     if simulator.driver.kind in ("explore", "teleop"):
         raise ValueError(f"--driver {simulator.driver.kind} needs a mapper or a person: use testbed run")

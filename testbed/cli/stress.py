@@ -170,7 +170,10 @@ def stress(
         Print how many runs there are and how long they will take, and stop. One run of each system is measured.
     """
     if execution.shard is not None:
-        raise SweepError("--shard: expected none, since each run depends on the ones before")
+        raise SweepError(
+            "--shard: expected none, since each run depends on the ones before; for several computers give each one of "
+            "--perturbations and a directory of its own, or use --scheduler (docs/cluster.md)"
+        )
     options.check_drives()
     chosen, spec = options.chosen, options.specification(systems)
     announce_compilation()

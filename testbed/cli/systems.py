@@ -14,7 +14,7 @@ from testbed.systems.check import check_system
 from testbed.systems.entrant import PythonSystem
 from testbed.systems.finding import listed
 
-app = App(name="systems", help="List SLAM systems, and check one.")
+app = App(name="systems", help="List SLAM systems, and check one.", help_epilogue="")
 
 
 @app.command(name="list")

@@ -29,6 +29,7 @@ from testbed.views import (
     record_side_by_side,
     recording_of,
 )
+from testbed.views.opening import RECORDING
 
 TENTH = 0.1
 """Times are printed rounded up to a tenth [s]: one so little after the end is the end."""
@@ -72,6 +73,8 @@ def view(
     """
     paths = _chosen(paths or [], demo)
     times = [] if time is None else _times(time)
+    for path in paths:
+        _say_unfinished(path)
     if events:
         if times or serve or save is not None:
             raise ValueError("--events: prints the whole event log; expected no other option with it")
@@ -113,6 +116,23 @@ def _chosen(paths: list[Path], demo: bool) -> list[Path]:
     return [DEMO] if demo else paths
 
 
+def _say_unfinished(path: Path) -> None:
+    """Say of a run that is still going on, or was killed, that only its beginning is shown.
+
+    Raises ValueError where it has recorded nothing yet.
+    """
+    if not path.is_dir() or (path / "metrics.json").is_file():
+        return
+    names = {file.name for file in path.iterdir()}
+    if {"config.toml", RECORDING} <= names:
+        console.print(f"{path}: not finished; this is what was recorded so far", soft_wrap=True)
+    elif names == {"config.toml"}:
+        raise ValueError(
+            f"{path}: nothing is recorded yet; if this run has just begun, try again in a moment, or begin it with "
+            "--view to watch it live"
+        )
+
+
 def _times(text: str) -> list[float]:
     """Read times, separated by commas, in seconds since the first scan; a time that is repeated counts once."""
     try:
@@ -150,8 +170,6 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
     for file in pictures:
         if file.exists():
             raise ValueError(f"{file}: exists")
-    if moments is not None and paths[0].is_dir() and not (paths[0] / "metrics.json").is_file():
-        console.print(f"{paths[0]}: not finished; this is what was recorded so far", soft_wrap=True)
     for file, time in pictures.items():
         console.print(f"{file}: drawing {'the end' if time is None else f'{time:g} s'} …", soft_wrap=True)
         if drive is None:

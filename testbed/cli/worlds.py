@@ -16,7 +16,7 @@ from testbed.cli.shared.console import announce_world, console, results
 from worlds import World, catalogue, dumps, generate, import_map_with_notes, load, true_map
 from worlds.generation.generators import Kind
 
-app = App(name="worlds", help="List, draw, generate and import worlds.")
+app = App(name="worlds", help="List, draw, generate and import worlds.", help_epilogue="")
 
 
 @app.command(name="list")

@@ -9,8 +9,10 @@ tb.compare([tb.run(MySlam, drive), tb.run("odometry", drive)])
 from testbed.library.comparison import Comparison, compare
 from testbed.library.drive import Drive, perturb, read, simulate
 from testbed.library.listing import Check, Systems, check, systems
+from testbed.library.pictures import register_in_notebook
 from testbed.library.reports import Report, stress, sweep
 from testbed.library.result import Result, evaluate, run
+from testbed.library.shown_run import ShownRun, show
 
 __all__ = [
     "Check",
@@ -18,6 +20,7 @@ __all__ = [
     "Drive",
     "Report",
     "Result",
+    "ShownRun",
     "Systems",
     "check",
     "compare",
@@ -25,8 +28,11 @@ __all__ = [
     "perturb",
     "read",
     "run",
+    "show",
     "simulate",
     "stress",
     "sweep",
     "systems",
 ]
+
+register_in_notebook()

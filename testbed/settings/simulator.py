@@ -17,7 +17,7 @@ from testbed.presets.models import MAX_BEAMS
 from testbed.seeds import RunSeeds
 from testbed.simulation import DriverConfig, LidarLayers, OdometryConfig, SimulationConfig, SurfaceConfig
 from testbed.simulation.config import BackendName, decided_backend
-from testbed.simulation.drivers.driver import Command
+from testbed.simulation.drivers.driver import Command, Strategy
 from testbed.simulation.physics.pybullet import import_pybullet
 from testbed.simulation.robot.off_wall import OffWallBeams
 from testbed.simulation.simulator import TOUR_CLEARANCE
@@ -44,12 +44,11 @@ class SimulatorOptions:
     noise: float = 1.0
     """Factor on the random error of ranges."""
     route: Route = "fixed"
-    """fixed: the tour of the world, the same for every seed; random: the whole tour in another order and direction from
-    another start, drawn from the seed; stops: to random stops on all floor, drawn from the seed, as far as the tour is
-    long. Only for --driver tour."""
+    """fixed: the tour of the world, the same for every seed; random: the tour in another order, from another start, for
+    each seed; stops: to other stops for each seed, as far as the tour is long. Only for --driver tour."""
     start: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
-    """Start as X,Y,DEG [m, deg], in a ROS map in its frame; a tour of all floor is planned from there. Default: the
-    start of the world."""
+    """Start as X,Y,DEG [m, deg] in the frame of the world or map; a tour is planned from there. Default: the start of
+    the world."""
     clutter: float = 0.0
     """Objects added off the tour, per 10 m² of floor."""
     backend: BackendName = "auto"
@@ -214,18 +213,32 @@ _KEPT: dict[tuple[object, ...], World] = {}
 SIMULATOR = SimulatorOptions()
 
 
+@dataclass(frozen=True, kw_only=True)
+class DatasetDriverConfig(DriverConfig):
+    """The driver of a dataset, which needs neither a mapper nor a person; `testbed simulate` says so of the others."""
+
+    kind: Annotated[Literal["tour", "explore", "recorded", "teleop"], Parameter(show_choices=False)] = "tour"
+    """tour: follow the tour of the world; recorded: repeat the commands of --commands."""
+    strategy: Annotated[Strategy, Parameter(show=False)] = DriverConfig.strategy
+    """Of explore, which makes no datasets."""
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class FastSimulatorOptions(SimulatorOptions):
     """The simulated robot and its sensors; the fast backend and random routes by default."""
 
+    driver: Annotated[DatasetDriverConfig, Parameter(group=SIMULATOR_GROUP)] = field(
+        default_factory=DatasetDriverConfig
+    )
+    """The driver and its limits."""
     backend: BackendName = "fast"
     """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics; auto: PyBullet where it is
     installed, else fast."""
     route: Route | None = None  # type: ignore[assignment]  # settled before use
-    """What is driven. Default: stops, but fixed with --driver recorded. stops: to random stops on all floor, others for
-    each seed, as far as the tour is long; random: the whole tour in another order and direction from another start for
-    each seed; fixed: the tour of the world, the same for every seed."""
+    """stops: to other stops for each seed, as far as the tour is long; random: the tour in another order, from another
+    start, for each seed; fixed: the tour of the world, the same for every seed. Default: stops, but fixed with --driver
+    recorded."""
 
     def settled(self) -> FastSimulatorOptions:
         """Return the options with backend and route decided."""

@@ -9,32 +9,54 @@ from typing import Any
 import numpy as np
 from packaging.version import Version
 
+from eval.files.tum import read_tum
+from eval.trajectory.trajectory import Trajectory
+from slam.occupancy import OccupancyGrid
 from testbed.cli.shared.help_texts import HELP
 from testbed.run.run_directory import RUN_FILES
 
 ROOT = Path(__file__).parents[2]
+XS = np.arange(-2.0, 2.0, 0.2)
+"""Where the robot of the example takes its scans [m]."""
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def my_robot():
-    """A robot that drives through a square room of 8 m; its lidar has 180 beams."""
+    """A robot that drives through a square room of 8 m and stops for each scan; its lidar has 180 beams."""
     angles = np.linspace(-np.pi, np.pi, 180, endpoint=False)
-    for x in np.arange(-2.0, 2.0, 0.2):
+    for number, x in enumerate(XS):
         with np.errstate(divide="ignore"):
             to_x = (np.where(np.cos(angles) > 0, 4.0, -4.0) - x) / np.cos(angles)
             to_y = np.where(np.sin(angles) > 0, 4.0, -4.0) / np.sin(angles)
-        yield np.array([x, 0.0, 0.0]), np.minimum(to_x, to_y)
+        yield 0.5 * number, np.array([x, 0.0, 0.0]), np.zeros(3), np.minimum(to_x, to_y)
+
+
+def true_map() -> OccupancyGrid:
+    """The room: free within its walls, unknown outside."""
+    probability = np.full((170, 170), np.nan, np.float32)
+    probability[4:166, 4:166] = 1.0
+    probability[5:165, 5:165] = 0.0
+    return OccupancyGrid(probability=probability, resolution=0.05, origin=(-4.25, -4.25, 0.0))
 
 
 EXAMPLES = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
 
 
-def test_the_library_example_runs_and_finds_the_way(capsys):
-    names = {"my_robot": my_robot}
+def test_the_library_examples_run_and_find_the_way(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"my_robot": my_robot}
     exec(compile(EXAMPLES[0], "README.md", "exec"), names)
     np.testing.assert_allclose(names["path"][-1], [3.8, 0.0, 0.0], atol=0.05)
     assert names["grid"].occupied.any()
     assert len(capsys.readouterr().out.splitlines()) == 20
+    poses = np.column_stack([XS, np.zeros((len(XS), 2))])
+    names |= {"truth": Trajectory(0.5 * np.arange(len(XS)), poses), "true_map": true_map()}
+    exec(compile(EXAMPLES[1], "README.md", "exec"), names)
+    outcome, error, agreement = capsys.readouterr().out.split()
+    assert outcome == "ok"
+    assert float(error) < 0.02
+    assert float(agreement) > 0.9
+    assert len(read_tum("estimate.tum")) == len(names["path"])
 
 
 def test_the_example_of_a_comparison_names_its_systems(capsys):

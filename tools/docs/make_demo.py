@@ -32,7 +32,7 @@ def main() -> None:
     """Make the recording, then the picture."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        drive, thinned, run = (Path(folder) / name for name in ("drive", "office", "run"))
+        drive, thinned, run = (Path(folder) / name for name in ("drive", "demo", "run"))
         testbed("simulate office --route fixed", drive)
         testbed(f"perturb {drive / 'office-0000'} {thinned} --scan-period {SCAN_PERIOD}", None)
         testbed(f"slam {thinned}", run)

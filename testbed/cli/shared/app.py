@@ -5,23 +5,23 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
-from cyclopts.help import DefaultFormatter
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
 from testbed.cli.shared.config_file import apply_config_file
-from testbed.cli.shared.help_pages import ALL, UsualOptions
+from testbed.cli.shared.help_pages import ALL, AllOptions, UsualOptions
 from testbed.cli.shared.help_texts import HELP
 from testbed.cli.shared.status import USAGE_ERROR
 
 app = App(
     name="testbed",
     help="A SLAM testbed: simulate a robot or read a log, map it with a particle filter, score the result.",
-    help_epilogue="First steps: `testbed run office`, then open the report whose path it prints. A finished run: "
-    "`testbed view --demo`.",
+    help_epilogue="Begin with `testbed run office`, and open the report whose path it prints. `testbed view --demo` "
+    "shows a finished run at once. `testbed COMMAND --help` has examples that work when they are pasted.",
     version=lambda: version("slam-testbed"),
     config=apply_config_file,
     default_parameter=Parameter(negative_iterable=()),
@@ -31,11 +31,10 @@ app = App(
     result_action="return_value",
 )
 for _name, _help in HELP.items():
-    app.command(
-        f"testbed.cli.{_name}:{'app' if _name in ('datasets', 'worlds', 'presets', 'systems') else _name}",
-        name=_name,
-        help=_help,
-    )
+    if _name in ("datasets", "worlds", "presets", "systems"):
+        app.command(f"testbed.cli.{_name}:app", name=_name, help=_help)
+    else:
+        app.command(f"testbed.cli.{_name}:{_name}", name=_name, help=_help, help_epilogue="")
 
 
 def run_app(arguments: Sequence[str] | None) -> int:
@@ -55,7 +54,7 @@ def run_app(arguments: Sequence[str] | None) -> int:
 
 def _with_whole_help(tokens: list[str]) -> list[str]:
     """The arguments with `--help` for `--help-all`, which is prepared."""
-    app.help_formatter = DefaultFormatter() if ALL in tokens else UsualOptions()
+    app.help_formatter = AllOptions() if ALL in tokens else UsualOptions()
     return ["--help" if token == ALL else token for token in tokens]
 
 
@@ -78,7 +77,20 @@ def _one_line(error: Exception) -> str:
     if isinstance(error, UnusedCliTokensError):
         words = ", ".join(error.unused_tokens or ())
         return f"unexpected {words}; several worlds or values are separated by commas, without spaces: office,lab"
+    if isinstance(error, MissingArgumentError) and error.command_chain and error.keyword is None:
+        return _what_is_missing(error)
     return " ".join(str(error).split())
+
+
+def _what_is_missing(error: MissingArgumentError) -> str:
+    """Name the missing argument as a user does, with the first example of the help that has it."""
+    assert error.argument is not None
+    command, name = " ".join(error.command_chain or ()), error.argument.name
+    if error.argument.field_info.is_positional:
+        name = name.lstrip("-").upper()
+    examples = re.findall(rf"^testbed {command} .*$", HELP[command.split(maxsplit=1)[0]], flags=re.MULTILINE)
+    example = f", as in: {examples[0]}" if examples else f"; testbed {command} --help says more"
+    return f"{command}: expected {name}{example}"
 
 
 def _complain(text: str) -> None:

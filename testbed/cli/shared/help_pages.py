@@ -17,9 +17,38 @@ USUAL_SETTINGS = frozenset(
     }
 )
 """Settings of a group, such as `--filter.match.hit-sigma`, that the short pages show too."""
+SELDOM_USED = frozenset(
+    {
+        # recorded drives and crowded worlds
+        "--clutter", "--commands", "--off-wall",
+        # logs that are wrong about themselves
+        "--mount-correction", "--slice",
+        # programs as systems
+        "--system-command", "--system-format", "--system-memory-limit", "--system-set", "--system-time-limit",
+        # clusters
+        "--memory-limit", "--scheduler", "--shard", "--time-limit",
+        # datasets that are published
+        "--author", "--compress", "--title", "--url",
+        # sweeps
+        "--baseline", "--check", "--drawn-seeds", "--give-up", "--update-baseline",
+        # views elsewhere
+        "--connect", "--serve",
+    }
+)  # fmt: skip
+"""Options without a group that the short pages leave out."""
+SHORT_NAMES = {"--driver.kind": "--driver"}
+"""What users type instead of the name that the settings have."""
 
 
-class UsualOptions(DefaultFormatter):
+class AllOptions(DefaultFormatter):
+    """Shows every option: by its short name where it has one, and without the default of a switch or an empty list."""
+
+    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
+        """Draw a panel."""
+        super().__call__(console, options, panel.copy(entries=[_plain(entry) for entry in panel.entries]))
+
+
+class UsualOptions(AllOptions):
     """Shows of each panel what is usually set, and how many further settings there are."""
 
     def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
@@ -34,4 +63,11 @@ class UsualOptions(DefaultFormatter):
 
 def _is_usual(entry: HelpEntry) -> bool:
     names = entry.positive_names
-    return not names or not all("." in name for name in names) or not USUAL_SETTINGS.isdisjoint(names)
+    if not names or not USUAL_SETTINGS.isdisjoint(names):
+        return True
+    return SELDOM_USED.isdisjoint(names) and not all("." in name for name in names)
+
+
+def _plain(entry: HelpEntry) -> HelpEntry:
+    names = tuple(SHORT_NAMES.get(name, name) for name in entry.positive_names)
+    return entry.copy(positive_names=names, default=None if entry.default in ("False", "()") else entry.default)

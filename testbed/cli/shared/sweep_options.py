@@ -51,22 +51,21 @@ class SweepOptions:
     """With how many of the seeds each world of generated:KIND*N is driven, since there each world counts once.
     Default: all of them."""
     route: Literal["fixed", "random"] | None = None
-    """fixed: all seeds drive the tour of the world; random: each seed drives the whole tour in another order and
-    direction from another start. Default: random, unless a file or preset says otherwise."""
+    """fixed: all seeds drive the tour of the world; random: each seed drives it in another order, from another start.
+    Default: random, unless a file or preset says otherwise."""
     measure: str | None = None
-    """What accuracy is measured by: online (the pose reported at each scan), filter (the best particle's path at the
-    end), refined (after the final pass), or any key of metrics.json of which less is better. Default: filter."""
+    """What accuracy is measured by: online (poses while driving), filter (the best particle's path at the end), refined
+    (after the final pass), or a key of metrics.json of which less is better. Default: filter."""
     margin: str | None = None
-    """How much larger an error may be than that of the largest count before it matters: a share such as 10%, a length
-    such as 2mm, or both, of which the larger counts. Default: 10%,5mm."""
+    """By how much an error may exceed that of the largest count before it matters: a share, a length, or both, of which
+    the larger counts. Default: 10%,5mm."""
     refine: Literal["ends", "all", "none"] | None = None
     """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
     all where the measure needs it."""
     until: Literal["decided", "smallest"] | None = None
-    """decided: look at the results after 8 seeds (9 for --seeds above 51), then after every 8 more, and add seeds only
-    where the answer is open and can still be found, up to --seeds (default: 40). Each look uses higher confidence, so
-    that all looks together keep 95 %. smallest: the same, and where a count is enough go on until it is known whether
-    a smaller one is too."""
+    """decided: look at the results after every 8 seeds, and add seeds only where the answer is open and can still be
+    found, up to --seeds (default: 40). smallest: where a count is enough, go on until it is known whether a smaller one
+    is too. All looks together keep 95 %."""
     give_up: str | None = None
     """Worlds or logs that get no more seeds with --until, separated by commas; none: all get them again. What
     is computed stays, and no answer becomes wrong by it."""

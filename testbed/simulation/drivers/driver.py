@@ -14,8 +14,8 @@ class DriverConfig:
     """The driver and its limits; the robot's own limits apply too."""
 
     kind: Literal["tour", "explore", "recorded", "teleop"] = "tour"
-    """Short: --driver. tour: follow the tour of the world; explore: drive to the frontiers of the map; recorded: repeat
-    the commands of --commands; teleop: drive by keyboard in real time."""
+    """tour: follow the tour of the world; explore: drive to the frontiers of the map; recorded: repeat the commands of
+    --commands; teleop: drive by keyboard in real time."""
     strategy: Strategy = "information"
     """Strategy of explore: drive to the frontier with the largest information gain per metre, to the nearest frontier,
     along walls, or at random."""

@@ -91,8 +91,8 @@ def test_of_longer_loops_those_are_named_in_which_particles_died() -> None:
     assert loop.metres == 30.0
     assert [other.metres for other in loop.longer] == [70.0, 60.0, 50.0]
     assert longer_in_words(loop, 1000.0).replace("\N{NO-BREAK SPACE}", " ") == (
-        "longer ones made the spread fall by less than 1 cm: 70 m at 10.0 s, no particle died, spread 5.0 cm to 5.0 "
-        "cm; 50 m at 40.0 s, 2 of 10 particles died at 41.0 s (3 in 2 resamplings), spread 5.0 cm to 5.0 cm; 1 more"
+        "in longer loops the particles' spread fell by less than 1 cm: 70 m at 10.0 s; 50 m at 40.0 s, where "
+        "2 of 10 particles died at 41.0 s (3 in 2 resamplings); and 1 more"
     )
 
 

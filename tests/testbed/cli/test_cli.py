@@ -18,6 +18,7 @@ import pytest
 
 import worlds
 from slam.scan import Scan
+from testbed.cli.shared.help_texts import HELP
 from testbed.formats import open_log
 from testbed.frame import Frame
 from testbed.run.run_directory import RUN_FILES, RunDirectory
@@ -56,7 +57,9 @@ def here(tmp_path, monkeypatch):
     ("arguments", "complaint"),
     [
         (["rn", "office"], 'Did you mean "run"'),
-        (["run"], "--world"),
+        (["run"], "run: expected WORLD, as in: testbed run office"),
+        (["simulate", "office"], "simulate: expected --out, as in: testbed simulate office --out data"),
+        (["worlds", "import", "map.yaml"], "expected --out, as in: testbed worlds import MAP.yaml --out floor.toml"),
         (["run", "ofice"], "office"),
         (["run", "office", "--particles", "0"], "particles must be at least 1"),
         (["run", "office", "--particles", "-3"], "particles must be at least 1"),
@@ -363,9 +366,9 @@ def test_help_loads_nothing_heavy(here):
     assert "run" in done.stdout
 
 
-@pytest.mark.parametrize("command", ["run", "slam", "simulate", "twin"])
+@pytest.mark.parametrize("command", ["run", "slam", "simulate", "twin", "sweep", "stress"])
 def test_the_whole_help_has_every_setting_and_the_short_one_says_how_many_more(command, capsys):
-    """Options in groups, such as --filter.match.hit-sigma, are those that few touch."""
+    """Options in groups, such as --filter.match.hit-sigma, and those of clusters and publishers are what few touch."""
     call(command, "--help")
     short = capsys.readouterr().out
     call(command, "--help-all")
@@ -374,10 +377,37 @@ def test_the_whole_help_has_every_setting_and_the_short_one_says_how_many_more(c
     assert more
     assert "--help-all" not in whole
     # a setting begins in the first column of a panel; its --no- form and its parts continue there, indented
-    settings = re.findall(r"^│ --[a-z-]+", whole, flags=re.MULTILINE)
-    shown = [name for name in re.findall(r"^│ --[a-z-]+", short, flags=re.MULTILINE) if name != "│ --help-all"]
+    option = re.compile(r"^│ (?:   )?(--[a-z.-]+)", flags=re.MULTILINE)
+    settings = option.findall(whole)
+    shown = [name for name in option.findall(short) if name != "--help-all"]
     assert len(settings) - len(shown) == sum(map(int, more))
-    assert len(short.splitlines()) < 130
+    assert len(short.splitlines()) <= 90
+
+
+def test_the_help_has_the_names_that_users_type_and_ends_with_no_other_command(capsys):
+    """The first steps stand below the list of commands only; `simulate` offers no driver that it refuses."""
+    call("simulate", "--help")
+    simulate = capsys.readouterr().out
+    call("run", "--help")
+    run = capsys.readouterr().out
+    call("--help")
+    commands = capsys.readouterr().out
+    assert "--driver CHOICE" in run
+    assert "--driver.kind" not in run
+    assert "teleop" in run
+    assert "teleop" not in simulate
+    assert ["--demo" in text for text in (run, simulate, commands)] == [False, False, True]
+    assert "[default: ()]" not in simulate + run
+
+
+@pytest.mark.parametrize("command", HELP)
+def test_each_help_begins_with_what_a_person_wants_and_an_example(command, capsys):
+    """On a terminal of 80 columns the example is among the first lines."""
+    call(command, "--help")
+    usage, _, summary, *rest = capsys.readouterr().out.splitlines()
+    assert usage.startswith(f"Usage: testbed {command}")
+    assert re.match("[A-Z][a-z]+[ ,]", summary)
+    assert any(line.startswith(" testbed ") for line in rest[:6])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])

@@ -71,7 +71,8 @@ def test_sigterm_while_a_command_starts_ends_it_with_130(tmp_path, monkeypatch, 
     assert "interrupted" in errors
 
 
-@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
+@pytest.mark.slow  # four processes, twice; a killed job that goes on, and signals to other commands, are fast tests
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_simulate_leaves_whole_datasets_only(tmp_path, number):
     out = tmp_path / "datasets"
     arguments = ["simulate", "loop", "--out", str(out), "--count", "4", "--workers", "2", "--duration", "5"]

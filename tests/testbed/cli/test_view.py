@@ -42,6 +42,24 @@ class Moments(NamedTuple):
     end: float = 100.0
 
 
+def test_of_a_run_that_goes_on_it_says_so(
+    tmp_path: Path, moments: list[float | None], capsys: pytest.CaptureFixture
+) -> None:
+    run = write_run(tmp_path / "run")
+    (run / "recording.rrd").touch()
+    assert call("view", run) == 0
+    assert "not finished" not in capsys.readouterr().err
+    (run / "metrics.json").unlink()
+    assert call("view", run) == 0
+    assert "not finished; this is what was recorded so far" in capsys.readouterr().err
+    begun = tmp_path / "begun"
+    begun.mkdir()
+    (begun / "config.toml").touch()
+    assert call("view", begun) == 2
+    assert "nothing is recorded yet; if this run has just begun, try again" in capsys.readouterr().err
+    assert len(moments) == 2
+
+
 def test_a_run_that_went_wrong_opens_at_its_moment(tmp_path: Path, moments: list[float | None]) -> None:
     for name in ("good", "broken"):
         run = write_run(tmp_path / name, broken=name == "broken")

@@ -80,6 +80,7 @@ def test_it_is_no_worse_over_ten_seeds(name):
     assert np.mean(shares) < 0.5
 
 
+@pytest.mark.slow  # three drives; that the estimate is no worse than odometry is among the fast tests
 def test_an_odometry_that_fails_is_not_preferred():
     """In most drives: where a slip is larger than what the camera sees, nothing brings the path back."""
     slipping = OdometryConfig(grade="poor", slip_rate=0.3, slip_distance=0.05)

@@ -107,6 +107,7 @@ def run_of(log, out, *options):
     return json.loads((out / "metrics.json").read_text())
 
 
+@pytest.mark.slow  # two whole runs; the estimate itself, and that a sound mount is not noted, are among the fast tests
 def test_a_lidar_mounted_askew_is_noted_and_put_right(askew, tmp_path):
     metrics = run_of(askew / "askew", tmp_path / "askew")
     (note,) = (note for note in metrics["notes"] if note.startswith("mount: "))

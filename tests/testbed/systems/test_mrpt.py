@@ -147,7 +147,7 @@ def test_the_programs_follow_a_circle_and_draw_its_walls(name):
 
 @needs_mrpt
 def test_the_seed_decides_the_particle_filter():
-    drive = frames(scans=100, between=0)
+    drive = frames(scans=40, between=0)
     first, again, other = (entrant_of("mrpt-rbpf").run(drive, seed)[0].dense.poses for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)

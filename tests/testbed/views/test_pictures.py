@@ -147,6 +147,7 @@ def test_a_viewer_that_is_connected_shows_the_run_while_it_goes_on(viewer: Headl
     assert viewer.complaints() == []
 
 
+@pytest.mark.slow  # a viewer of its own; that one which is lost is told of, is among the fast tests of the relay
 @pytest.mark.usefixtures("sent_at_once")
 def test_a_viewer_that_is_closed_leaves_the_recording_going_on(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"

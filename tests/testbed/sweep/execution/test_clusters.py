@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from testbed.cli.shared.app import app
 from tests.shell import TESTBED
 from tests.testbed.sweep.room import room_file
 from tests.testbed.sweep.test_sweep import bytes_of, call, children_of
@@ -67,12 +68,42 @@ def test_the_slurm_job_gives_the_bytes_of_the_single_sweep(folder, single):
     script = (JOBS / "slurm.sh").read_text()
     (last,) = re.findall(r"^#SBATCH --array=0-(\d+)$", script, flags=re.MULTILINE)
     assert int(last) == 7
-    cache = os.environ.get("TESTBED_CACHE", str(Path.home() / ".cache" / "slam-testbed"))
-    shared = {"SLURM_ARRAY_TASK_COUNT": "3", "SLURM_CPUS_PER_TASK": "2", "OUT": "slurm", "TESTBED_CACHE": cache}
-    command = ["bash", str(JOBS / "slurm.sh")]
-    run_parts(folder, [(command, shared | {"SLURM_ARRAY_TASK_ID": str(index)}) for index in range(3)])
+    run_parts(folder, [slurm("slurm.sh", index, 3, OUT="slurm") for index in range(3)])
     assert call("gather", folder / "slurm", "--no-worst") == 0
     assert bytes_of(folder / "slurm") == single
+
+
+def slurm(script: str, index: int, count: int, **variables: str) -> tuple[list[str], dict[str, str]]:
+    """The command of one part of an array, and its environment."""
+    cache = os.environ.get("TESTBED_CACHE", str(Path.home() / ".cache" / "slam-testbed"))
+    task = {"SLURM_ARRAY_TASK_ID": str(index), "SLURM_ARRAY_TASK_COUNT": str(count), "SLURM_CPUS_PER_TASK": "1"}
+    return ["bash", str(JOBS / script)], task | {"TESTBED_CACHE": cache} | variables
+
+
+def test_the_slurm_jobs_of_datasets_make_all_of_them(folder):
+    variables = {"WORLDS": "room.toml", "COUNT": "3", "OUT": "data"}
+    run_parts(folder, [slurm("slurm_simulate.sh", index, 2, **variables) for index in range(2)])
+    assert call("datasets", "index", folder / "data") == 0
+    assert sorted(path.name for path in (folder / "data").glob("room-*")) == ["room-0000", "room-0001", "room-0002"]
+    assert (folder / "data" / "datasets.parquet").is_file()
+
+
+def test_the_slurm_jobs_of_a_stress_test_turn_up_one_perturbation_each(folder):
+    variables = {"SYSTEMS": "odometry", "WORLDS": "room.toml", "PERTURBATIONS": "slip drop-scans", "OUT": "stress"}
+    short = {"SEEDS": "1", "DURATION": "5"}
+    run_parts(folder, [slurm("slurm_stress.sh", index, 2, **variables, **short) for index in range(2)])
+    for name in ("slip", "drop-scans"):
+        assert name in (folder / "stress" / name / "table.md").read_text()
+
+
+@pytest.mark.parametrize("path", sorted(JOBS.glob("*.yaml")), ids=lambda path: path.name)
+def test_the_kubernetes_jobs_call_commands_and_options_that_exist(path):
+    job = yaml.safe_load(path.read_text())["spec"]
+    (container,) = job["template"]["spec"]["containers"]
+    program, command, *words = [*container["command"], *container["args"]]
+    assert program == "testbed"
+    known = {name for argument in app[command].assemble_argument_collection() for name in argument.names}
+    assert {word for word in words if word.startswith("--")} <= known
 
 
 def test_the_kubernetes_job_gives_the_bytes_of_the_single_sweep(folder, single):
