@@ -19,11 +19,11 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 def my_robot():
     """A robot that drives through a square room of 8 m; its lidar has 180 beams."""
     angles = np.linspace(-np.pi, np.pi, 180, endpoint=False)
-    for x in np.arange(-2.0, 2.0, 0.2):
+    for k, x in enumerate(np.arange(-2.0, 2.0, 0.2)):
         with np.errstate(divide="ignore"):
             to_x = (np.where(np.cos(angles) > 0, 4.0, -4.0) - x) / np.cos(angles)
             to_y = np.where(np.sin(angles) > 0, 4.0, -4.0) / np.sin(angles)
-        yield np.array([x, 0.0, 0.0]), np.minimum(to_x, to_y)
+        yield 0.5 * k, np.array([x, 0.0, 0.0]), np.zeros(3), np.minimum(to_x, to_y)
 
 
 EXAMPLES = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
