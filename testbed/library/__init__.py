@@ -6,11 +6,14 @@ drive = tb.simulate("office", duration=60)
 tb.compare([tb.run(MySlam, drive), tb.run("odometry", drive)])
 """
 
+from testbed.library import notebook
 from testbed.library.comparison import Comparison, compare
 from testbed.library.drive import Drive, perturb, read, simulate
 from testbed.library.listing import Check, Systems, check, systems
 from testbed.library.reports import Report, stress, sweep
 from testbed.library.result import Result, evaluate, run
+
+notebook.register()
 
 __all__ = [
     "Check",
