@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,11 +16,13 @@ from eval.trajectory.trajectory import Trajectory
 from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
+from testbed.cli.shared.console import ProgressLine, progress_line
+from testbed.frame import Frame
 from testbed.library import html
 from testbed.library.drive import Drive
 from testbed.systems.entrant import ClassSystem, Entrant, PythonSystem, entrant_of, facts_of
 from testbed.systems.execute import metrics_of_system
-from testbed.systems.feeding import Cost, Estimated, estimated_from, feed
+from testbed.systems.feeding import Cost, Estimated, Step, estimated_from, feed
 from testbed.systems.program import DatasetFormat
 from testbed.systems.protocol import System, SystemClass
 
@@ -102,15 +104,32 @@ def run(
     Raises SystemsError where it cannot be made, SystemFailedError where it has no result.
     """
     recorded = replace(drive.recorded, seed=seed)
-    if isinstance(system, str | type):
-        entrant = _entrant(system, settings or {}, format)
-        facts, name = entrant.facts(), entrant.name
-        estimated, cost = entrant.run(recorded.frames, seed)
-    else:
-        facts, name = facts_of(system), type(system).__name__
-        estimated, cost = feed(system, name, recorded.frames, seed)
+    with progress_line() as line:
+        step = _step_of(line, recorded.frames)
+        if isinstance(system, str | type):
+            entrant = _entrant(system, settings or {}, format)
+            facts, name = entrant.facts(), entrant.name
+            line.stage(name)
+            estimated, cost = entrant.run(recorded.frames, seed, step)
+        else:
+            facts, name = facts_of(system), type(system).__name__
+            line.stage(name)
+            estimated, cost = feed(system, name, recorded.frames, seed, step)
     metrics = metrics_of_system(facts, recorded, estimated, cost)
     return Result(system=name, drive=drive, estimated=estimated, metrics=html.Table(metrics))
+
+
+def _step_of(line: ProgressLine, frames: Sequence[Frame]) -> Step:
+    """Return what says after each scan how far a run is, and that the last scan was taken."""
+    rows = {id(frame): row for row, frame in enumerate(frames) if frame.scan is not None}
+    last = max(rows.values(), default=0)
+
+    def step(frame: Frame) -> None:
+        line.step(frame.stamp, (rows[id(frame)] + 1) / len(frames), None)
+        if rows[id(frame)] == last:
+            line.stage("after the last scan")
+
+    return step
 
 
 def _entrant(system: str | SystemClass, settings: Mapping[str, object], kind: DatasetFormat) -> Entrant:
