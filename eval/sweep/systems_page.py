@@ -60,7 +60,7 @@ def place_tables(summary: SweepSummary) -> list[PlaceTable]:
     """Return a table for each world or log, and at the end one of the failures in all of them if there are several."""
     table = summary.table
     headings = ("system", "failed runs", "error, median", *_online_heading(table))
-    headings += (f"minus {table.baseline}, median of pairs", "time per scan [ms]")
+    headings += (f"minus {table.baseline}, paired", "time per scan [ms]")
     found = [
         PlaceTable(place, headings, tuple(_row(summary, p, k) for k in range(len(table.lines))))
         for p, place in enumerate(table.places)
@@ -75,7 +75,7 @@ def _row(summary: SweepSummary, p: int, k: int) -> tuple[str, ...]:
     """Texts of one system in one place."""
     table, unit = summary.table, summary.unit
     group, cost = summary.group(table.places[p], table.lines[k], table.counts[0]), _milliseconds(table, p, k)
-    online = ()
+    online: tuple[str, ...] = ()
     if table.measure.online_key is not None:
         errors = table.cube(table.measure.online_key)[p, k, 0]
         known = errors[np.isfinite(errors)]
@@ -92,7 +92,7 @@ def _row(summary: SweepSummary, p: int, k: int) -> tuple[str, ...]:
 
 def _online_heading(table: SweepTable) -> tuple[str, ...]:
     """The heading of what was known while driving, where another estimate is measured."""
-    return () if table.measure.online_key is None else ("while driving, median",)
+    return () if table.measure.online_key is None else ("while driving",)
 
 
 def failures_text(failures: int, runs: int) -> str:
@@ -143,7 +143,7 @@ def _about(summary: SweepSummary) -> str:
     return (
         f"{len(table.lines)} systems, {places}, {len(table.seeds)} seeds. Of one seed all systems see the same frames. "
         f"Measured is {table.measure.key}, {_estimate_words(table)}. Errors are medians over the seeds with 95 % "
-        f"intervals. The difference to {table.baseline}, the system that was named first, is the median of the "
+        f"intervals. The paired difference to {table.baseline}, the system that was named first, is the median of the "
         "differences seed by seed, which need not be that of the two medians. A failed run ended lost, with broken "
         "loops, or without a result."
     )
@@ -154,8 +154,8 @@ def _estimate_words(table: SweepTable) -> str:
     if table.measure.online_key is None:
         return f"of {table.measure.estimate_is}"
     return (
-        "of the path that a system gives out at the end: that of gmapping is made after its final pass, which uses all "
-        "scans, that of a system without such a pass is what it said while driving"
+        "of the path that a system gives out at the end. It may be made after a final pass over all scans, as that of "
+        "gmapping is; without such a pass it is what the system said while driving, which has a column of its own"
     )
 
 

@@ -78,7 +78,7 @@ def test_the_page_compares_systems_with_the_first(swept):
     summary = summarise(read_sweep(swept).judged())
     (table,) = place_tables(summary)
     assert [row[0] for row in table.rows] == ["odometry", "gmapping", "Moody"]
-    assert table.headings[2:5] == ("error, median", "while driving, median", "minus odometry, median of pairs")
+    assert table.headings[2:5] == ("error, median", "while driving", "minus odometry, paired")
     assert table.rows[0][4] == "(the first system)"
     assert table.rows[0][3] == table.rows[0][2].partition(" (")[0]  # odometry says at the end what it said before
     assert table.rows[1][3] != table.rows[1][2].partition(" (")[0]  # the filter makes a final pass
