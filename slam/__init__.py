@@ -2,8 +2,8 @@
 """Rao-Blackwellized grid mapping (gMapping): feed scans and odometry, read pose, map and diagnostics.
 
 `GMapping` is the filter, `FilterConfig` its settings, `Scan` its input, `StepReport` its report on each scan,
-`OccupancyGrid` the resulting map; `Localization` tracks a robot in a finished map; `refine` is the final pass over a
-recording; `save_checkpoint` and `load_checkpoint` keep a whole filter in a file.
+`OccupancyGrid` the resulting map; `Recording` feeds a filter and keeps what the final pass needs, which is `refine`;
+`Localization` tracks a robot in a finished map; `save_checkpoint` and `load_checkpoint` keep a whole filter in a file.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from slam.gmapping import GMapping
     from slam.localization import Localization
     from slam.occupancy import OccupancyGrid
+    from slam.recording import Recording
     from slam.refinement.refine import Refined, refine
     from slam.scan import Scan
     from slam.step.step_report import StepReport
@@ -26,6 +27,7 @@ __all__ = [
     "GMapping",
     "Localization",
     "OccupancyGrid",
+    "Recording",
     "Refined",
     "Scan",
     "StepReport",
@@ -39,6 +41,7 @@ _HOMES = {
     "GMapping": "slam.gmapping",
     "Localization": "slam.localization",
     "OccupancyGrid": "slam.occupancy",
+    "Recording": "slam.recording",
     "Refined": "slam.refinement.refine",
     "Scan": "slam.scan",
     "StepReport": "slam.step.step_report",

@@ -71,7 +71,8 @@ class GMapping:
         """Process one scan, or the scans of several lidars at the same time.
 
         odometry: `T_odom_robot` (3,) at the first beam;  twist: velocity `(vx, vy, omega)` [m/s, m/s, rad/s] of the
-        robot in its own frame while the scan was taken, to undo the motion where the beams' times are known
+        robot in its own frame while the scan was taken, to undo the motion where the beams' times are known; None =
+        unknown, the motion within the scan then remains in it
 
         Raises:
             ValueError: the odometry or the twist is not three finite numbers, or the map would grow beyond all
@@ -210,6 +211,11 @@ class GMapping:
     def covariance(self) -> NDArray[np.float64]:
         """Covariance (3, 3) of the pose in the map's frame: scatter of the particles plus that of their proposals."""
         return self._particles.covariance
+
+    @property
+    def scans(self) -> int:
+        """Number of scans so far, used or not."""
+        return self._intake.scans
 
     @property
     def update_scans(self) -> NDArray[np.int64]:

@@ -61,6 +61,12 @@ class Scan:
         return mask
 
     @property
+    def has_beam_times(self) -> bool:
+        """Whether the beams were measured at times that are known to differ."""
+        times = self.time_offsets
+        return times is not None and times.size > 0 and bool(np.ptp(times) > 0.0)
+
+    @property
     def no_return(self) -> NDArray[np.bool_]:
         """Beams that saw nothing up to `range_max`, (beams,)."""
         mask: NDArray[np.bool_] = self.ranges >= self.range_max

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from eval.files.run_reader import RunFiles
+from eval.files.tum import read_tum
 from eval.report import plots
-from eval.report.map_images import DIFFERENCE_KEY, Picture, draw_difference, draw_map, frame_around
+from eval.report.map_images import DIFFERENCE_KEY, Picture, draw_difference, draw_map, frame_around, frame_over
 from eval.report.page import Plot
 from eval.report.report_context import positions_in
 from eval.trajectory.association import AssociationError, associate
@@ -26,6 +27,8 @@ MIN_COMMON_SHARE = 0.5
 """Two recordings are the same if so many of the stamps of the shorter one occur in both, with equal poses."""
 EQUAL = 1e-6
 """Poses are equal within this [m, rad]; files keep float64, but headings pass through a quaternion."""
+MARGIN, MARGIN_SHARE = 1.0, 0.15
+"""Paths are drawn with so much of the map about them: this length [m], at least this share of their extent."""
 NamedRuns = Sequence[tuple[str, RunFiles]]
 
 
@@ -103,38 +106,77 @@ def path_plots(runs: NamedRuns) -> Iterator[Plot]:
     how = (
         "aligned with the truth over all its poses" if truth is not None else f"aligned with that of {aligned[0].name}"
     )
-    background, of = _background(runs, aligned)
+    background, of = _background(runs, aligned, [path for _, path, _ in curves])
     caption = f"Seen from above{of}; each trajectory is {how}."
     yield Plot("Trajectories", plots.paths(curves, background=background), caption)
-    judged = [path for path in aligned if path.errors is not None]
-    if len(judged) < 2:
+    yield from _error_plots(aligned, truth)
+
+
+def _error_plots(aligned: Sequence[Aligned], truth: Trajectory | None) -> Iterator[Plot]:
+    """The error of each final estimate over time, and that of the poses while driving where they are others."""
+    judged = [(path, path.errors, path.stamps) for path in aligned if path.errors is not None]
+    if len(judged) < 2 or truth is None:
         return
-    start = min(float(path.stamps.min()) for path in judged)
-    end = max(float(path.stamps.max()) for path in judged)
-    at = np.linspace(start, end, 1000)
-    series: list[plots.Series] = []
-    for path in judged:
-        assert path.errors is not None
-        order = np.argsort(path.stamps, kind="stable")
-        error = np.interp(at, path.stamps[order], 100.0 * path.errors.translation_errors[order], np.nan, np.nan)
-        series.append((path.name, error, path.colour))
     yield Plot(
         "Position error over time",
-        plots.over_time(at - start, series, "error [cm]"),
+        _errors_over_time(judged),
         "Distance of the final estimates from the truth, each after SE(2) alignment of all its poses.",
     )
+    online = [(path, *found) for path in aligned if (found := _online_errors(path.run, truth)) is not None]
+    same = len(online) == len(judged) and all(
+        np.array_equal(errors.translation_errors, final.translation_errors)
+        for (_, errors, _), (_, final, _) in zip(online, judged, strict=True)
+    )
+    if online and not same:
+        yield Plot(
+            "Position error while driving",
+            _errors_over_time(online),
+            "The same of the poses that were known at each scan, before any final pass.",
+        )
 
 
-def _background(runs: NamedRuns, aligned: Sequence[Aligned]) -> tuple[Picture | None, str]:
-    """A map to draw the paths over, and a phrase that names it: the true one, else that of the first run with one."""
+def _online_errors(run: RunFiles, truth: Trajectory) -> tuple[AbsoluteError, NDArray[np.float64]] | None:
+    """Errors of the poses while driving, and their stamps [s]; None where the run has none."""
+    file = run.path / "online.tum"
+    if not file.is_file():
+        return None
+    try:
+        matched = associate(read_tum(file), truth)
+    except AssociationError:
+        return None
+    return absolute_error(matched, "se2"), matched.estimate.stamps
+
+
+def _errors_over_time(judged: Sequence[tuple[Aligned, AbsoluteError, NDArray[np.float64]]]) -> str:
+    """Draw errors [cm] over the time since the first of all stamps [s]."""
+    start = min(float(stamps.min()) for _, _, stamps in judged)
+    end = max(float(stamps.max()) for _, _, stamps in judged)
+    at = np.linspace(start, end, 1000)
+    series: list[plots.Series] = []
+    for path, errors, stamps in judged:
+        order = np.argsort(stamps, kind="stable")
+        error = np.interp(at, stamps[order], 100.0 * errors.translation_errors[order], np.nan, np.nan)
+        series.append((path.name, error, path.colour))
+    return plots.over_time(at - start, series, "error [cm]")
+
+
+def _background(runs: NamedRuns, aligned: Sequence[Aligned], paths: Sequence[ArrayLike]) -> tuple[Picture | None, str]:
+    """The part of a map around paths (n, 2) [m], and a phrase that names it: the true one, else the first of a run."""
     truth = _true_map(runs)
     if truth is not None:
-        return draw_map(truth, frame_around(truth, np.zeros(3), [], 0.5), np.zeros(3)), " over the true map"
+        return part_around(truth, np.zeros(3), paths), " over the true map"
     for path in aligned:
         grid, T = path.run.grid, path.T_frame_estimate
         if grid is not None and grid.known.any():
-            return draw_map(grid, frame_around(grid, T, [], 0.5), T), f" over the map of {path.name}"
+            return part_around(grid, T, paths), f" over the map of {path.name}"
     return None, ""
+
+
+def part_around(grid: OccupancyGrid, T_frame_grid: ArrayLike, paths: Sequence[ArrayLike]) -> Picture:
+    """Draw the part of a map around paths (n, 2) [m]: several over a whole building would lie on each other."""
+    points = np.concatenate([np.asarray(path, dtype=np.float64) for path in paths])
+    margin = max(MARGIN, MARGIN_SHARE * float(np.ptp(points, axis=0).max()))
+    return draw_map(grid, frame_over(paths, grid.resolution, margin), T_frame_grid)
 
 
 def _true_map(runs: NamedRuns) -> OccupancyGrid | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,10 +44,15 @@ class Picture:
 def frame_around(grid: OccupancyGrid, T_frame_grid: ArrayLike, paths: list[ArrayLike], margin: float) -> OccupancyGrid:
     """Empty cells, not turned, around the known part of a map seen from another frame, and the paths (n, 2) there."""
     corners = transform_points(T_frame_grid, cell_centres(grid, _outline(grid.known)))
-    points = np.concatenate([corners, *(np.asarray(path, dtype=np.float64).reshape(-1, 2) for path in paths)])
-    low = np.floor((points.min(axis=0) - margin) / grid.resolution) * grid.resolution
+    return frame_over([corners, *paths], grid.resolution, margin)
+
+
+def frame_over(paths: Sequence[ArrayLike], cell: float, margin: float) -> OccupancyGrid:
+    """Empty cells, not turned, of at least this side [m] around paths (n, 2) [m], with so much room about them [m]."""
+    points = np.concatenate([np.asarray(path, dtype=np.float64).reshape(-1, 2) for path in paths])
+    low = np.floor((points.min(axis=0) - margin) / cell) * cell
     high = points.max(axis=0) + margin
-    resolution = grid.resolution * max(1.0, float(np.max(high - low)) / grid.resolution / MAX_SIDE)
+    resolution = cell * max(1.0, float(np.max(high - low)) / cell / MAX_SIDE)
     cols, rows = np.maximum(1, np.ceil((high - low) / resolution).astype(int))
     return OccupancyGrid(
         probability=np.full((rows, cols), np.nan, dtype=np.float32),

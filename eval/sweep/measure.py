@@ -77,6 +77,12 @@ class Measure:
         return f"{head.removesuffix('_filter')}{dot}{rest}" if head.endswith("_filter") else None
 
     @property
+    def online_key(self) -> str | None:
+        """The same measure of the poses while driving, where the path that a run gives out is measured; else None."""
+        head, dot, rest = self.key.partition(".")
+        return f"{head}_online{dot}{rest}" if head in ("trajectory", "relations") else None
+
+    @property
     def words(self) -> str:
         """What is measured, without estimate and unit."""
         rest = self.key.partition(".")[2]

@@ -55,7 +55,7 @@ class MarginChange:
     """How many seeds the answers rested on then."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SweepTable:
     """All runs of a sweep. Arrays have the shape (places, lines, counts, seeds), NaN if a run lacks the figure."""
 
@@ -94,6 +94,12 @@ class SweepTable:
     """Arrays by column; texts are objects, None if there is none."""
     curves: dict[str, NDArray[np.float64]]
     """Arrays with `CURVE_GRID` as fifth axis, by the names in `CURVES`."""
+
+    def __repr__(self) -> str:
+        """One line, for notebooks: the arrays printed whole fill pages."""
+        sizes = zip(("places", "lines", "counts", "seeds"), self.shape, strict=True)
+        axes = ", ".join(f"{size} {name if size != 1 else name[:-1]}" for name, size in sizes)
+        return f"<SweepTable of {self.measure.key}: {axes}; {int(self.ran.sum())} of {self.ran.size} runs>"
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

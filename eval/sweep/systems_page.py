@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The page of a sweep over SLAM systems: error, failures and cost of each, paired by seed with the first one."""
+"""The page of a sweep over SLAM systems: error, failures and cost of each, paired by seed with the first one.
+
+The estimate that a system gives out may rest on scans that came later, such as after a final pass; what it said while
+driving has a column of its own."""
 
 from __future__ import annotations
 
@@ -19,16 +22,15 @@ from eval.sweep.results import SweepTable, read_sweep
 from eval.sweep.statistics import Interval, min_values, wilson_interval
 from eval.sweep.summary import Group, SweepSummary, summarise
 
-HEADINGS = ("system", "failed runs", "error, median", "compared with the first", "time per scan [ms]")
-
 
 @dataclass(frozen=True)
 class PlaceTable:
     """The systems in one world or log, or their failures in all of them."""
 
     title: str
+    headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    """Texts under `HEADINGS`."""
+    """Texts under the headings."""
 
 
 def write_systems_page(directory: str | os.PathLike[str]) -> Path:
@@ -45,7 +47,6 @@ def write_systems_page(directory: str | os.PathLike[str]) -> Path:
         about=_about(summary),
         conditions=summary.table.conditions,
         command=summary.table.command,
-        headings=HEADINGS,
         tables=tables,
         pictures=list(_pictures(summary)),
     )
@@ -57,26 +58,41 @@ def write_systems_page(directory: str | os.PathLike[str]) -> Path:
 
 def place_tables(summary: SweepSummary) -> list[PlaceTable]:
     """Return a table for each world or log, and at the end one of the failures in all of them if there are several."""
-    table, unit = summary.table, summary.unit
-    found = []
-    for p, place in enumerate(table.places):
-        rows = []
-        for k, line in enumerate(table.lines):
-            group = summary.group(place, line, table.counts[0])
-            cost = _milliseconds(table, p, k)
-            rows.append(
-                (
-                    line,
-                    failures_text(group.failures, group.runs),
-                    _interval_text(group.median, unit),
-                    _difference_text(group, unit, table.level),
-                    "–" if np.isnan(cost) else f"{cost:.2f}",
-                )
-            )
-        found.append(PlaceTable(place, tuple(rows)))
+    table = summary.table
+    headings = ("system", "failed runs", "error, median", *_online_heading(table))
+    headings += (f"minus {table.baseline}, paired", "time per scan [ms]")
+    found = [
+        PlaceTable(place, headings, tuple(_row(summary, p, k) for k in range(len(table.lines))))
+        for p, place in enumerate(table.places)
+    ]
     if len(table.places) > 1:
-        found.append(PlaceTable("all places", tuple(_pooled(table, k, line) for k, line in enumerate(table.lines))))
+        pooled = tuple(_pooled(table, k, line) for k, line in enumerate(table.lines))
+        found.append(PlaceTable("all places", headings[:2], pooled))
     return found
+
+
+def _row(summary: SweepSummary, p: int, k: int) -> tuple[str, ...]:
+    """Texts of one system in one place."""
+    table, unit = summary.table, summary.unit
+    group, cost = summary.group(table.places[p], table.lines[k], table.counts[0]), _milliseconds(table, p, k)
+    online: tuple[str, ...] = ()
+    if table.measure.online_key is not None:
+        errors = table.cube(table.measure.online_key)[p, k, 0]
+        known = errors[np.isfinite(errors)]
+        online = (f"{unit.text(float(np.median(known)))} {unit.name}".strip() if len(known) else "–",)
+    return (
+        table.lines[k],
+        failures_text(group.failures, group.runs),
+        _interval_text(group.median, unit),
+        *online,
+        _difference_text(group, unit, table.level),
+        "–" if np.isnan(cost) else f"{cost:.2f}",
+    )
+
+
+def _online_heading(table: SweepTable) -> tuple[str, ...]:
+    """The heading of what was known while driving, where another estimate is measured."""
+    return () if table.measure.online_key is None else ("while driving",)
 
 
 def failures_text(failures: int, runs: int) -> str:
@@ -88,7 +104,7 @@ def failures_text(failures: int, runs: int) -> str:
 def _pooled(table: SweepTable, k: int, line: str) -> tuple[str, ...]:
     """Failures in all places; errors of different places are not pooled."""
     failures, runs = int(table.failed[:, k].sum()), int(table.ran[:, k].sum())
-    return (line, failures_text(failures, runs), "", "", "")
+    return line, failures_text(failures, runs)
 
 
 def _milliseconds(table: SweepTable, p: int, k: int) -> float:
@@ -109,7 +125,7 @@ def _difference_text(group: Group, unit: Unit, level: float) -> str:
     """Paired difference to the first system, and whether the seeds show it."""
     difference = group.to_baseline
     if difference is None:
-        return "(the first)"
+        return "(the first system)"
     if not np.isfinite(difference.value):
         return "–"
     sign = "+" if difference.value > 0.0 else "-"
@@ -126,8 +142,20 @@ def _about(summary: SweepSummary) -> str:
     places = f"{len(table.places)} worlds or logs" if len(table.places) > 1 else table.places[0]
     return (
         f"{len(table.lines)} systems, {places}, {len(table.seeds)} seeds. Of one seed all systems see the same frames. "
-        f"Measured is {table.measure.key}. Errors are medians over the seeds with 95 % intervals; differences are "
-        "paired by seed. A failed run ended lost, with broken loops, or without a result."
+        f"Measured is {table.measure.key}, {_estimate_words(table)}. Errors are medians over the seeds with 95 % "
+        f"intervals. The paired difference to {table.baseline}, the system that was named first, is the median of the "
+        "differences seed by seed, which need not be that of the two medians. A failed run ended lost, with broken "
+        "loops, or without a result."
+    )
+
+
+def _estimate_words(table: SweepTable) -> str:
+    """Which estimate is measured, and that systems differ in whether it rests on later scans."""
+    if table.measure.online_key is None:
+        return f"of {table.measure.estimate_is}"
+    return (
+        "of the path that a system gives out at the end. It may be made after a final pass over all scans, as that of "
+        "gmapping is; without such a pass it is what the system said while driving, which has a column of its own"
     )
 
 
@@ -155,6 +183,6 @@ def _pictures(summary: SweepSummary) -> Iterator[Plot]:
 def _markdown(tables: Sequence[PlaceTable]) -> str:
     lines = []
     for table in tables:
-        lines += [f"**{table.title}**", "", f"| {' | '.join(HEADINGS)} |", f"|{'---|' * len(HEADINGS)}"]
+        lines += [f"**{table.title}**", "", f"| {' | '.join(table.headings)} |", f"|{'---|' * len(table.headings)}"]
         lines += [f"| {' | '.join(row)} |" for row in table.rows] + [""]
     return "\n".join(lines)

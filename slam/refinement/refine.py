@@ -41,7 +41,7 @@ ROUNDS_AFTER = 2
 """Rounds of the adjustment after bent scans were laid out anew."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Refined:
     """Result of the final pass."""
 
@@ -65,6 +65,11 @@ class Refined:
     rounds: int
     """Rounds of the adjustment that were made: fewer than `RefineConfig.rounds` where the pass was ended before."""
 
+    def __repr__(self) -> str:
+        """One line, for notebooks."""
+        loops = "not looked for" if self.closing is None else f"{int(self.closing.accepted.sum())} closed"
+        return f"<Refined: {len(self.poses)} poses, loops {loops}, {self.rounds} rounds, {self.map}>"
+
 
 def refine(
     odometry: se2.Pose,
@@ -80,14 +85,16 @@ def refine(
     """Refine a trajectory and its map.
 
     odometry (frames, 3): `T_odom_robot`;  scans: one per frame or None;  initial (frames, 3): poses to begin from
-    twists: velocity (3,) of the robot while each scan was taken, or None
+    twists: velocity (3,) of the robot while each scan was taken, None where it is unknown; they can be left out only
+    where no scan tells the times of its beams. `slam.Recording` keeps all of these while it feeds a filter
     stamps (frames,): increasing times of the frames [s]; with them a scan is seen from the frame nearest to the middle
     of its sweep, without them from its own
     watch: is told how far the pass has come; where it returns False, no further round is begun after the first, and the
     result is what the rounds so far have made
 
     Raises:
-        ValueError: the lengths differ, a pose is not finite, or no frame has a scan with a hit.
+        ValueError: the lengths differ, a pose is not finite, no frame has a scan with a hit, or scans tell the times
+            of their beams and no twists came: the motion within the scans would remain in them, unnoticed.
     """
     n = len(odometry)
     if len(scans) != n or len(initial) != n or (twists is not None and len(twists) != n):
@@ -95,6 +102,11 @@ def refine(
     odometry = np.asarray(odometry, dtype=np.float64)
     if not (np.isfinite(odometry).all() and np.isfinite(initial).all()):
         raise ValueError("odometry and initial must be finite")
+    if twists is None and config.deskew and any(scan is not None and scan.has_beam_times for scan in scans):
+        raise ValueError(
+            "the scans have time_offsets, but twists are missing: pass twists=, a velocity (vx, vy, omega) or None for "
+            "each frame, or feed the filter by slam.Recording, which keeps them"
+        )
     layout = ScanLayout(scans, stamps, twists if config.deskew else None, config)
     seen = layout.with_hits()
     if not seen:

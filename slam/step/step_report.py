@@ -74,7 +74,9 @@ class StepReport:
     def __repr__(self) -> str:
         """One line, for notebooks."""
         x, y, theta = self.pose
-        used = f"updated, matched {self.matched_share:.0%}" if self.updated else "not updated"
+        nothing = self.matched_share == 0.0 and self.match_failures == 0  # as of the first scan: there was no map
+        matched = "nothing to match with yet" if nothing else f"matched {self.matched_share:.0%}"
+        used = f"updated, {matched}" if self.updated else "not updated"
         return f"<StepReport: ({x:.3f}, {y:.3f}, {theta:.3f}), ess {self.ess:.1f} of {self.particles}, {used}>"
 
 

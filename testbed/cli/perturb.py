@@ -51,7 +51,7 @@ def perturb(
     *,
     seed: int = 0,
     truth: Path | None = None,
-    to: DatasetFormat = "rosbag2",
+    to: DatasetFormat | None = None,
     laser_offset: float | None = None,
     range_max: float | None = None,
     perturbations: PerturbationOptions = NO_PERTURBATION,
@@ -69,7 +69,8 @@ def perturb(
     truth
         True trajectory in the TUM format, with the clock of the log, where the log does not hold it.
     to
-        Format of the recording in the directory, see `testbed convert`.
+        Format of the recording in the directory, see `testbed convert`. Default: parquet for a Parquet table,
+        rosbag2 for all others.
     laser_offset
         x of the laser in the robot's frame [m]; default: stated by the log.
     range_max
@@ -91,6 +92,7 @@ def perturb(
     changed = Log.from_frames(
         frames, path=log, format=read.format, truth_map=read.truth_map, robot_urdf=read.robot_urdf
     )
+    to = to or ("parquet" if read.format == "Parquet table" else "rosbag2")
     command = _command(log, out, seed, truth, to, laser_offset, range_max, chosen)
     write_changed_log(out, changed, log, {"perturbed": {"command": command, "seed": seed, "values": chosen}}, to)
     for note in read.notes:

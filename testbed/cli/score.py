@@ -31,7 +31,9 @@ from slam.sensor.rays import make_rays
 from testbed.cli.shared.console import console, results
 from testbed.cli.shared.status import GATE_FAILED
 from testbed.cli.shared.summary import headline_table
+from testbed.datasets.simulated import ONE_FILE
 from testbed.formats import open_log
+from testbed.formats.parquet import TABLE
 from testbed.run.execute import lidar_views, true_twist
 
 NEAR_SCAN_S = 1.0
@@ -149,7 +151,9 @@ def _lidars(dataset: Path) -> tuple[LidarView, ...]:
 
 def _recording(dataset: Path) -> Path | None:
     """Return the recording of a dataset; None if the directory holds none, or several."""
-    recordings = [dataset] if (dataset / "metadata.yaml").is_file() else sorted(dataset.glob("*.log.gz"))
+    if any((dataset / name).is_file() for name in ("metadata.yaml", TABLE)):
+        return dataset
+    recordings = sorted(path for suffix in ONE_FILE.values() for path in dataset.glob(f"*{suffix}"))
     return recordings[0] if len(recordings) == 1 else None
 
 

@@ -200,11 +200,11 @@ def stress(
                     "continues with them",
                     soft_wrap=True,
                 )
-                results.print(f"report: {test.write(trials)}")
+                results.print(f"report: {test.write(trials).resolve()}")
             return INTERRUPTED
         page = test.write()
     results.print((directory.path / "table.md").read_text(encoding="utf-8").rstrip(), markup=False)
-    results.print(f"report: {page}")
+    results.print(f"report: {page.resolve()}")
     return 0
 
 

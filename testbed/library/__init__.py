@@ -6,13 +6,15 @@ drive = tb.simulate("office", duration=60)
 tb.compare([tb.run(MySlam, drive), tb.run("odometry", drive)])
 """
 
+from testbed.library import notebook
 from testbed.library.comparison import Comparison, compare
 from testbed.library.drive import Drive, perturb, read, simulate
 from testbed.library.listing import Check, Systems, check, systems
-from testbed.library.pictures import register_in_notebook
 from testbed.library.reports import Report, stress, sweep
 from testbed.library.result import Result, evaluate, run
 from testbed.library.shown_run import ShownRun, show
+
+notebook.register()
 
 __all__ = [
     "Check",
@@ -34,5 +36,3 @@ __all__ = [
     "sweep",
     "systems",
 ]
-
-register_in_notebook()

@@ -10,8 +10,7 @@ import numpy as np
 
 from eval.report import plots
 from eval.report.comparison import MEASURES
-from eval.report.comparison_plots import colour_of
-from eval.report.map_images import draw_map, frame_around
+from eval.report.comparison_plots import colour_of, part_around
 from slam import se2
 from testbed.library import html
 from testbed.library.result import Result
@@ -27,6 +26,16 @@ class Comparison:
         """A line for each result."""
         return "\n".join(map(repr, self.results))
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """A name for each result: its system, with what was done to the drive where that differs."""
+        changes = [result.drive.change for result in self.results]
+        if len(set(changes)) == 1:
+            return tuple(result.system for result in self.results)
+        return tuple(
+            f"{result.system}, {change or 'as driven'}" for result, change in zip(self.results, changes, strict=True)
+        )
+
     def _repr_html_(self) -> str:
         rows = [("outcome", *(result.metrics["outcome"] for result in self.results))]
         for measure in MEASURES:
@@ -37,20 +46,25 @@ class Comparison:
         reference = self.results[0].drive.recorded.reference
         truth = reference.trajectory
         curves: list[plots.Series] = [] if truth is None else [("truth", truth.poses[:, :2], plots.TRUTH)]
-        for number, result in enumerate(self.results):
+        for number, (name, result) in enumerate(zip(self.names, self.results, strict=True)):
             path = se2.compose(result.T_frame_map, result.trajectory.poses)[:, :2]
-            curves.append((result.system, path, colour_of(number)))
+            curves.append((name, path, colour_of(number)))
         background = None
         if reference.grid is not None:
-            frame = frame_around(reference.grid, np.zeros(3), [], 0.5)
-            background = draw_map(reference.grid, frame, np.zeros(3))
-        names = ("", *(result.system for result in self.results))
-        return html.table(names, rows) + html.picture(plots.paths(curves, background=background))
+            background = part_around(reference.grid, np.zeros(3), [path for _, path, _ in curves])
+        return html.table(("", *self.names), rows) + html.picture(plots.paths(curves, background=background))
 
 
 def compare(results: Sequence[Result]) -> Comparison:
-    """Put results next to each other. Raises ValueError where they are of different drives, or there are none."""
-    names = {result.drive.name for result in results}
-    if len(names) != 1:
-        raise ValueError(f"results of {', '.join(sorted(names)) or 'nothing'}, expected those of one drive")
+    """Put results next to each other: of one drive, or of a drive and what `perturb` made of it.
+
+    Raises ValueError where they are of different drives, or there are none.
+    """
+    drives = {result.drive.origin for result in results}
+    if len(drives) != 1:
+        several = "; ".join(f'"{name}"' for name in sorted(drives)) or "nothing"
+        raise ValueError(
+            f"results of {several}: expected those of one drive, or of a drive and what perturb made of it; results of "
+            "several drives are what sweep is for"
+        )
     return Comparison(tuple(results))

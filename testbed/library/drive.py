@@ -40,6 +40,14 @@ class Drive:
     name: str
     recorded: Recorded
     """The frames, and the references that systems are scored by."""
+    origin: str = ""
+    """Name of the drive that this one was made of by `perturb`; else its own."""
+    change: str = ""
+    """What was done to that drive; empty = nothing."""
+
+    def __post_init__(self) -> None:
+        if not self.origin:
+            object.__setattr__(self, "origin", self.name)
 
     @property
     def frames(self) -> list[Frame]:
@@ -127,5 +135,10 @@ def perturb(drive: Drive, *, seed: int = 0, **values: float) -> Drive:
     frames = perturbed(drive.frames, chosen, RunSeeds.from_seed(seed).perturbation)
     recorded = drive.recorded
     kept = replace(recorded.reference, trajectory=None, lidars=(), observable=None)
-    name = f"{drive.name}, {', '.join(f'{key} {value:g}' for key, value in chosen.items())}"
-    return Drive(name=name, recorded=Recorded.of(frames, recorded.seed, kept, recorded.ended))
+    words = [*filter(None, [drive.change]), *(f"{key} {value:g}" for key, value in chosen.items())]
+    return Drive(
+        name=f"{drive.origin}, {', '.join(words)}",
+        recorded=Recorded.of(frames, recorded.seed, kept, recorded.ended),
+        origin=drive.origin,
+        change=", ".join(words),
+    )

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from typing import Any
+
+from eval.report.page import flat
 
 
 def line(text: str) -> str:
@@ -22,6 +25,14 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def picture(source: str, width: int = 700) -> str:
     """A picture from a `data:` address, at most so wide [px]."""
     return f'<img src="{source}" style="max-width:{width}px; width:100%">'
+
+
+class Table(dict[str, Any]):
+    """Nested figures by name that show themselves as a table in a notebook, a row for each dotted name."""
+
+    def _repr_html_(self) -> str:
+        rows = [(key, f"{value:.6g}" if isinstance(value, float) else str(value)) for key, value in flat(self)]
+        return table(("figure", "value"), rows)
 
 
 def frame(page: str, height: int = 700) -> str:

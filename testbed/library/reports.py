@@ -11,6 +11,7 @@ from eval.survival.page import PAGE as STRESS_PAGE
 from eval.survival.results import Run, read_runs
 from eval.sweep.results import SweepTable, read_sweep
 from testbed.cli.shared.status import INTERRUPTED
+from testbed.cli.shared.sweep_answers import say_answers, say_systems
 from testbed.cli.shared.sweep_options import Execution, SweepOptions
 from testbed.cli.stress import StressOptions
 from testbed.cli.stress import stress as stress_command
@@ -18,11 +19,12 @@ from testbed.cli.sweep import sweep as sweep_command
 from testbed.library import html
 from testbed.library.drive import AnyPath
 from testbed.sweep.spec.settings import Value
+from testbed.sweep.store import SweepDirectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
-    """The directory of a sweep or stress test; in a notebook its page."""
+    """The directory of a sweep or stress test: printed its results, in a notebook its page."""
 
     path: Path
     page: str
@@ -37,6 +39,15 @@ class Report:
     def runs(self) -> Sequence[Run]:
         """All runs of a stress test."""
         return read_runs(self.path)
+
+    def __repr__(self) -> str:
+        """The lines that the command ends with."""
+        lines = [f"<Report {self.path / self.page}>"]
+        if self.page == STRESS_PAGE:
+            return "\n".join([*lines, (self.path / "table.md").read_text(encoding="utf-8").rstrip()])
+        names_systems = SweepDirectory.open(self.path).manifest.spec.names_systems
+        (say_systems if names_systems else say_answers)(self.path, lines.append)
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         return html.frame((self.path / self.page).read_text(encoding="utf-8"))

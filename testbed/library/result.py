@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,11 +16,14 @@ from eval.trajectory.trajectory import Trajectory
 from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
+from testbed.cli.shared.console import ProgressLine, progress_line
+from testbed.frame import Frame
 from testbed.library import html
 from testbed.library.drive import Drive
 from testbed.systems.entrant import ClassSystem, Entrant, PythonSystem, entrant_of, facts_of
 from testbed.systems.execute import metrics_of_system
-from testbed.systems.feeding import Cost, Estimated, estimated_from, feed
+from testbed.systems.feeding import Cost, Estimated, Step, estimated_from, feed
+from testbed.systems.program import DatasetFormat
 from testbed.systems.protocol import System, SystemClass
 
 
@@ -31,8 +34,8 @@ class Result:
     system: str
     drive: Drive
     estimated: Estimated
-    metrics: dict[str, Any]
-    """The content of `metrics.json`, see docs/metrics.md."""
+    metrics: html.Table
+    """The content of `metrics.json`, see docs/metrics.md: a `dict`."""
 
     @property
     def trajectory(self) -> Trajectory:
@@ -85,31 +88,54 @@ class Result:
 
 
 def run(
-    system: str | System | SystemClass, drive: Drive, *, seed: int = 0, settings: Mapping[str, object] | None = None
+    system: str | System | SystemClass,
+    drive: Drive,
+    *,
+    seed: int = 0,
+    settings: Mapping[str, object] | None = None,
+    format: DatasetFormat = "rosbag2",
 ) -> Result:
     """Run a system on a drive and score it.
 
     system: a name (`systems()`), FILE.py:CLASS, a command with {dataset} and {out}, a class, or a fresh instance
     settings: values by dotted name, but for a command and an instance, which has its own
+    format: of the recording that a command reads, as `--system-format` has it
 
     Raises SystemsError where it cannot be made, SystemFailedError where it has no result.
     """
     recorded = replace(drive.recorded, seed=seed)
-    if isinstance(system, str | type):
-        entrant = _entrant(system, settings or {})
-        facts, name = entrant.facts(), entrant.name
-        estimated, cost = entrant.run(recorded.frames, seed)
-    else:
-        facts, name = facts_of(system), type(system).__name__
-        estimated, cost = feed(system, name, recorded.frames, seed)
+    with progress_line() as line:
+        step = _step_of(line, recorded.frames)
+        if isinstance(system, str | type):
+            entrant = _entrant(system, settings or {}, format)
+            facts, name = entrant.facts(), entrant.name
+            line.stage(name)
+            estimated, cost = entrant.run(recorded.frames, seed, step)
+        else:
+            facts, name = facts_of(system), type(system).__name__
+            line.stage(name)
+            estimated, cost = feed(system, name, recorded.frames, seed, step)
     metrics = metrics_of_system(facts, recorded, estimated, cost)
-    return Result(system=name, drive=drive, estimated=estimated, metrics=metrics)
+    return Result(system=name, drive=drive, estimated=estimated, metrics=html.Table(metrics))
 
 
-def _entrant(system: str | SystemClass, settings: Mapping[str, object]) -> Entrant:
+def _step_of(line: ProgressLine, frames: Sequence[Frame]) -> Step:
+    """Return what says after each scan how far a run is, and that the last scan was taken."""
+    rows = {id(frame): row for row, frame in enumerate(frames) if frame.scan is not None}
+    last = max(rows.values(), default=0)
+
+    def step(frame: Frame) -> None:
+        line.step(frame.stamp, (rows[id(frame)] + 1) / len(frames), None)
+        if rows[id(frame)] == last:
+            line.stage("after the last scan")
+
+    return step
+
+
+def _entrant(system: str | SystemClass, settings: Mapping[str, object], kind: DatasetFormat) -> Entrant:
     if not isinstance(system, str):
         return ClassSystem(system, settings)
-    entrant = entrant_of(system)
+    entrant = entrant_of(system, kind)
     return replace(entrant, settings=settings) if isinstance(entrant, PythonSystem) else entrant
 
 
@@ -123,4 +149,4 @@ def evaluate(
     estimated = estimated_from(name, drive.recorded.frames, trajectory, map)
     facts = {"name": name, "version": "", "settings": {}}
     metrics = metrics_of_system(facts, drive.recorded, estimated, Cost(wall_s=0.0))
-    return Result(system=name, drive=drive, estimated=estimated, metrics=metrics)
+    return Result(system=name, drive=drive, estimated=estimated, metrics=html.Table(metrics))

@@ -49,13 +49,12 @@ def check_system(entrant: ClassEntrant) -> Iterator[Finding]:
     try:
         estimated, cost = entrant.run(frames, seed=0)
     except SystemFailedError as error:
-        yield Finding("error", f"a drive of {SECONDS:g} s: {error}")
+        yield Finding("error", f"a drive of {SECONDS:g} s through {WORLD}: {error}")
         yield Finding("warning", "not tried: the same seed again, and bad input, since the drive itself failed")
         return
     scans = sum(frame.scan is not None for frame in frames)
-    yield Finding(
-        "ok", f"a drive of {SECONDS:g} s: a pose at {len(estimated.at_scans)} of {scans} scans, in their order"
-    )
+    posed = len(estimated.at_scans)
+    yield Finding("ok", f"a drive of {SECONDS:g} s through {WORLD}: a pose at {posed} of {scans} scans, in their order")
     if len(estimated.at_scans) < 0.9 * scans:
         yield Finding("warning", "fewer than 90 % of the scans have a pose: such a run counts as lost")
     yield from (Finding("warning", note) for note in estimated.notes)

@@ -30,7 +30,7 @@ import testbed.library as tb
 from eval.files.run_reader import read_run
 from eval.report import plots
 from slam import FilterConfig, GMapping
-from testbed.library import pictures
+from testbed.library.notebook import html_of
 from tools.docs.make_pictures import PICTURES
 
 WORLD = "loop"
@@ -128,9 +128,9 @@ def draw_objects() -> None:
     frames = [frame for frame in drive.frames if frame.scan is not None]
     for frame in frames:
         mapper.process(frame.odometry, frame.scan)
-    save_uri(re.findall(r'src="(data:[^"]*)"', pictures.of_filter(mapper))[0], "filter")
+    save_uri(re.findall(r'src="(data:[^"]*)"', str(html_of(mapper)))[0], "filter")
     draw_scan()
-    shown = [pictures.of_scan(frames[0].scan), tb.run("scan-matching", drive)._repr_html_()]
+    shown = [str(html_of(frames[0].scan)), tb.run("scan-matching", drive)._repr_html_()]
     with tempfile.TemporaryDirectory() as folder:
         draw_page("".join(shown), Path(folder), "notebook", height=1250)
 

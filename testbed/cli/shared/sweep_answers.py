@@ -11,7 +11,7 @@ from eval.sweep.advice import advice
 from eval.sweep.answers import answers
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
-from eval.sweep.systems_page import HEADINGS, place_tables
+from eval.sweep.systems_page import place_tables
 
 MAX_LINES = 20
 """At most so many worlds and lines are named."""
@@ -44,7 +44,7 @@ def say_systems(directory: Path, say: Callable[[str], None]) -> None:
     """Say error, failures and cost of each SLAM system in each world or log."""
     for table in place_tables(summarise(read_sweep(directory).judged())):
         say(table.title)
-        cells = [HEADINGS, *table.rows]
-        widths = [max(len(row[column]) for row in cells) for column in range(len(HEADINGS))]
+        cells = [table.headings, *table.rows]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         for row in cells:
             say("  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())

@@ -73,7 +73,8 @@ class SweepOptions:
     """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
     system: str | None = None
     """SLAM systems (`testbed systems list`) or FILE.py:CLASS, separated by commas: each is a line, and all see the same
-    data. --particles is then one count, which only the filter of this package takes. Default: 30."""
+    data, and each is compared with the first: name the baseline first, as in odometry,FILE.py:CLASS. --particles is
+    then one count, which only the filter of this package takes. Default: 30."""
     system_command: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """A program as a system, such as 'my_slam {dataset} {out}', see docs/systems.md. May be repeated."""
     axis: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()

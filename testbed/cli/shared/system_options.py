@@ -200,6 +200,8 @@ def _run_one(
     rows = {id(frame): row for row, frame in enumerate(recorded.frames)}
     with progress_line() as line:
         line.stage(entrant.name)
+        if isinstance(entrant, Program) and not console.is_terminal:  # it tells nothing until it ends
+            console.print(f"{entrant.name} runs, and is not heard of until it ends …", soft_wrap=True)
 
         def step(frame: Frame) -> None:
             line.step(frame.stamp, (rows[id(frame)] + 1) / total, None)

@@ -11,8 +11,17 @@ import pytest
 from eval.files.run_reader import read_run
 from eval.files.tum import read_tum, write_tum
 from eval.report.comparison import write_comparison
-from eval.report.comparison_plots import cost_plots, difference_plots, map_plots, path_plots, same_data, time_per_scan
+from eval.report.comparison_plots import (
+    cost_plots,
+    difference_plots,
+    map_plots,
+    part_around,
+    path_plots,
+    same_data,
+    time_per_scan,
+)
 from eval.trajectory.trajectory import Trajectory
+from slam.occupancy import OccupancyGrid
 from tests.eval.synthetic_run import write_run
 from tests.shell import call
 
@@ -55,6 +64,24 @@ def test_both_trajectories_are_drawn_over_the_true_map(folder, scored):
         assert "theirs" in drawn
         assert "mine" in drawn
     assert "truth" in svg(trajectories.source)
+
+
+def test_errors_while_driving_are_drawn_where_they_are_others(tmp_path):
+    runs = [(name, read_run(write_run(tmp_path / name, seed=seed))) for name, seed in (("a", 3), ("b", 4))]
+    for _, run in runs:
+        write_tum(run.path / "online.tum", run.estimate)
+    assert [plot.title for plot in path_plots(runs)] == ["Trajectories", "Position error over time"]
+    shaken = run.estimate.poses + np.random.default_rng(0).normal(scale=0.05, size=(len(run.estimate), 3))
+    write_tum(run.path / "online.tum", Trajectory(run.estimate.stamps, shaken))
+    *_, online = path_plots(runs)
+    assert online.title == "Position error while driving"
+    assert "b" in svg(online.source)
+
+
+def test_the_part_of_a_map_around_the_paths_is_shown():
+    grid = OccupancyGrid(probability=np.zeros((400, 600), np.float32), resolution=0.1, origin=(0.0, 0.0, 0.0))
+    assert part_around(grid, np.zeros(3), [[[10.0, 10.0], [12.0, 11.0]]]).extent == pytest.approx((9, 13, 9, 12))
+    assert part_around(grid, np.zeros(3), [[[10.0, 10.0], [30.0, 11.0]]]).extent == pytest.approx((7, 33, 7, 14))
 
 
 def svg(source: str) -> str:

@@ -32,7 +32,8 @@ def content(directory: Path) -> dict[str, bytes]:
 
 
 def test_the_output_holds_the_perturbed_frames_and_their_truth(log: Path, tmp_path: Path) -> None:
-    assert call("perturb", log, tmp_path / "out", *OPTIONS, "--to", "parquet") == 0
+    assert call("perturb", log, tmp_path / "out", *OPTIONS) == 0  # in the format of the log
+    assert (tmp_path / "out" / "frames.parquet").is_file()
     chosen = {"drop-scans": 0.4, "range-noise": 0.05, "slip": 2.0}
     expected = perturb(open_log(log).frames, chosen, RunSeeds.from_seed(3).perturbation)
     written = open_log(tmp_path / "out").frames

@@ -30,6 +30,21 @@ def test_the_moment_and_a_report_are_written(tmp_path: Path) -> None:
     assert json.loads((out / "metrics.json").read_text())["outcome"] != "ok"
 
 
+@pytest.mark.parametrize("kind", ["rosbag2", "parquet", "rosbag1", "carmen"])
+def test_the_lidar_of_a_dataset_is_known_in_every_format(
+    tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ("simulate", "office", "--backend", "fast", "--duration", 2, "--lidar", "lds01", "--format", kind)
+    assert call(*command, "--out", tmp_path / "data") == 0
+    (dataset,) = (tmp_path / "data").iterdir()
+    scored = ("--trajectory", dataset / "truth.tum", "--map", dataset / "truth_map.yaml")
+    capsys.readouterr()
+    assert call("score", dataset, *scored) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["map"]["observable_cells"] > 0
+    assert "the lidar is unknown" not in said.err
+
+
 def test_a_run_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = write_run(tmp_path / "run")
     before = (run / "metrics.json").read_text()

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ import testbed.library as tb
 from eval.trajectory.trajectory import Trajectory
 from slam import se2
 from testbed.cli.shared import sweep_options
+from testbed.library.notebook import html_of
 from testbed.systems.errors import SystemFailedError, SystemsError
 from tests.cheaper import computed_here, undrawn
 from tests.shell import call
@@ -118,8 +121,34 @@ def test_results_show_themselves(drive: tb.Drive) -> None:
         assert "<img" in page or "<table" in page
     assert "scan-matching" in result._repr_html_()
     assert "&lt;Drive office" in drive._repr_html_()
-    with pytest.raises(ValueError, match="expected those of one drive"):
-        tb.compare([result, tb.run("odometry", tb.perturb(drive, askew=5))])
+
+
+def test_a_drive_is_compared_with_what_was_made_of_it_only(drive: tb.Drive) -> None:
+    harder = tb.perturb(tb.perturb(drive, askew=5), drop_scans=0.2)
+    results = [tb.run("odometry", one) for one in (drive, harder)]
+    assert tb.compare(results).names == ("odometry, as driven", "odometry, askew 5, drop-scans 0.2")
+    assert "odometry, askew 5, drop-scans 0.2" in tb.compare(results)._repr_html_()
+    assert tb.compare(results[1:]).names == ("odometry",)
+    other = tb.evaluate(results[0].trajectory, replace(drive, name="another", origin="another"))
+    with pytest.raises(
+        ValueError, match='results of "another"; "office, seed 3": expected those of one drive, or of a'
+    ):
+        tb.compare([results[0], other])
+
+
+def test_the_format_of_a_program_is_chosen(drive: tb.Drive, tmp_path: Path) -> None:
+    program = tmp_path / "wheels.py"
+    program.write_text(
+        "import sys, pathlib\n"
+        "from testbed.formats.parquet import read_parquet\n"
+        "from eval.files.tum import write_tum\n"
+        "from eval.trajectory.trajectory import Trajectory\n"
+        "table = read_parquet(pathlib.Path(sys.argv[1])).table\n"
+        "write_tum(pathlib.Path(sys.argv[2]) / 'trajectory.tum', Trajectory(table.stamps, table.odometry))\n"
+    )
+    result = tb.run(f"{sys.executable} {program} {{dataset}} {{out}}", drive, format="parquet")
+    expected = tb.run("odometry", drive).metric("trajectory.ate_rmse_m")
+    assert result.metric("trajectory.ate_rmse_m") == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.fixture
@@ -136,8 +165,16 @@ def test_a_sweep_and_a_stress_test_show_their_pages(here: Path) -> None:
     swept = tb.sweep(["room.toml"], systems=["odometry"], seeds=2, out="swept", settings={"duration": 5}, workers=1)
     assert swept.table.error.shape == (1, 1, 1, 2)
     assert "iframe" in swept._repr_html_()
+    assert repr(swept.table).startswith(
+        "<SweepTable of trajectory.ate_rmse_m: 1 place, 1 line, 1 count, 2 seeds; 2 of 2"
+    )
+    assert repr(swept).splitlines()[0] == f"<Report {Path('swept/sweep.html')}>"
+    assert "odometry" in repr(swept)
+    assert len(repr(swept)) < 1000
+    assert "<td>odometry</td>" in (html_of(swept.table) or "")
     stressed = tb.stress(
         ["odometry"], ["room.toml"], perturbations=["askew"], seeds=1, duration=5, out="stressed", workers=1
     )
     assert [run.perturbation for run in stressed.runs] == ["none", "askew"]
     assert "iframe" in stressed._repr_html_()
+    assert "askew" in repr(stressed)

@@ -78,10 +78,13 @@ def test_the_page_compares_systems_with_the_first(swept):
     summary = summarise(read_sweep(swept).judged())
     (table,) = place_tables(summary)
     assert [row[0] for row in table.rows] == ["odometry", "gmapping", "Moody"]
-    assert table.rows[0][3] == "(the first)"
+    assert table.headings[2:5] == ("error, median", "while driving", "minus odometry, paired")
+    assert table.rows[0][4] == "(the first system)"
+    assert table.rows[0][3] == table.rows[0][2].partition(" (")[0]  # odometry says at the end what it said before
+    assert table.rows[1][3] != table.rows[1][2].partition(" (")[0]  # the filter makes a final pass
     assert table.rows[2][1].startswith("1 of 3 (")
-    assert "too few to tell" in table.rows[1][3]
-    assert all(float(row[4]) > 0.0 for row in table.rows)
+    assert "too few to tell" in table.rows[1][4]
+    assert all(float(row[5]) > 0.0 for row in table.rows)
     page = (swept / "sweep.html").read_text()
     assert "SLAM systems on the same data" in page
     assert "How many particles" not in page
