@@ -69,7 +69,8 @@ def _mapper(mapper: GMapping) -> str:
 
 def _scan(scan: Scan) -> str:
     """Draw the hits about the robot."""
-    points = make_rays([scan], usable_range=scan.range_max).ends[scan.hit]
+    rays = make_rays([scan], usable_range=scan.range_max)
+    points = rays.ends[rays.hit]
     if not len(points):
         return ""
     shown = plots.SeenScan("hits of the scan", np.zeros(3), points, plots.ESTIMATE, plots.SCAN)

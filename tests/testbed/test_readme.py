@@ -60,16 +60,16 @@ def test_the_library_examples_run_and_find_the_way(tmp_path, monkeypatch, capsys
 
 
 def test_the_example_of_a_comparison_names_its_systems(capsys):
-    exec(compile(EXAMPLES[1], "README.md", "exec"), {})
+    exec(compile(EXAMPLES[2], "README.md", "exec"), {})
     results = re.findall(r"^<Result (\S+)", capsys.readouterr().out, flags=re.MULTILINE)
     assert [name.strip(":,") for name in results] == ["odometry", "scan-matching", "gmapping"]
 
 
 def test_the_gymnasium_example_maps_a_world_it_has_never_seen(capsys):
-    assert len(EXAMPLES) == 3
-    assert EXAMPLES[2].count("\n") <= 30
+    assert len(EXAMPLES) == 4
+    assert EXAMPLES[3].count("\n") <= 30
     names: dict[str, Any] = {}
-    exec(compile(EXAMPLES[2], "README.md", "exec"), names)
+    exec(compile(EXAMPLES[3], "README.md", "exec"), names)
     assert "of the floor mapped, collided: False" in capsys.readouterr().out
     assert names["info"]["coverage"] > 0.9
     assert names["rewards"].shape == (64,)
