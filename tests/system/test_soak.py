@@ -11,9 +11,9 @@ import pytest
 import testbed  # noqa: F401  registers the environments
 from slam.config import FilterConfig
 from slam.gmapping import GMapping
+from testbed.estimation.snapshot import take_snapshot
 from testbed.formats import open_log
 from testbed.frame import Frame
-from testbed.estimation.snapshot import take_snapshot
 from testbed.views import open_view
 from tests.shell import call
 from tests.testbed.cli.test_cli import room_log
