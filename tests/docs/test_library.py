@@ -11,7 +11,7 @@ import pytest
 from eval.files.map_server import read_map
 from eval.files.tum import read_tum
 from slam import FilterConfig
-from testbed.run.estimation import Estimation
+from testbed.estimation.estimation import Estimation
 from testbed.simulation import SimulationConfig, simulate
 from worlds import load
 
