@@ -13,7 +13,7 @@ from testbed import large_arrays
 from testbed.formats import open_log, parquet
 from testbed.formats.write import write_log
 from testbed.frame_table import FrameTable, TableFrames
-from testbed.large_arrays import ReadingsStore, forget_pages, in_file, joined
+from testbed.large_arrays import ReadingsColumn, ReadingsStore, forget_pages, gathered, in_file, joined
 from tests.testbed.equal_frames import assert_equal_frames
 from tests.testbed.inspect.test_recording import drive
 
@@ -73,8 +73,8 @@ def test_a_full_disk_is_named(monkeypatch):
 def test_a_long_bag_is_the_same_recording(tmp_path, monkeypatch):
     write_log(tmp_path / "bag", drive(seconds=5.0), "rosbag2")
     short = open_log(tmp_path / "bag").table
-    monkeypatch.setattr(ReadingsStore.__init__, "__defaults__", (1000, np.float32))
-    monkeypatch.setattr(joined, "__defaults__", (1000,))
+    monkeypatch.setattr(ReadingsColumn.__init__, "__defaults__", (1000,))
+    monkeypatch.setattr(gathered, "__defaults__", (1000,))
     long = open_log(tmp_path / "bag").table
     assert is_in_file(long.ranges)
     assert not is_in_file(short.ranges)

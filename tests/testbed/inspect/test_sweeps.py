@@ -9,8 +9,8 @@ import pytest
 from slam.config import FilterConfig
 from testbed.estimation.estimation import Estimation
 from testbed.inspect.sweeps import with_beam_times
+from tests.testbed.estimation.test_starting_path import error_of
 from tests.testbed.inspect.test_recording import drive, with_table
-from tests.testbed.run.test_starting_path import error_of
 
 
 def timeless(log, *, backward=False):
