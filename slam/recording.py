@@ -15,7 +15,7 @@ from slam.motion.continuous_odometry import join_odometry
 from slam.motion.interpolation import interpolate_with_odometry
 from slam.refinement.progress import Watch, unwatched
 from slam.refinement.refine import Refined, refine
-from slam.scan import Scan
+from slam.scan import Scan, listed
 from slam.step.step_report import StepReport
 
 
@@ -45,7 +45,7 @@ class Recording:
             ValueError: what `GMapping.process` raises, and where a scan tells the times of its beams but `twist` is
                 None: without the velocity the motion within the scan would remain in it, unnoticed.
         """
-        scans = [scan] if isinstance(scan, Scan) else list(scan)
+        scans = listed(scan)
         if twist is None and any(each.has_beam_times for each in scans):
             raise ValueError(
                 "the scan has time_offsets, but twist is missing: pass twist=(vx, vy, omega) [m/s, m/s, rad/s], the "

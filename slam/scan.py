@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,9 @@ class Scan:
     """Time of each beam after `stamp` [s], (beams,); None = all beams at once, or unknown."""
 
     def __post_init__(self) -> None:
+        for name in ("ranges", "angles"):
+            if not isinstance(getattr(self, name), np.ndarray):
+                raise TypeError(f"{name} must be a numpy array (beams,), got {type(getattr(self, name)).__name__}")
         if self.ranges.ndim != 1 or self.ranges.shape != self.angles.shape:
             raise ValueError(
                 f"ranges and angles must be (beams,) alike, got shapes {self.ranges.shape} and {self.angles.shape}"
@@ -71,3 +75,16 @@ class Scan:
         """Beams that saw nothing up to `range_max`, (beams,)."""
         mask: NDArray[np.bool_] = self.ranges >= self.range_max
         return mask
+
+
+def listed(scan: Scan | Sequence[Scan]) -> list[Scan]:
+    """One scan, or those of several lidars, as a list.
+
+    Raises:
+        TypeError: something else came.
+    """
+    scans = [scan] if isinstance(scan, Scan) else list(scan)
+    for each in scans:
+        if not isinstance(each, Scan):
+            raise TypeError(f"scan must be a slam.Scan, or several of them, got {type(scan).__name__}")
+    return scans

@@ -95,7 +95,7 @@ def write_comparison(run_directories: Sequence[str | os.PathLike[str]], out: str
         settings=_differing_settings(runs),
         paths=[*comparison_plots.path_plots(drawn), *comparison_plots.cost_plots(drawn)] if one_recording else [],
         plots=[] if one_recording else _curves(drawn),
-        reasons=[str(run.metric("reason") or "") for run in runs],
+        reasons=[_why_it_failed(run) for run in runs],
         maps=list(comparison_plots.map_plots(drawn)) if one_recording else _maps(drawn),
         differences=list(comparison_plots.difference_plots(drawn)) if one_recording else [],
         left_out=max(0, len(runs) - MAX_PICTURES),
@@ -114,6 +114,11 @@ def _names(runs: Sequence[RunFiles]) -> list[str]:
 
 def _severity(run: RunFiles) -> str:
     return OUTCOME_SENTENCES.get(str(run.metric("outcome")), ("", "none"))[1]
+
+
+def _why_it_failed(run: RunFiles) -> str:
+    """Why a run has no result, or one that counts as failed; empty for others."""
+    return str(run.metric("reason") or (run.metric("outcome_reason") if _severity(run) == "bad" else "") or "")
 
 
 def _failures(runs: Sequence[RunFiles]) -> str:
@@ -156,16 +161,21 @@ def _short(value: Any) -> str:
 def _result_row(
     measure: Measure, runs: Sequence[RunFiles], *, mark_best: bool
 ) -> tuple[str, list[tuple[str, bool]]] | None:
-    """Label and, for each run, the figure and whether it is the best; None where no run has it."""
+    """Label and, for each run, the figure and whether it is the best; None where no run has it.
+
+    A run that failed is never the best: the error of a path that ends early is small.
+    """
     values = [run.metric(measure.key) for run in runs]
-    known = [value for value in values if value is not None]
-    if not known:
+    if all(value is None for value in values):
         return None
     texts = ["–" if value is None else measure.number_format.format(measure.factor * value) for value in values]
+    in_race = [value is not None and _severity(run) != "bad" for value, run in zip(values, runs, strict=True)]
+    known = [value for value, counts in zip(values, in_race, strict=True) if counts]
+    if not (mark_best and measure.better != 0 and known and len(set(texts) - {"–"}) > 1):
+        return measure.label, [(text, False) for text in texts]
     best = min(known) if measure.better < 0 else max(known)
     best_text = measure.number_format.format(measure.factor * best)
-    distinct = mark_best and measure.better != 0 and len({text for text in texts if text != "–"}) > 1
-    return measure.label, [(text, distinct and text == best_text) for text in texts]
+    return measure.label, [(text, counts and text == best_text) for text, counts in zip(texts, in_race, strict=True)]
 
 
 def _differing_settings(runs: Sequence[RunFiles]) -> list[tuple[str, list[str]]]:

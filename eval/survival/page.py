@@ -16,7 +16,7 @@ from eval.files.atomic_write import atomic_write
 from eval.report.comparison_plots import colour_of
 from eval.report.page import Plot, render
 from eval.report.plots import STYLE, svg_uri
-from eval.survival.results import UNPERTURBED, Run, Scale, thresholds
+from eval.survival.results import UNPERTURBED, Run, Scale, fail_unperturbed, thresholds
 from eval.survival.threshold import LEVEL, Threshold
 from eval.sweep.systems_page import failures_text
 
@@ -39,7 +39,7 @@ def write_stress_page(
     """
     directory = Path(folder)
     found = thresholds(runs)
-    names = [name for name in scales if any(key[1] == name for key in found)]
+    names = [name for name in scales if any(run.perturbation == name for run in runs)]
     systems = list(dict.fromkeys(run.system for run in runs))
     rows = survival_rows(runs, {name: scales[name] for name in names})
     page = render(
@@ -57,9 +57,8 @@ def write_stress_page(
                 "Bars: up to the value at which half of the runs fail. Lines: its interval.",
             )
             for system in systems
-        ]
-        if names
-        else [],
+            if any(key[0] == system for key in found)
+        ],
         failures=_reasons(runs),
     )
     headings = ("perturbation", "unit", *systems)
@@ -79,8 +78,12 @@ def survival_rows(runs: Sequence[Run], scales: Mapping[str, Scale]) -> list[tupl
     systems = list(dict.fromkeys(run.system for run in runs))
     plain = [[run.has_failed for run in runs if (run.system, run.perturbation) == (s, UNPERTURBED)] for s in systems]
     rows = [("nothing", "failed runs", *(failures_text(sum(failed), len(failed)) for failed in plain))]
+    hopeless = fail_unperturbed(runs)
     for name, scale in scales.items():
-        cells = [threshold_text(found.get((system, name)), scale) for system in systems]
+        cells = [
+            "fails as they are" if system in hopeless else threshold_text(found.get((system, name)), scale)
+            for system in systems
+        ]
         rows.append((name, scale.unit, *cells))
     return rows
 

@@ -75,11 +75,21 @@ class Scale:
         return f"{self.value_at(severity):.3g}" if severity <= 1.0 else f"beyond {self.value_at(1.0):.3g}"
 
 
+def fail_unperturbed(runs: Sequence[Run]) -> set[str]:
+    """Systems that fail on all drives as they are."""
+    plain = [run for run in runs if run.perturbation == UNPERTURBED]
+    return {run.system for run in plain} - {run.system for run in plain if not run.has_failed}
+
+
 def thresholds(runs: Sequence[Run]) -> dict[tuple[str, str], Threshold]:
-    """Threshold of each system and perturbation, in the order of the runs."""
+    """Threshold of each system and perturbation, in the order of the runs.
+
+    A system that fails on all drives as they are has none: nothing is left to survive.
+    """
+    hopeless = fail_unperturbed(runs)
     groups: dict[tuple[str, str], ThresholdSearch] = {}
     for run in runs:
-        if run.severity is not None:
+        if run.severity is not None and run.system not in hopeless:
             group = groups.setdefault((run.system, run.perturbation), ThresholdSearch())
             group.add(run.severity, failed=run.has_failed)
     return {key: search.threshold for key, search in groups.items()}

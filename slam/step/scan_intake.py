@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam.config import FilterConfig, GateConfig
 from slam.motion.continuous_odometry import ContinuousOdometry
-from slam.scan import Scan
+from slam.scan import Scan, listed
 from slam.sensor.rays import BeamCounts, Rays, count_beams, make_rays
 
 
@@ -79,7 +79,7 @@ class ScanIntake:
             ValueError: the odometry or the twist is not three finite numbers.
         """
         given = checked_odometry(odometry, twist)
-        scans = [scan] if isinstance(scan, Scan) else list(scan)
+        scans = listed(scan)
         jumps = self._track.jumps
         now = self._track.update(scans[0].stamp, given)
         counts = count_beams(scans)

@@ -157,6 +157,8 @@ def find_system(text: str) -> SystemClass:
         return checked_class(text, getattr(importlib.import_module(module), name))
     if text in BUILT_IN_PROGRAMS:
         raise SystemsError(f"{text}: is a program, which has no class: expected it after --system")
+    if "{dataset}" in text:
+        raise SystemsError(f"{text!r}: is a command, which has no class: expected it after --system-command")
     points = {point.name: point for point in entry_points(group=GROUP)}
     if text in points:
         try:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slam import Scan
+from slam import FilterConfig, GMapping, Scan
 
 
 @pytest.mark.parametrize(
@@ -65,3 +65,16 @@ def test_a_lidar_without_largest_range_knows_infinity_as_no_return():
 def test_what_does_not_fit_together_is_named(change, message):
     with pytest.raises(ValueError, match=message):
         Scan(**({"ranges": np.zeros(3), "angles": np.zeros(3), "range_max": 1.0} | change))
+
+
+def test_lists_in_the_place_of_arrays_are_refused_by_name():
+    with pytest.raises(TypeError, match=r"^angles must be a numpy array \(beams,\), got list$"):
+        Scan(ranges=np.ones(2), angles=[0.0, 1.0], range_max=10.0)
+
+
+@pytest.mark.parametrize("given", [np.ones(3), [np.ones(3)]])
+def test_ranges_in_the_place_of_a_scan_are_refused_by_name(given):
+    mapper = GMapping(FilterConfig(particles=2), threads=1)
+    with pytest.raises(TypeError, match=r"^scan must be a slam.Scan, or several of them, got (ndarray|list)$"):
+        mapper.process(np.zeros(3), given)
+    assert mapper.scans == 0

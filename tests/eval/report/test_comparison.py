@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Several runs side by side: the better figure is marked, differing settings are found, failures are counted."""
 
+import json
 import re
 
 import numpy as np
@@ -37,6 +38,19 @@ def test_the_better_run_is_marked_and_what_is_unknown_is_a_dash(folder):
     assert "1 of 2 judged runs failed" in text
     # The same for all three, so no run is the best.
     assert not any("best" in cell for cell in cells(text, "memory [MB]"))
+
+
+def test_a_run_that_failed_is_never_the_best_and_says_why(folder, tmp_path):
+    """A path that ends early has small errors."""
+    short = write_run(tmp_path / "short")
+    metrics = json.loads((short / "metrics.json").read_text())
+    metrics["trajectory"]["ate_rmse_m"] = 1e-4
+    (short / "metrics.json").write_text(json.dumps(metrics | {"outcome": "lost", "outcome_reason": "spans 17%"}))
+    text = write_comparison([folder / "good", short], tmp_path / "c.html").read_text()
+    good, lost = cells(text, "trajectory error, rmse [cm]")
+    assert 'class="best"' in good
+    assert 'class="best"' not in lost
+    assert "spans 17%" in cells(text, "why it failed")[1]
 
 
 def test_only_settings_that_differ_are_listed(folder):

@@ -63,6 +63,15 @@ def test_rows_state_values_with_intervals_and_what_lies_beyond() -> None:
     assert askew[3].startswith("beyond 100 (")
 
 
+def test_a_system_that_fails_on_every_drive_as_it_is_survives_nothing(tmp_path: Path) -> None:
+    """It passes only where so few scans are left that it does not come to fail."""
+    runs = [*RUNS, run(0, outcome="failed", system="broken"), run(0, 0.9, "ok", "broken")]
+    assert set(thresholds(runs)) == set(thresholds(RUNS))
+    assert survival_rows(runs, SCALES)[1][4] == "fails as they are"
+    page = write_stress_page(tmp_path, runs, SCALES, about="On office.", command="testbed stress mine").read_text()
+    assert "What broken survives" not in page
+
+
 def test_the_page_holds_table_bars_and_an_example_of_a_failure(tmp_path: Path) -> None:
     page = write_stress_page(tmp_path, RUNS, SCALES, about="On office.", command="testbed stress mine").read_text()
     for text in ("On office.", "testbed stress mine", "because of lost", "What mine survives", "beyond 100"):

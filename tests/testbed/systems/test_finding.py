@@ -138,3 +138,8 @@ def test_a_system_whose_package_is_missing_says_how_to_get_it(monkeypatch):
     with pytest.raises(SystemsError, match=r"absent: needs nowhere_at_all: pip install 'slam-testbed\[absent\]'"):
         find_system("absent")
     assert next(s.missing for s in listed() if s.name == "absent") == "pip install 'slam-testbed[absent]'"
+
+
+def test_a_command_in_the_place_of_a_class_says_where_it_belongs():
+    with pytest.raises(SystemsError, match="is a command, which has no class: expected it after --system-command"):
+        find_system("./prog.sh {dataset} {out}")
