@@ -67,7 +67,9 @@ class MomentPictures:
         """Read the recording; raises ValueError that names it where it is none of a run."""
         self._recorded = Recorded(recording)
         if self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf) is None:
-            raise ValueError(f"{recording}: expected the recording of a run, with an estimated pose")
+            raise ValueError(
+                f"{recording}: moments are drawn of a run of the built-in filter; without --time it opens in the viewer"
+            )
         self._scene, self._words = MomentScene(self._recorded), MomentWords(self._recorded)
         self.end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]
 

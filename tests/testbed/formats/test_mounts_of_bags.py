@@ -51,6 +51,20 @@ def test_a_static_transform_that_is_sent_again_with_other_numbers_is_noted(tmp_p
     assert "the transform of laser is sent again with other numbers: the last one counts" in log.repairs
 
 
+def test_so_is_one_below_the_lidar_whose_frame_is_the_root_of_the_tree(tmp_path, messages):
+    (static,) = [message for topic, _, message in messages if topic == "/tf_static"]
+    upside = [
+        replace(mount, header=replace(mount.header, frame_id="laser"), child_frame_id="base_link")
+        for mount in static.transforms
+    ]
+    others = [m for m in messages if m[0] != "/tf_static"]
+    once = replace(static, transforms=upside[:1])
+    assert not open_log(bag(tmp_path / "once", [("/tf_static", 0, once), *others])).repairs
+    twice = [replace(upside[0], transform=_turned(upside[0]).transform), upside[0]]
+    log = open_log(bag(tmp_path / "twice", [("/tf_static", 0, replace(static, transforms=twice)), *others]))
+    assert "the transform of base_link is sent again with other numbers: the last one counts" in log.repairs
+
+
 def _turned(mount):
     turn = replace(mount.transform.rotation, x=0.0, y=0.0, z=1.0, w=0.0)
     return replace(mount, transform=replace(mount.transform, rotation=turn))

@@ -49,8 +49,9 @@ def complete_transforms(path: Path, content: BagContent, connections: list[Any],
         content.notes.append(f"the odometry names no child_frame_id: taken to be that of {robot}")
     if lidars and not all(content.transforms.leads(robot, lidar) for lidar in lidars):
         _find_mounts(content, robot, lidars)
-    above = {frame for lidar in lidars for frame in content.transforms.chain(lidar)}
-    for frame in sorted(content.transforms.changed & above):
+    up = {*content.transforms.chain(robot)}
+    between = {frame for lidar in lidars for frame in up ^ {*content.transforms.chain(lidar)}}
+    for frame in sorted(content.transforms.changed & between):
         content.notes.append(f"the transform of {frame} is sent again with other numbers: the last one counts")
 
 
