@@ -75,6 +75,7 @@ class GMapping:
         unknown, the motion within the scan then remains in it
 
         Raises:
+            TypeError: `scan` is neither a `Scan` nor several of them.
             ValueError: the odometry or the twist is not three finite numbers, or the map would grow beyond all
                 bounds; poses, weights and maps are then as they were before.
         """

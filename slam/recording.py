@@ -42,8 +42,9 @@ class Recording:
         """Process one scan, or the scans of several lidars at the same time, as `GMapping.process` does.
 
         Raises:
-            ValueError: what `GMapping.process` raises, and where a scan tells the times of its beams but `twist` is
-                None: without the velocity the motion within the scan would remain in it, unnoticed.
+            TypeError, ValueError: what `GMapping.process` raises.
+            ValueError: a scan tells the times of its beams but `twist` is None: without the velocity the motion within
+                the scan would remain in it, unnoticed.
         """
         scans = listed(scan)
         if twist is None and any(each.has_beam_times for each in scans):

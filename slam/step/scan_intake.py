@@ -76,6 +76,7 @@ class ScanIntake:
         one and the hits (K, 2) [m]; None = never
 
         Raises:
+            TypeError: `scan` is neither a `Scan` nor several of them.
             ValueError: the odometry or the twist is not three finite numbers.
         """
         given = checked_odometry(odometry, twist)

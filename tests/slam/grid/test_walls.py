@@ -58,8 +58,8 @@ def test_walls_are_the_same_from_all_sides(hits, turns, mirrored):
 
 @pytest.mark.parametrize(("noise", "most"), [(0.01, 0.003), (0.03, 0.005), (0.05, 0.02)])
 def test_walls_are_no_farther_than_they_are(noise, most):
-    """In a closed room walls too far out make scans fit best whose ranges are all too long: by 2 cm with a noise of
-    3 cm where the share of hits alone makes a wall."""
+    """In a closed room walls too far out make scans fit best whose ranges are all too long: by 0.3, 1.5 and 3 cm with
+    the noise of these cases [m] where the share of hits alone makes a wall."""
     rng = np.random.default_rng(5)
     maps, model = empty_maps(), make_beam_model(MatchConfig(), empty_maps().config)
 
