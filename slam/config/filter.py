@@ -23,7 +23,9 @@ class MapConfig:
     cell: float = 0.05
     """Side of a cell [m] (delta)."""
     occupied_share: float = 0.25
-    """A cell is a wall when at least this share of the beams that reached it ended in it (occ_thresh)."""
+    """A cell is drawn as occupied when at least this share of the beams that reached it ended in it (occ_thresh)."""
+    wall_share: float = 0.15
+    """The matcher takes a cell for a wall when at least this share did, and no cell beside it holds more end points."""
     usable_range: float = 80.0
     """Readings beyond this range are treated as no return [m] (maxUrange)."""
     free_range: float = 0.0
@@ -32,7 +34,7 @@ class MapConfig:
     """The matcher takes walls up to this distance from an end point into account [m]."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "cell", "occupied_share", "usable_range", "field_radius")
+        require_positive(self, "cell", "occupied_share", "wall_share", "usable_range", "field_radius")
         require_at_least(self, 0.0, "free_range")
 
 

@@ -64,13 +64,23 @@ def hits_of(word):
 
 
 @inlined
+def is_full(word):
+    """Whether one of the counts is as large as it can be."""
+    return ((word & VISITS) == VISITS) | (hits_of(word) == HITS)
+
+
+@inlined
+def halved(word):
+    """The counts word with both counts halved."""
+    visits, hits = (word & VISITS) >> np.uint32(1), hits_of(word) >> np.uint32(1)
+    return (hits << HIT_SHIFT) | visits
+
+
+@inlined
 def counted(word, hit):
     """The counts word after one more beam, a hit (1) or not (0); both counts are halved before either overflows."""
-    visits = word & VISITS
-    hits = hits_of(word)
-    if visits == VISITS or hits == HITS:
-        visits, hits = visits >> np.uint32(1), hits >> np.uint32(1)
-    return ((hits + np.uint32(hit)) << HIT_SHIFT) | (visits + np.uint32(1))
+    word = halved(word) if is_full(word) else np.uint32(word)
+    return word + (np.uint32(hit) << HIT_SHIFT) + np.uint32(1)
 
 
 @inlined

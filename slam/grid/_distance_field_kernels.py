@@ -36,9 +36,9 @@ def request_field_tiles(start, stop, grids, changes, radius, request):
 
 
 @kernel
-def integrate_scan_and_request_field_tiles(start, stop, grids, poses, rays, occupied_share, changes, radius, request):
+def integrate_scan_and_request_field_tiles(start, stop, grids, poses, rays, share, changes, radius, request):
     """Run `count_scan`, then `request_field_tiles`: one loop over the particles instead of two."""
-    count_scan(start, stop, grids, poses, rays, occupied_share, changes)
+    count_scan(start, stop, grids, poses, rays, share, changes)
     request_field_tiles(start, stop, grids, changes, radius, request)
 
 

@@ -14,8 +14,11 @@ from slam._jit import inlined, kernel
 from slam._planar_kernels import principal_axes
 from slam.grid._cell_kernels import (
     DIRECTION,
+    HITS,
     counted,
+    halved,
     hits_of,
+    is_full,
     mean_x,
     mean_y,
     packed,
@@ -94,8 +97,23 @@ def request_scan_tiles(start, stop, grids, poses, rays, crossed, ended):
         ended.count[particle] = count
 
 
+@inlined
+def fade_neighbours(table, counts, walls, cx, cy):
+    """Halve the counts of the cells beside a wall that is full and about to be halved, where they would outdo it then.
+
+    Other walls are left alone: along a wall many cells are full at a time, and each would halve the others.
+    """
+    for k in range(9):
+        x, y = cx - 1 + k % 3, cy - 1 + k // 3
+        tile, inside = tile_at(table, x, y), in_tile(x, y)
+        word = counts[tile, inside]
+        is_wall = (walls[tile, np.uint64(y & MASK)] >> np.uint32(x & MASK)) & np.uint32(1)
+        if is_wall == 0 and 2 * hits_of(word) > HITS:
+            counts[tile, inside] = halved(word)
+
+
 @kernel
-def count_hits(table, counts, surface_table, surface, segments, hit, passed, n):
+def count_hits(table, counts, walls, surface_table, surface, segments, hit, passed, n):
     """Count what happened in the last cell of each beam: a hit or a pass; hits move the cell's mean end point.
 
     As in `count_misses`; appends the cells of passes to passed from n on and returns the new number of entries.
@@ -104,6 +122,8 @@ def count_hits(table, counts, surface_table, surface, segments, hit, passed, n):
         x, y = segments[beam, 2], segments[beam, 3]
         cx, cy = int(x), int(y)
         tile, k = tile_at(table, cx, cy), in_tile(cx, cy)
+        if hit[beam] and is_full(counts[tile, k]):
+            fade_neighbours(table, counts, walls, cx, cy)
         word = counted(counts[tile, k], 1 if hit[beam] else 0)
         counts[tile, k] = word
         if hit[beam]:
@@ -192,10 +212,10 @@ def refresh_lines(table, walls, surface_table, surface, segments, hit):
 
 
 @kernel
-def count_scan(start, stop, grids, poses, rays, occupied_share, changes):
+def count_scan(start, stop, grids, poses, rays, share, changes):
     """Count one scan into the maps of particles [start, stop), each from its own pose; their tiles must be their own.
 
-    poses (particles, 3);  changes: `Changes`, overwritten
+    poses (particles, 3);  share: see `is_wall`;  changes: `Changes`, overwritten
     """
     counts, walls, surface, hit = grids.counts, grids.walls, grids.surface, rays.hit
     segments = np.empty((hit.shape[0], 4))
@@ -204,8 +224,8 @@ def count_scan(start, stop, grids, poses, rays, occupied_share, changes):
         table, surface_table = grids.table[particle], grids.surface_table[particle]
         rays_in_cells(grids, poses[particle], rays, segments)
         n = count_misses(table, counts, segments, passed)
-        n = count_hits(table, counts, surface_table, surface, segments, hit, passed, n)
+        n = count_hits(table, counts, walls, surface_table, surface, segments, hit, passed, n)
         changes.filled[particle] = flip_walls(
-            table, counts, walls, passed[:n], segments, hit, occupied_share, changes.cells[particle]
+            table, counts, walls, passed[:n], segments, hit, share, changes.cells[particle]
         )
         refresh_lines(table, walls, surface_table, surface, segments, hit)

@@ -138,7 +138,7 @@ class ParticleMaps:
         self._surface.copy_on_write(self.threads)
         room = 512 + 2 * len(rays.hit)
         changes = Changes(np.empty((particles, room), np.int64), np.zeros(particles, np.int64))
-        share, radius, near = self.config.occupied_share, self._offsets.radius, self._field.request
+        share, radius, near = self.config.wall_share, self._offsets.radius, self._field.request
         self.threads.run(
             integrate_scan_and_request_field_tiles, particles, self.grids, poses, rays, share, changes, radius, near
         )

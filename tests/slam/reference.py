@@ -58,7 +58,7 @@ class Map:
     """One grid map, without bound: cells by number (x, y)."""
 
     cell: float
-    occupied_share: float
+    wall_share: float
     radius: int
     cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
     _found: dict[tuple[int, int], tuple[int, int] | None] = field(default_factory=dict)
@@ -87,13 +87,13 @@ class Map:
             self.cells[place].normal = self.line_normal(place)
 
     def _is_wall(self, place):
-        """Whether enough beams end in a cell, and more than half as many as in the cells across any wall there."""
+        """Whether enough beams end in a cell, and as many as in the cells across any wall there."""
         cell = self.cells[place]
         outdone = 0
         for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
             sides = [(place[0] + dx, place[1] + dy), (place[0] - dx, place[1] - dy)]
-            outdone += any(2 * cell.hits < self.cells[at].hits for at in sides if at in self.cells)
-        return cell.hits > 0 and cell.hits >= self.occupied_share * cell.visits and outdone < 2
+            outdone += any(cell.hits < self.cells[at].hits for at in sides if at in self.cells)
+        return cell.hits > 0 and cell.hits >= self.wall_share * cell.visits and outdone < 2
 
     def _at(self, place):
         return self.cells.setdefault(place, Cell())

@@ -44,7 +44,7 @@ class ReferenceFilter:
         rng = np.random.default_rng(self.rng.bit_generator.state["state"]["state"])
         errors = math.sqrt(match.beam_weight) * rng.standard_normal((n, 3))
         self.particles = [
-            Particle(np.zeros(3), Map(grid.cell, grid.occupied_share, round(far / grid.cell)), -math.log(n), [], error)
+            Particle(np.zeros(3), Map(grid.cell, grid.wall_share, round(far / grid.cell)), -math.log(n), [], error)
             for error in errors
         ]
 

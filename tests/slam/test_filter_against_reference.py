@@ -44,7 +44,7 @@ def config_of(kind, when="ess", **match):
     return FilterConfig(
         particles=3,
         motion=MOTION,
-        map=MapConfig(cell=0.1, field_radius=0.4, occupied_share=0.25),
+        map=MapConfig(cell=0.1, field_radius=0.4, wall_share=0.25),
         match=replace(MATCH, **match),
         proposal=ProposalConfig(kind=kind, samples=20),
         resample=ResampleConfig(when=when, threshold=0.7, scheme="systematic"),

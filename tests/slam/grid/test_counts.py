@@ -18,7 +18,7 @@ from slam.grid._cell_kernels import (
     mean_y,
     with_end_point,
 )
-from slam.grid._wall_kernels import has_enough_hits
+from slam.grid._wall_kernels import has_enough_hits, is_wall
 from slam.matching._likelihood_kernels import NORMALS
 from tests.slam.rooms import counts_of, empty_maps, rays, word_at
 
@@ -113,8 +113,12 @@ def test_direction_of_a_straight_wall(angle):
     maps = empty_maps()
     for _ in range(2):  # directions are fitted to the walls that there are
         maps.integrate_scan(np.zeros((1, 3)), rays(points))
-    for point in points[50:-50:10]:
-        code = int(word_at(maps, "surface", point)) & 0xFF
+    grids = maps.grids
+    cells = np.floor(points[50:-50] / maps.config.cell).astype(int) - grids.corner
+    codes = [int(word_at(maps, "surface", point)) & 0xFF for point in points[50:-50]]
+    walls = [code for code, (x, y) in zip(codes, cells, strict=True) if is_wall(grids.table[0], grids.counts, x, y, 0.25)]
+    assert len(walls) > 100
+    for code in walls:
         assert code > 0
         assert abs(NORMALS[code] @ along) < math.sin(0.5 * math.pi / 255.0) + 0.004
 

@@ -75,7 +75,7 @@ def test_fields_of_a_drive_through_a_room(threads):
 
 
 def test_a_wall_that_is_seen_through_vanishes_and_comes_back():
-    maps = empty_maps(cell=0.1)
+    maps = empty_maps(cell=0.1, wall_share=0.25)
     here = np.zeros((1, 3))
     near, far = rays([(1.05, 0.05)]), rays([(2.05, 0.05)])
     seen = []
@@ -84,7 +84,7 @@ def test_a_wall_that_is_seen_through_vanishes_and_comes_back():
         row, column = -maps.grids.corner[1], 10 - maps.grids.corner[0]
         seen.append(bool(counts_of(maps)[2][row, column]))
         assert_fields_are_true(maps, 1, 4)
-    assert seen == [True, True, True, True, False, True]  # 1 of 4 still is the occupied share, 1 of 5 is not
+    assert seen == [True, True, True, True, False, True]  # 1 of 4 still is the share of a wall, 1 of 5 is not
 
 
 def test_more_changes_than_fit_the_list_are_made_up_for_by_later_scans():

@@ -31,10 +31,10 @@ SURE = MotionConfig(failure_share=0.0, jump_share=0.0)
 @pytest.fixture(scope="module")
 def room():
     """Maps of a few scans, as the filter and as the reference keeps them, and the hits of one more scan."""
-    maps = empty_maps(cell=0.05, occupied_share=0.25, field_radius=0.4)
-    naive = reference.Map(cell=0.05, occupied_share=0.25, radius=8)
+    maps = empty_maps(cell=0.05, wall_share=0.25, field_radius=0.4)
+    naive = reference.Map(cell=0.05, wall_share=0.25, radius=8)
     for truth in drive(3):
-        rays = make_rays([scan_at(truth, beams=90)], usable_range=80.0)
+        rays = make_rays([scan_at(truth, beams=360)], usable_range=80.0)
         maps.integrate_scan(truth[None], rays)
         naive.integrate_scan(truth, rays)
     last = drive(3)[-1]

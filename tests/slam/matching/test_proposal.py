@@ -46,7 +46,7 @@ def room():
     maps = empty_maps(cell=0.05, field_radius=0.4)
     path = drive(4)
     for truth in path[:4]:
-        maps.integrate_scan(truth[None], make_rays([scan_at(truth, beams=180)], usable_range=80.0))
+        maps.integrate_scan(truth[None], make_rays([scan_at(truth, beams=720)], usable_range=80.0))
     hits = make_rays([scan_at(path[4], beams=61)], usable_range=80.0).ends
     return maps.grids, path[4], np.ascontiguousarray(hits)
 
