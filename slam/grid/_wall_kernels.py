@@ -62,7 +62,8 @@ def flip_walls(table, counts, walls, passed, segments, hit, share, changes):
     passed (n,): cells with hits that beams have gone through, which may have ceased to be walls
     segments (beams, 4), hit (beams,): cells in which beams have ended; they may have become walls, and may outdo walls
     beside them
-    share: see `is_wall`;  changes (m,) out: cells that became a wall or ceased to be one, each once. Returns their number.
+    share: see `is_wall`;  changes (m,) out: cells that became a wall or ceased to be one, each once
+    Returns their number.
     """
     changed = 0
     for j in range(passed.shape[0]):

@@ -116,7 +116,9 @@ def test_direction_of_a_straight_wall(angle):
     grids = maps.grids
     cells = np.floor(points[50:-50] / maps.config.cell).astype(int) - grids.corner
     codes = [int(word_at(maps, "surface", point)) & 0xFF for point in points[50:-50]]
-    walls = [code for code, (x, y) in zip(codes, cells, strict=True) if is_wall(grids.table[0], grids.counts, x, y, 0.25)]
+    walls = [
+        code for code, (x, y) in zip(codes, cells, strict=True) if is_wall(grids.table[0], grids.counts, x, y, 0.25)
+    ]
     assert len(walls) > 100
     for code in walls:
         assert code > 0
