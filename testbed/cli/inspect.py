@@ -24,7 +24,7 @@ def inspect(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     reading: Annotated[Reading, Parameter(name="*")] = AS_STATED,
 ) -> None:
-    """Say what is in a recorded log, what of it is doubtful, and what the reader does about it.
+    """Report what a recorded log contains, what in it looks wrong, and what the reader does about it.
 
     Parameters
     ----------

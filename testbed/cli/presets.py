@@ -56,7 +56,7 @@ def show(name: str) -> None:
     results.print(table)
 
 
-@app.command
+@app.command(usage="Usage: testbed presets umbmark [OPTIONS] [ROBOT...]")
 def umbmark(*robot: str, runs: int = 20, seed: int = 0) -> None:
     """Measure the error of odometry after a square of 4 m in both directions (Borenstein's UMBmark).
 

@@ -50,7 +50,7 @@ def score(
     out: Path | None = None,
     fail_if: tuple[str, ...] = (),
 ) -> int:
-    """Score the trajectory and the map of any SLAM system with the measures of `testbed run`.
+    """Score the trajectory and the map of any SLAM system with the same measures as `testbed run`.
 
     The measures are printed as JSON, or written to --out.
 

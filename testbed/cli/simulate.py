@@ -68,8 +68,8 @@ class DatasetOptions:
     compress: Annotated[bool, Parameter(negative=())] = False
     """Pack the chunks of rosbag2 with zstd, those of rosbag1 with LZ4. The other formats do not change."""
     vary: tuple[str, ...] = ()
-    """KEY=A,B,C: the same drives with each of these values of lidar, beams, noise, clutter, odometry.… or layers.…; may
-    be repeated, for all combinations."""
+    """KEY=A,B,C: the same drives with each of these values of lidar, beams, noise, clutter, odometry.…, layers.… or
+    surface.…; may be repeated, for all combinations."""
     draw: tuple[str, ...] = ()
     """KEY=A,B: each dataset gets one of these values, each equally often in a world; KEY=LOW..HIGH: a random number
     from this range. Keys as for --vary, and robot; may be repeated."""
@@ -79,7 +79,7 @@ class DatasetOptions:
     """Address of a dask.distributed scheduler, such as tcp://host:8786, whose workers make the datasets; --out must be
     a directory that they share."""
     plan: Annotated[bool, Parameter(negative=())] = False
-    """Make nothing; print what the job will take in time and on disk, measured by some of its drives."""
+    """Make nothing; print what the job will take in time and on disk, measured on some of its drives."""
     title: str | None = None
     """Title of the card (README.md); default: that of the card that is there, at first the name of --out."""
     author: str | None = None

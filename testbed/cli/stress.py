@@ -52,7 +52,8 @@ class StressOptions:
     """A recorded log or dataset directory instead of worlds, with what is known of the truth where it does not hold
     that: LOG, LOG,relations=FILE or LOG,truth=FILE. May be repeated."""
     perturbations: str | None = None
-    """Names from docs/stress.md, separated by commas. Default: all."""
+    """Names, separated by commas: the options of `testbed perturb` without dashes, such as drop-scans,slip.
+    Default: all."""
     seeds: str = "5"
     """Number of seeds, from 0 on; or a list such as 0,1,2 or a range such as 0:10. Each is a drive in each world."""
     system_command: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()

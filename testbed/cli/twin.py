@@ -28,7 +28,7 @@ def twin(
     ----------
     log
         Recorded log, as for `testbed slam`, which is mapped first; or the directory of a run of `testbed slam`, whose
-        path and map are used: the settings of the estimator have no effect then.
+        path and map are used; the options of the filter then have no effect.
     out
         Directory for the twin.
     laser_offset

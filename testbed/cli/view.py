@@ -57,11 +57,11 @@ def view(
     paths
         Directories of runs or sweeps, datasets, or recorded logs.
     demo
-        Show a run of the world `office` that comes with the package: nothing has to be run before.
+        Show a finished run of the world `office` that comes with the package.
     time
-        Open the window at this time, in seconds since the first scan. A saved recording begins at its start and a web
-        page stands at its end: the time to move the cursor to is printed. A picture (--save x.png) shows this time; of
-        several times, separated by commas, each becomes a picture.
+        Open the window at this time, in seconds since the first scan. With --save x.png this moment is drawn; several
+        times, separated by commas, give several pictures. A saved recording opens at its start and a web page at its
+        end; the time to go to is printed.
     serve
         Serve the recordings to a web browser on this machine instead of opening a window.
     save

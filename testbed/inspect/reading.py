@@ -25,18 +25,18 @@ class Reading:
     range_max: float | None = None
     """Readings of at least this range are no returns [m]; default: stated or shown by the log."""
     time_offset: str | None = None
-    """The stamps of scans are this much later than those of odometry [s]; auto: estimated, and taken back where it is
-    significant. Default: 0; a note says where an offset is seen."""
+    """Seconds by which the stamps of scans are too late compared with odometry; they are subtracted. auto: estimate the
+    offset and correct it if it is significant. Default: 0; a note is printed if an offset is found."""
     mount_correction: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """X,Y,DEG: the lidar sits this much further ahead [m], left [m] and turned left [deg] than the log says."""
     slice: str | None = None
-    """LOW,HIGH: scans are made of the points of clouds (PointCloud2) between these heights above the robot's frame
+    """LOW,HIGH: scans are made from the points of clouds (PointCloud2) between these heights above the robot's frame
     [m]."""
 
     namespace: str | None = None
-    """Of a bag with several robots, the one whose topics and frames begin so, such as robot1."""
+    """For a bag with several robots: the prefix of the topics and frames to read, such as robot1."""
     topics: str | None = None
-    """Of a bag with several topics of a type, those that are read, such as /front/scan,/odom_raw."""
+    """For a bag with several topics of one type: the topics to read, such as /front/scan,/odom_raw."""
 
     def __post_init__(self) -> None:
         if self.time_offset is not None:

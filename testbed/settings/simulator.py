@@ -44,8 +44,9 @@ class SimulatorOptions:
     noise: float = 1.0
     """Factor on the random error of ranges."""
     route: Route = "fixed"
-    """fixed: the tour of the world, the same for every seed; random: the tour in another order, from another start, for
-    each seed; stops: to other stops for each seed, as far as the tour is long. Only for --driver tour."""
+    """fixed: every seed drives the tour of the world as it is; random: each seed drives the tour in another order, from
+    another start; stops: each seed drives to different stops, about as far as the tour is long. Only for --driver
+    tour."""
     start: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """Start as X,Y,DEG [m, deg] in the frame of the world or map; a tour is planned from there. Default: the start of
     the world."""
@@ -236,9 +237,9 @@ class FastSimulatorOptions(SimulatorOptions):
     """pybullet: physics and rays of PyBullet; fast: exact arcs and rays without physics; auto: PyBullet where it is
     installed, else fast."""
     route: Route | None = None  # type: ignore[assignment]  # settled before use
-    """stops: to other stops for each seed, as far as the tour is long; random: the tour in another order, from another
-    start, for each seed; fixed: the tour of the world, the same for every seed. Default: stops, but fixed with --driver
-    recorded."""
+    """stops: each seed drives to different stops, about as far as the tour is long; random: each seed drives the tour
+    in another order, from another start; fixed: every seed drives the tour as it is. Default: stops, but fixed with
+    --driver recorded."""
 
     def settled(self) -> FastSimulatorOptions:
         """Return the options with backend and route decided."""

@@ -116,7 +116,7 @@ _ROWS = (
     ),
     Perturbation(
         name="field-of-view", unit="degrees", harmless=270.0, hopeless=2.0, neutral=math.inf,
-        summary="Only N degrees of the field of view are left, about forward.",
+        summary="Only N degrees of the field of view are left, centred ahead.",
         apply=lambda frames, value, _: lidar.narrow_view(frames, value),
     ),
     Perturbation(
@@ -126,7 +126,7 @@ _ROWS = (
     ),
     Perturbation(
         name="dropout", unit="share of the beams", harmless=0.1, hopeless=0.998, scale="share",
-        summary="A share N of the beams of each scan is lost, others in each scan.",
+        summary="A share N of the beams of each scan is lost, different ones each time.",
         apply=lidar.lose_beams,
     ),
     Perturbation(
@@ -136,17 +136,17 @@ _ROWS = (
     ),
     Perturbation(
         name="drop-scans", unit="share of the scans", harmless=0.1, hopeless=0.998, scale="share",
-        summary="A share N of the scans is lost, each by chance.",
+        summary="Each scan is lost with probability N.",
         apply=lidar.drop_scans,
     ),
     Perturbation(
-        name="scan-gap", unit=f"s each {PERIOD:g} s", harmless=0.5, hopeless=PERIOD, most=PERIOD,
-        summary=f"No scan comes for N seconds, each {PERIOD:g} s.",
+        name="scan-gap", unit=f"s every {PERIOD:g} s", harmless=0.5, hopeless=PERIOD, most=PERIOD,
+        summary=f"No scan comes for N seconds, every {PERIOD:g} s.",
         apply=_repeated(perturbations.lose_scans),
     ),
     Perturbation(
         name="scan-period", unit="s", harmless=0.1, hopeless=60.0,
-        summary="Scans come no more often than each N seconds.",
+        summary="At most one scan comes every N seconds.",
         apply=lambda frames, value, _: perturbations.thin_scans(frames, value),
     ),
     Perturbation(
@@ -155,35 +155,34 @@ _ROWS = (
         apply=lambda frames, value, _: lidar.mount_askew(frames, value),
     ),
     Perturbation(
-        name="push", unit=f"s each {PERIOD:g} s", harmless=0.1, hopeless=15.0, most=1000.0,
-        summary=f"Each {PERIOD:g} s the robot is carried to where it would be N seconds later, and its wheels notice "
+        name="push", unit=f"s every {PERIOD:g} s", harmless=0.1, hopeless=15.0, most=1000.0,
+        summary=f"Every {PERIOD:g} s the robot is carried to where it would be N seconds later, and its wheels notice "
         "nothing.",
         apply=_push,
     ),
     Perturbation(
         name="odometry-noise", unit="times typical errors", harmless=0.3, hopeless=100.0,
-        summary="The wheels' errors of scale and chance are N times what the simulator calls typical, on top of what "
-        "there is.",
+        summary="Adds systematic and random odometry errors of N times the grade `typical`.",
         apply=wheels.add_odometry_noise,
     ),
     Perturbation(
-        name="slip", unit="slips a metre", harmless=0.01, hopeless=20.0, most=1000.0,
-        summary=f"One wheel spins ahead by {wheels.SLIP_DISTANCE:g} m on average, N times a metre.",
+        name="slip", unit="slips per metre", harmless=0.01, hopeless=20.0, most=1000.0,
+        summary=f"One wheel spins ahead by {wheels.SLIP_DISTANCE:g} m on average, N times per metre.",
         apply=wheels.slip_at_random,
     ),
     Perturbation(
-        name="spin", unit=f"degrees each {PERIOD:g} s", harmless=3.0, hopeless=180.0, most=180.0,
-        summary=f"The wheels spin and report a turn of N degrees that the robot does not make, each {PERIOD:g} s.",
+        name="spin", unit=f"degrees every {PERIOD:g} s", harmless=3.0, hopeless=180.0, most=180.0,
+        summary=f"The wheels spin and report a turn of N degrees that the robot does not make, every {PERIOD:g} s.",
         apply=_spin,
     ),
     Perturbation(
-        name="stuck-odometry", unit=f"s each {PERIOD:g} s", harmless=0.3, hopeless=PERIOD, most=PERIOD,
-        summary=f"The wheels' counters stand still for N seconds, each {PERIOD:g} s.",
+        name="stuck-odometry", unit=f"s every {PERIOD:g} s", harmless=0.3, hopeless=PERIOD, most=PERIOD,
+        summary=f"The wheels' counters stand still for N seconds, every {PERIOD:g} s.",
         apply=_repeated(perturbations.stop_odometry),
     ),
     Perturbation(
-        name="backward-odometry", unit=f"s each {PERIOD:g} s", harmless=0.3, hopeless=PERIOD, most=PERIOD,
-        summary=f"The wheels' counters count backward for N seconds, each {PERIOD:g} s.",
+        name="backward-odometry", unit=f"s every {PERIOD:g} s", harmless=0.3, hopeless=PERIOD, most=PERIOD,
+        summary=f"The wheels' counters count backward for N seconds, every {PERIOD:g} s.",
         apply=_repeated(perturbations.reverse_odometry),
     ),
     Perturbation(
@@ -193,12 +192,12 @@ _ROWS = (
     ),
     Perturbation(
         name="time-offset", unit="s", harmless=0.01, hopeless=10.0, most=60.0,
-        summary="Scans are stamped N seconds too late.",
+        summary="Scans are stamped N seconds too late (testbed slam --time-offset N corrects it).",
         apply=lambda frames, value, _: lidar.delay_stamps(frames, value),
     ),
     Perturbation(
         name="scan-distance", unit="m", harmless=0.1, hopeless=30.0,
-        summary="Scans come no more often than each N metres of the path that the wheels count.",
+        summary="At most one scan comes every N metres of the path that the wheels count.",
         apply=lambda frames, value, _: perturbations.space_scans(frames, value),
     ),
 )  # fmt: skip

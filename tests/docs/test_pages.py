@@ -24,8 +24,10 @@ PACKAGES = ("slam", "eval", "worlds", "testbed")
 ROOMS = (*PACKAGES, "tests", "tools", "docs")
 ENVIRONMENTS = {"testbed/Drive-v0", "testbed/Explore-v0"}
 PREFIXES = {"MAX_", "MIN_"}
-FOREIGN_OPTIONS = {"--extra", "--format", "--help", "--help-all", "--name-only", "--remap", "--runs"}
-"""Options of other programs (git, pip, ros2) and those that every program has."""
+FOREIGN_OPTIONS = {
+    "--extra", "--format", "--help", "--help-all", "--hypothesis-profile", "--name-only", "--remap", "--runs",
+}  # fmt: skip
+"""Options of other programs (git, pip, pytest, ros2) and those that every program has."""
 READ_FILES = {"convert", "gather", "inspect", "perturb", "report", "score", "slam", "twin", "view"}
 """Commands whose arguments are files or directories."""
 FOREIGN_WORDS = {

@@ -41,8 +41,8 @@ LEFT_OUT = 20
 """Of the times of the updates: the first ones load the kernels."""
 PUSHED_S = 6
 """By how many seconds of driving the robot is carried on for the picture of the self-check."""
-COLOURS = 64
-"""Of a picture of a page, which has few."""
+COLOURS = 256
+"""Of a picture of a page; with 64 two colours of a legend became one."""
 
 
 def main() -> None:

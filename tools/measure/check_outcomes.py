@@ -225,7 +225,7 @@ def table(judged: list[Case]) -> str:
     """Markdown table: one row for each label given, one column for each outcome found."""
     labels = ["ok", "drift", "broken loop", "lost"]
     counts = Counter((case.label, case.outcome.label) for case in judged)
-    lines = [f"| is \\ judged | {' | '.join(labels)} |", "|---|" + "---|" * len(labels)]
+    lines = [f"| label \\ outcome by the rules | {' | '.join(labels)} |", "|---|" + "---|" * len(labels)]
     lines += [
         f"| {label} | " + " | ".join(str(counts[label, found] or "") for found in labels) + " |" for label in labels
     ]

@@ -101,9 +101,9 @@ def page(
     parts = [
         f"{facts['runs']} runs of {facts['drives']} drives in {facts['worlds']} worlds; code version {facts['code']}. "
         f"The counts are compared with {model.max_count} particles.",
-        "Needed count of the middle one of the worlds with these features, the others at their medians [95 % "
-        "interval], and what 95 % of such worlds need; at last the share of the draws of the parameters in which the "
-        "middle world needs more with the high value than with the low one:",
+        "Median needed count for a low, a middle and a high value of one feature, with the other features at their "
+        "medians; in brackets its 95 % interval; *worlds* is the range that holds for 95 % of single worlds. Last "
+        "column: posterior probability that the high value needs more particles than the low one.",
         growth_table(model, predictors),
         "![How the needed count grows](pictures/needed_count.png)",
         f"Effects of worlds: standard deviation {model.holding_spread[0, 0]:.1f} on the log odds of holding, "
@@ -131,8 +131,8 @@ def calibration(found: list[HeldOut]) -> str:
         for share in (0.8, 0.95)
     ]
     return (
-        f"what was needed lies within {within[0]}, within {within[1]}. The count to start with, or the next one that "
-        f"was tested, was too small in {sum(world.is_too_small for world in found)} "
+        f"what was needed lies within {within[0]}, within {within[1]}. The recommended count, rounded up to a tested "
+        f"one, was too small in {sum(world.is_too_small for world in found)} "
         f"({sum(world.chance_too_small for world in found):.1f} expected). Mean squared error of the shares: "
         f"{own:.3f}; predicting each world by the mean of the others gives {constant:.3f}."
     )
@@ -153,7 +153,7 @@ def growth_table(model: NeededCount, predictors: np.ndarray) -> str:
 
 
 def with_intervals(model: NeededCount, at: np.ndarray, draws: np.ndarray) -> str:
-    """The needed count of the middle world, how well it is known, and what 95 % of such worlds need."""
+    """The median needed count, how well it is known, and what 95 % of such worlds need."""
 
     def text(count: float | None) -> str:
         return f"> {model.max_count}" if count is None or np.isinf(count) else f"{count:.0f}"
@@ -205,9 +205,9 @@ def held_out_table(held_out: list[HeldOut]) -> str:
         [
             "world",
             "drives",
-            *(f"{c}: predicted / observed" for c in counts),
-            "start with",
-            "needed: middle, 80 % range / observed",
+            *(f"share of runs that hold with {particles(c)}: predicted / observed" for c in counts),
+            "recommended count",
+            "needed count: median, 80 % range / observed",
         ]
     ]
 
@@ -219,8 +219,23 @@ def held_out_table(held_out: list[HeldOut]) -> str:
         middle, (low, high) = text(world.quantile(0.5)), map(text, world.range(0.8))
         reach = "" if low == high else f", {low} to {high}"
         needed = f"{middle}{reach} / {text(world.needed_observed)}"
-        rows.append([world.place, str(world.drives), *shares, text(world.start), needed])
+        rows.append([_short(world.place), str(world.drives), *shares, text(world.start), needed])
     return markdown(rows)
+
+
+def _short(place: str) -> str:
+    """`blocks 18x14, 1 loop, clutter 0` for `blocks-size18x14-loops1-clutter0-30`."""
+    kind, *arguments, _seed = place.split("-")
+    words = [kind]
+    for argument in arguments:
+        name, value = argument.rstrip("0123456789.x"), argument.lstrip("abcdefghijklmnopqrstuvwxyz")
+        if name == "size":
+            words[0] += f" {value}"
+        elif name == "loops":
+            words.append(f"{value} loop{'' if value == '1' else 's'}")
+        else:
+            words.append(f"{name} {value}")
+    return ", ".join(words)
 
 
 def markdown(rows: list[list[str]]) -> str:

@@ -4,7 +4,7 @@
 
     python -m tools.measure.twins DIR [--studies aces-10,intel-1] [--seeds 20]
 
-Writes: docs/datasets.md (twins), docs/datasets.md (wheels)
+Writes: docs/twins.md (twins), docs/twins.md (wheels)
 
 Prints: one line for each run; with --print the tables, too, and writes nothing
 
@@ -52,7 +52,7 @@ from testbed.twin.reconstruction import read_reconstruction
 from tools.measure.real_logs import CASES, settings
 from tools.pages import DOCS, write_table
 
-PAGE = DOCS / "datasets.md"
+PAGE = DOCS / "twins.md"
 MAPPED_BY = {"aces": 10, "intel": 2, "fr079": 2}
 """Particles of the run that the twin is made from: its final path is as accurate as with more."""
 RESAMPLES = 4000
@@ -333,12 +333,14 @@ def difference_of_rates(failed: int, runs: int, failed_others: int, others: int)
 
 
 def table_of_runs(rows: Sequence[Row]) -> str:
-    """Failures and errors of logs and twins, a line for each study."""
-    head = (
-        "| log | filter | failed: log | failed: twin | difference | median: log, by its relations | log, by its path | "
-        "twin | twin less log by its path | final pass: log | final pass: twin |"
-    )
-    lines = [head, "|---" * (head.count("|") - 1) + "|"]
+    """Two tables, a line for each study: failures of logs and twins, and their errors."""
+    failures = ["| log | filter | failed: log | failed: twin | difference |"]
+    errors = [
+        "| log | filter | log, by its relations | log, by its path | twin | twin minus log, by its path | final pass: "
+        "log | final pass: twin |"
+    ]
+    for lines in (failures, errors):
+        lines.append("|---" * (lines[0].count("|") - 1) + "|")
     for name in dict.fromkeys(row.study for row in rows):
         log, twin = ([r for r in rows if r.study == name and (r.source == "log") == is_log] for is_log in (True, False))
         limit = FAILED[STUDIES[name].log]
@@ -346,16 +348,17 @@ def table_of_runs(rows: Sequence[Row]) -> str:
         rate = difference_of_rates(failed_twin, len(twin), failed, len(log))
         by_path, of_twin = [r.own_by_path for r in log], [r.own for r in twin]
         refined = [np.nanmedian([r.refined for r in part]) for part in (log, twin)]
-        cells = [STUDIES[name].log, STUDIES[name].words]
-        cells += [failures_text(failed, len(log)), failures_text(failed_twin, len(twin))]
+        study = [STUDIES[name].log, STUDIES[name].words]
+        cells = [failures_text(failed, len(log)), failures_text(failed_twin, len(twin))]
         cells.append("{:+.0f} % [{:+.0f}, {:+.0f}]".format(*(100.0 * value for value in rate)))
-        cells += [median_text(values) for values in ([r.own for r in log], by_path, of_twin)]
+        failures.append("| " + " | ".join([*study, *cells]) + " |")
+        cells = [median_text(values) for values in ([r.own for r in log], by_path, of_twin)]
         difference = [100.0 * value for value in difference_of_medians(of_twin, by_path)]
         enough = min(len(log), len(twin)) >= min_values()
         cells.append(("{:+.1f} cm [{:+.1f}, {:+.1f}]" if enough else "{:+.1f} cm").format(*difference))
         cells += [f"{100.0 * value:.1f} cm" for value in refined]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        errors.append("| " + " | ".join([*study, *cells]) + " |")
+    return "\n".join([*failures, "", *errors])
 
 
 def median_text(errors: Sequence[float]) -> str:

@@ -21,7 +21,8 @@ app = App(
     name="testbed",
     help="A SLAM testbed: simulate a robot or read a log, map it with a particle filter, score the result.",
     help_epilogue="Begin with `testbed run office`, and open the report whose path it prints. `testbed view --demo` "
-    "shows a finished run at once. `testbed COMMAND --help` has examples that work when they are pasted.",
+    "shows a finished run at once. `testbed COMMAND --help` has examples to paste; words in CAPITALS stand for names "
+    "of your own.",
     version=lambda: version("slam-testbed"),
     config=apply_config_file,
     default_parameter=Parameter(negative_iterable=()),
@@ -30,11 +31,14 @@ app = App(
     suppress_keyboard_interrupt=False,
     result_action="return_value",
 )
+_ARGUMENTS = {"sweep": "[SPEC]", "view": "[PATHS]"}
+"""Arguments that may only stand without a name, as the line of usage calls them."""
 for _name, _help in HELP.items():
     if _name in ("datasets", "worlds", "presets", "systems"):
         app.command(f"testbed.cli.{_name}:app", name=_name, help=_help)
     else:
-        app.command(f"testbed.cli.{_name}:{_name}", name=_name, help=_help, help_epilogue="")
+        _usage = f"Usage: testbed {_name} [OPTIONS] {_ARGUMENTS[_name]}" if _name in _ARGUMENTS else None
+        app.command(f"testbed.cli.{_name}:{_name}", name=_name, help=_help, help_epilogue="", usage=_usage)
 
 
 def run_app(arguments: Sequence[str] | None) -> int:

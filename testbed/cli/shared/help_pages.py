@@ -57,7 +57,8 @@ class UsualOptions(AllOptions):
         hidden = len(panel.entries) - len(usual)
         if hidden:
             number = f"{hidden} more" if usual else f"the {hidden}"
-            usual.append(HelpEntry(positive_names=(ALL,), description=f"Shows {number} settings of this kind."))
+            words = f"{number} setting{'' if hidden == 1 else 's'} of this kind"
+            usual.append(HelpEntry(positive_names=(ALL,), description=f"Shows {words}."))
         super().__call__(console, options, panel.copy(entries=usual))
 
 

@@ -15,7 +15,8 @@ testbed run --config RUN/config.toml
 ```
 
 A robot drives a tour; the particle filter maps the world from its lidar and wheel odometry; map and trajectory are
-scored against the truth. A directory takes the results: report.html, recording.rrd, maps, trajectories, metrics.json.
+scored against the truth. Results are written to a directory: report.html, recording.rrd, maps, trajectories,
+metrics.json.
 """,
     "simulate": """Make recordings with known truth: simulated drives as ROS bags, CARMEN logs or tables.
 
@@ -29,8 +30,8 @@ testbed datasets info many
 ```
 
 Each dataset is a directory with the recording, its truth, the world, and a config.toml that makes it again byte for
-byte. Each seed drives to other stops. The same command continues a job that was cut off; a larger `--count` adds to it.
-Several datasets also get an index, a card (README.md) and a picture of the drives.
+byte. Each seed drives to different stops. The same command continues a job that was cut off; a larger `--count` adds to
+it. Several datasets also get an index, a card (README.md) and a picture of the drives.
 """,
     "datasets": """See how much is in a directory of datasets; list them in a table.
 
@@ -50,8 +51,8 @@ testbed slam LOG --relations RELATIONS
 testbed slam LOG --map MAP.yaml --start 1.5,-2,90
 ```
 
-The format is recognised from the content: CARMEN logs (plain or gzip), ROS 1 and ROS 2 bags, Parquet tables. A
-directory takes the results, as with `testbed run`.
+The format is recognised from the content: CARMEN logs (plain or gzip), ROS 1 and ROS 2 bags, Parquet tables. Results
+are written to a directory, as with `testbed run`.
 """,
     "twin": """Make a simulated twin of a recorded log, to drive it again with other seeds.
 
@@ -67,7 +68,7 @@ The log is mapped; the walls of the final map become a world, the refined path b
 the settings that the log shows: noise, scale errors, slips. The twin is a directory with world.toml, robot.toml,
 lidar.toml, commands.csv, off_wall.csv and the config.toml that `testbed run` and `testbed simulate` take.
 """,
-    "score": """Score the trajectory and map of any SLAM system by the measures of `testbed run`.
+    "score": """Score the trajectory and map of any SLAM system with the same measures as `testbed run`.
 
 ```
 testbed run office --out first
@@ -117,7 +118,7 @@ testbed view --demo --time 60 --save moment.png
 testbed view RUN
 ```
 """,
-    "inspect": """See what is in a recorded log, and what of it is doubtful.
+    "inspect": """See what a recorded log contains, and what in it looks wrong.
 
 ```
 testbed simulate office --out data

@@ -39,7 +39,7 @@ class SweepOptions:
     """What is to be computed: a preset or flags. Flags override a file and a preset."""
 
     preset: str | None = None
-    """Specification in the package: particles, experiment, experiment-long, gate."""
+    """Specification in the package: particles, experiment, experiment-long, experiment-test, gate."""
     worlds: str | None = None
     """Worlds, separated by commas; generated:rooms*20 stands for 20 generated worlds. No default: worlds, --preset, a
     file, or the --out of a sweep is needed."""
@@ -61,24 +61,25 @@ class SweepOptions:
     the larger counts. Default: 10%,5mm."""
     refine: Literal["ends", "all", "none"] | None = None
     """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
-    all where the measure needs it."""
+    all if --measure is one of the final pass."""
     until: Literal["decided", "smallest"] | None = None
     """decided: look at the results after every 8 seeds, and add seeds only where the answer is open and can still be
     found, up to --seeds (default: 40). smallest: where a count is enough, go on until it is known whether a smaller one
-    is too. All looks together keep 95 %."""
+    is too. The confidence over all looks together is 95 %."""
     give_up: str | None = None
     """Worlds or logs that get no more seeds with --until, separated by commas; none: all get them again. What
     is computed stays, and no answer becomes wrong by it."""
     filter: str | None = None
-    """Filter presets, such as paper or gmapping, separated by commas: each is a line next to the default settings."""
+    """Filter presets, such as paper or gmapping, separated by commas: each adds a curve to the plots, next to that of
+    the default settings."""
     system: str | None = None
-    """SLAM systems (`testbed systems list`) or FILE.py:CLASS, separated by commas: each is a line, and all see the same
-    data, and each is compared with the first: name the baseline first, as in odometry,FILE.py:CLASS. --particles is
-    then one count, which only the filter of this package takes. Default: 30."""
+    """SLAM systems (`testbed systems list`) or FILE.py:CLASS, separated by commas: each adds a curve to the plots. All
+    see the same data, and each is compared with the first: name the baseline first, as in odometry,FILE.py:CLASS.
+    --particles is then one count, which only the filter of this package takes. Default: 30."""
     system_command: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """A program as a system, such as 'my_slam {dataset} {out}', see docs/systems.md. May be repeated."""
     axis: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
-    """NAME=VALUE,VALUE: a setting with several values; each is one line of the plots. May be repeated."""
+    """NAME=VALUE,VALUE: a setting with several values; each adds a curve to the plots. May be repeated."""
     set: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME=VALUE: a setting of all runs. May be repeated."""
 

@@ -51,7 +51,7 @@ def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
 
 
 def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion) -> str:
-    """The sweep that checks a suggestion for a world by the same margin: half of the count of the middle one, it, the
+    """The sweep that checks a suggestion for a world by the same margin: half of the median count, it, the
     count to start with, and as many as it is compared with."""
     count = suggestion.needed or suggestion.largest
     counts = sorted({max(1, count // 2), count, suggestion.start, max(suggestion.largest, 2 * count)})
@@ -74,7 +74,7 @@ def sentences(suggestion: Suggestion) -> list[str]:
     else:
         lines = [
             f"{suggestion.name}: start with {particles(start)}, enough in {of_ten(suggestion.chance)} worlds like it.",
-            f"Of such worlds the middle one needs {suggestion.needed}; 95 % of them need between {low} and {high}.",
+            f"The median world of this kind needs {suggestion.needed}; 95 % of them need between {low} and {high}.",
             f"Enough: an error at most 10 % above that with {suggestion.largest}, and at most 10 % more runs that end "
             f"lost or with a broken loop. (Expected to end neither lost nor so: {100.0 * suggestion.holds:.0f} % of "
             f"the runs with {start}, {100.0 * suggestion.largest_holds:.0f} % with {suggestion.largest}.)",
@@ -89,13 +89,13 @@ def sentences(suggestion: Suggestion) -> list[str]:
         f"{suggestion.name} is outside of what was measured, so this is an extrapolation: {words}."
         for words in suggestion.outside
     ]
-    lines.append(f"Why the middle one needs {_count_words(suggestion, suggestion.needed)}:")
+    lines.append(f"Why the median world needs {_count_words(suggestion, suggestion.needed)}:")
     return lines + [_why(suggestion, reason) for reason in suggestion.reasons]
 
 
 def _why(suggestion: Suggestion, reason: Reason) -> str:
-    """A reason with the count that the middle world would need without it, or that the experiment does not show it."""
-    usual = f"a world with {reason.usual}, the middle of those tested,"
+    """A reason with the count that the median world would need without it, or that the experiment does not show it."""
+    usual = f"a world with {reason.usual}, the median of those tested,"
     if not reason.is_shown:
         return f"  {reason.words} (that this matters is not shown by the experiment)"
     if reason.needed_if_usual == suggestion.needed:

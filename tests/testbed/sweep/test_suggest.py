@@ -56,12 +56,12 @@ def reasons_of(found):
 def test_a_reason_says_what_it_compares_with(tmp_path):
     found = suggest("ring", EASY | {"longest_unknown_m": 256.0}, model())
     head, reasons = reasons_of(found)
-    assert head == f"Why the middle one needs {found.needed}:"
-    middle = "a world with 16 m, the middle of those tested, would need"
+    assert head == f"Why the median world needs {found.needed}:"
+    middle = "a world with 16 m, the median of those tested, would need"
     assert reasons["longest"] == f"({middle} 1 instead of {found.needed})"
     assert reasons_of(suggest("ring", EASY, model()))[1]["longest"] == f"({middle} as many)"
     hopeless = suggest("desert", EASY | {"longest_unknown_m": 4096.0}, model())
-    assert reasons_of(hopeless)[0] == "Why the middle one needs more than 64:"
+    assert reasons_of(hopeless)[0] == "Why the median world needs more than 64:"
     assert reasons_of(hopeless)[1]["longest"] == f"({middle} 1 instead of more than 64)"
 
 
@@ -102,7 +102,7 @@ def test_what_the_experiment_did_not_cover_is_named():
     assert not any("outside of" in line for line in sentences(inside))
     assert sentences(inside)[:2] == [
         "x: start with 1 particle, enough in nearly all worlds like it.",
-        "Of such worlds the middle one needs 1; 95 % of them need between 1 and 1.",
+        "The median world of this kind needs 1; 95 % of them need between 1 and 1.",
     ]
 
 
