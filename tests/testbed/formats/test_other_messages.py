@@ -63,6 +63,14 @@ def test_of_several_echoes_the_first_counts(tmp_path, messages, sound):
     np.testing.assert_array_equal(log.table.patterns[0].angles, sound.patterns[0].angles)
 
 
+def test_an_echo_that_is_no_number_is_none(tmp_path, messages, sound):
+    def change(name, message):
+        return with_echoes(message, lambda value: [np.nan, value]) if name == "/scan" else message
+
+    log = open_log(bag(tmp_path / "bag", [(name, time, change(name, m)) for name, time, m in messages]))
+    np.testing.assert_array_equal(log.table.ranges, sound.ranges)
+
+
 def test_a_direction_without_an_echo_is_unknown(tmp_path, messages, sound):
     def change(name, message):
         return with_echoes(message, lambda value: [value] if value < 3.0 else []) if name == "/scan" else message
