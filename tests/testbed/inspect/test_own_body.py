@@ -52,6 +52,18 @@ def test_walls_at_the_side_of_a_robot_that_hardly_turns_are_left_alone():
     assert without_own_body(log) is log
 
 
+def test_readings_that_differ_by_heading_are_no_body():
+    """A wall near by on one side of the room: half of the headings see it at the one distance, half at another."""
+    log = drive("office")
+    north = np.sin(log.table.odometry[log.table.scan_rows, 2]) > 0.0
+
+    def put(ranges):
+        ranges[:, POST] = np.where(north, 0.25, 0.4)[:, None]
+
+    log = with_readings(log, put)
+    assert without_own_body(log) is log
+
+
 def test_a_lidar_that_has_stopped_is_no_body():
     def stop(ranges):
         ranges[:] = 0.5

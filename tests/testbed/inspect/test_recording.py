@@ -66,7 +66,7 @@ def test_readings_beyond_the_limits_are_doubted(log, limits, words):
 
 
 def test_one_value_beyond_the_limits_is_a_drivers_way_to_say_nothing(log):
-    ranges = np.where(np.isfinite(log.table.ranges) & (log.table.ranges < 3.0), log.table.ranges, 65.533)
+    ranges = np.where(np.isfinite(log.table.ranges) & (log.table.ranges < 3.0), log.table.ranges, 16.383)
     limits = np.tile((0.2, 3.0), (len(log.table.scan_rows), 1))
     assert doubts(with_table(log, ranges=ranges, range_limits=limits)) == {}
 
