@@ -65,6 +65,14 @@ def test_readings_beyond_the_limits_are_doubted(log, limits, words):
     assert words in doubt.found
 
 
+@pytest.mark.parametrize(("change", "words"), [(1000.0, "e+03 m for each m"), (0.0, "0 m for each m")])
+def test_truth_that_goes_another_way_than_the_robot_is_doubted(log, change, words):
+    """In millimetres, or of an object that stands."""
+    (doubt,) = doubts(with_table(log, truth=log.table.truth * [change, change, 1.0])).values()
+    assert doubt.item == "truth"
+    assert words in doubt.found
+
+
 def test_one_value_beyond_the_limits_is_a_drivers_way_to_say_nothing(log):
     ranges = np.where(np.isfinite(log.table.ranges) & (log.table.ranges < 3.0), log.table.ranges, 16.383)
     limits = np.tile((0.2, 3.0), (len(log.table.scan_rows), 1))
