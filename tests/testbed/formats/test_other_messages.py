@@ -130,7 +130,7 @@ def test_in_a_gap_of_the_truth_it_is_unknown(tmp_path, messages, sound):
     known = np.isfinite(log.table.truth).all(axis=1)
     assert 0.2 < np.mean(np.isfinite(sound.truth).all(axis=1) & ~known) < 0.3
     np.testing.assert_allclose(log.table.truth[known], sound.truth[known], atol=1e-9)
-    assert any("the truth is unknown in 1 of its gaps, of up to 1.0" in note for note in log.notes)
+    assert any("the truth is unknown in 1 of its gaps, of up to 1." in note for note in log.notes)
 
 
 @pytest.mark.parametrize(("every", "is_used"), [(5, True), (1, False)])
