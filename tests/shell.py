@@ -17,6 +17,11 @@ AT_A_TERMINAL = [
 """The same, for tests of Ctrl-C: in the background of a shell, as these tests may run, programs ignore it."""
 
 
+def without_waiting(errors: str) -> list[str]:
+    """The lines of stderr without those that a busy machine adds while a command is silent."""
+    return [line for line in errors.splitlines() if not line.endswith(" s so far")]
+
+
 def call(*arguments: object) -> int:
     """Exit status of `testbed` with these arguments."""
     with pytest.raises(SystemExit) as end:

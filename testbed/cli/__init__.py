@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from io import TextIOWrapper
 
+from testbed.cli.shared.at_work import AT_WORK, say_on_stderr
 from testbed.cli.shared.status import INTERRUPTED
 from testbed.run.interruption import signals_end_process, signals_interrupt
 
@@ -21,9 +23,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # an ASCII terminal must not end a run
     try:
-        with signals_interrupt():
+        with signals_interrupt(), AT_WORK.watched(say_on_stderr) if arguments is None else nullcontext():
             from testbed.cli.shared.app import run_app
 
+            AT_WORK.now_doing("at work")
             status = run_app(arguments)
     except KeyboardInterrupt:
         sys.stderr.write("testbed: interrupted\n")

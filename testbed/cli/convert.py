@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import console
 from testbed.formats.write import HOLDS, LogFormat, parts_of, write_log
 from testbed.inspect import AS_STATED, Reading
@@ -36,8 +37,10 @@ def convert(
     """
     if out.exists():  # complain before a large log is read
         raise ValueError(f"{out}: exists; choose another name")
-    read = reading.open(log, scans_needed=False)
-    write_log(out, read, to)
+    with AT_WORK.doing(f"reading {log}"):
+        read = reading.open(log, scans_needed=False)
+    with AT_WORK.doing(f"writing {out}"):
+        write_log(out, read, to)
     for note in read.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
     if lost := sorted(parts_of(read) - HOLDS[to]):

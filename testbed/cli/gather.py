@@ -10,6 +10,7 @@ from eval.sweep.report import write_sweep_report
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import worst_runs
 from eval.sweep.systems_page import write_systems_page
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
 from testbed.cli.shared.status import GATE_FAILED
 from testbed.cli.shared.sweep_answers import say_answers, say_systems
@@ -39,6 +40,7 @@ def gather(sweep: Path, /, *, worst: bool = True) -> int:
 
 def gather_and_report(directory: SweepDirectory, *, worst: bool, lists_missing: bool = True) -> int:
     """Write tables and report, list the jobs without a result, return the exit status."""
+    AT_WORK.now_doing("gathering the results")
     gathered = gather_tables(directory, statuses(directory))
     for cell, reason in gathered.failed[:MAX_NAMED]:
         console.print(f"failed: {cell}: {reason}", soft_wrap=True, markup=False)
@@ -53,6 +55,7 @@ def gather_and_report(directory: SweepDirectory, *, worst: bool, lists_missing: 
         _rerun_worst(directory)
     if gathered.done:
         console.print("writing the report …")
+        AT_WORK.now_doing("writing the report")
         say = partial(results.print, soft_wrap=True, markup=False)
         if directory.manifest.spec.names_systems:
             page = write_systems_page(directory.path).resolve()

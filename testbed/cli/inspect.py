@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import results
 from testbed.inspect import AS_STATED, Finding, Reading, inspect_log
 
@@ -33,7 +34,10 @@ def inspect(
     as_json
         Print the findings as JSON: a list of item, found, verdict and action.
     """
-    findings = inspect_log(reading.open(log, scans_needed=False))
+    with AT_WORK.doing(f"reading {log}"):
+        recording = reading.open(log, scans_needed=False)
+    with AT_WORK.doing(f"inspecting {log}"):
+        findings = inspect_log(recording)
     if as_json:
         results.print(json.dumps([finding._asdict() for finding in findings], indent=2), markup=False)
         return

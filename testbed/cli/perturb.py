@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from eval.files.tum import read_tum
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import console
 from testbed.datasets.perturbed import write_changed_log
 from testbed.datasets.simulated import DatasetFormat
@@ -86,7 +87,8 @@ def perturb(
     seeds = RunSeeds.from_seed(seed)
     if out.exists():  # complain before a large log is read
         raise ValueError(f"{out}: exists; choose another name")
-    read = Reading(laser_offset=laser_offset, range_max=range_max).open(log)
+    with AT_WORK.doing(f"reading {log}"):
+        read = Reading(laser_offset=laser_offset, range_max=range_max).open(log)
     table = read.table if truth is None else attach_truth(read.table, read_tum(truth))
     frames = perturbed(table.frames(), chosen, seeds.perturbation)
     changed = Log.from_frames(
@@ -94,7 +96,8 @@ def perturb(
     )
     to = to or ("parquet" if read.format == "Parquet table" else "rosbag2")
     command = _command(log, out, seed, truth, to, laser_offset, range_max, chosen)
-    write_changed_log(out, changed, log, {"perturbed": {"command": command, "seed": seed, "values": chosen}}, to)
+    with AT_WORK.doing(f"writing {out}"):
+        write_changed_log(out, changed, log, {"perturbed": {"command": command, "seed": seed, "values": chosen}}, to)
     for note in read.notes:
         console.print(f"{log}: {note}", soft_wrap=True)
     words = ", ".join(f"{name} {value:g} {PERTURBATIONS[name].unit}" for name, value in chosen.items())

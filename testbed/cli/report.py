@@ -8,6 +8,7 @@ from pathlib import Path
 from eval.files.atomic_write import discard_unfinished
 from eval.report.comparison import write_comparison
 from eval.report.run_report import write_report
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import console, results
 from testbed.views import moments_for_report
 
@@ -24,6 +25,7 @@ def report(runs: list[Path], /, *, out: Path = Path("comparison.html")) -> None:
     out
         File for the comparison.
     """
+    AT_WORK.now_doing("writing the report")
     for run in runs:
         discard_unfinished(run / "report.html")
         if (run / "metrics.json").is_file() and not (run / "report.html").is_file():

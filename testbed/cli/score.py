@@ -28,6 +28,7 @@ from eval.trajectory.relations import read_relations
 from eval.trajectory.trajectory import Trajectory
 from slam.config import MapConfig
 from slam.sensor.rays import make_rays
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import console, results
 from testbed.cli.shared.status import GATE_FAILED
 from testbed.cli.shared.summary import headline_table
@@ -77,6 +78,7 @@ def score(
     if out is not None and (out / "config.toml").exists():
         raise ValueError(f"{out}: holds a run, whose files would be replaced; choose another --out")
     offset = _time_offset(time_offset)
+    AT_WORK.now_doing(f"scoring {trajectory}")
     metrics = score_files(
         dataset,
         trajectory,

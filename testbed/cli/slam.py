@@ -17,6 +17,7 @@ from eval.scoring import Reference
 from eval.trajectory.relations import read_relations
 from slam.config import LocalizationConfig
 from slam.occupancy import OccupancyGrid
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import console
 from testbed.cli.shared.finish import run_and_report
 from testbed.cli.shared.output import OUTPUT, OutputOptions
@@ -102,9 +103,11 @@ def slam(
                 "--map: none of the systems has a setting `map`, expected --system localization among them"
             )
         systems.check_other_options(output)
-    recording = reading.open(log)
+    with AT_WORK.doing(f"reading {log}"):
+        recording = reading.open(log)
     truth_map = _truth_map(log)
-    known = known_map.read(truth_map)
+    with AT_WORK.doing(f"reading {known_map.map}"):
+        known = known_map.read(truth_map)
     known_relations = None if relations is None else read_relations(relations)
     table = recording.table if truth is None else attach_truth(recording.table, read_tum(truth))
     settings = {
@@ -116,7 +119,8 @@ def slam(
         **estimator.settings(),
         **systems.settings(),
     }
-    findings = inspect_log(recording)
+    with AT_WORK.doing(f"inspecting {log}"):
+        findings = inspect_log(recording)
     inputs = [path for path in (log, relations, truth, *known_map.files) if path is not None and path.is_file()]
     document = config_document(settings, inputs)
     document["log"] = {"format": recording.format, "notes": list(recording.notes)}

@@ -15,6 +15,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from eval.sweep.job_times import REPORT_SECONDS, duration_words
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.cli.shared.output import FLAG
 from testbed.cli.shared.status import INTERRUPTED
@@ -232,6 +233,7 @@ class StressProgress:
         if not isinstance(event, Finished):
             return
         self._done += 1
+        AT_WORK.now_doing(self._line)
         if isinstance(event.outcome, CellResult):
             self._computed += 1
             self._seconds += event.outcome.timing.get("cell_s") or 0.0

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
 from testbed.formats import open_log
 from testbed.seeds import RunSeeds
@@ -53,6 +54,7 @@ def _source(
     """Read the run, or map the log."""
     if (log / "metrics.json").is_file():
         return read_reconstruction(log)
+    AT_WORK.now_doing(f"reading {log}")
     recording = open_log(log, laser_offset=laser_offset, range_max=range_max)
     announce_compilation()
     with progress_line() as watcher:

@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from rich.table import Table
 
 from eval.files.atomic_write import atomic_write
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import announce_world, console, results
 from worlds import World, catalogue, dumps, generate, import_map_with_notes, load, true_map
 from worlds.generation.generators import Kind
@@ -49,6 +50,7 @@ def show(world: str, *, out: Path | None = None, overwrite: bool = False) -> Non
     overwrite
         Replace an existing picture.
     """
+    AT_WORK.now_doing(f"drawing {world}")
     loaded = load(world)
     out = out or Path(f"{loaded.name}.png")
     if out.exists() and not overwrite:
@@ -113,8 +115,9 @@ def import_world(map_: Annotated[Path, Parameter(name="map")], *, out: Path) -> 
     out
         TOML file for the world.
     """
-    world, notes = import_map_with_notes(map_)
-    _write(world, out)
+    with AT_WORK.doing(f"importing {map_}"):
+        world, notes = import_map_with_notes(map_)
+        _write(world, out)
     for note in notes:
         console.print(f"note: {note}", soft_wrap=True)
 

@@ -23,7 +23,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.estimation.known_map import KnownMap
-from testbed.estimation.starting_path import likelier, starting_path_note, what_is_lacking
+from testbed.estimation.starting_path import likelier, starting_path_note, what_is_lacking, with_more_rounds
 from testbed.frame import Frame
 from testbed.run.estimate import Estimate
 from testbed.run.frame_store import FrameStore
@@ -135,15 +135,18 @@ class Estimation:
     def refined(self, estimate: Estimate, watch: Watch = unwatched) -> Estimate:
         """Return the estimate after the final pass over all frames, see `slam.refinement.refine`.
 
-        Where the sensors see too little to carry a map, it is also made from the odometry's path (`starting_path`).
+        Where the sensors see too little to carry a map, it is also made from the odometry's path, and both with more
+        rounds (`starting_path`).
         watch: is told how far the pass has come, and may end it early
         """
-        result, notes = self._refine(estimate.dense.poses, watch), []
-        if result.rounds < self.config.refine.rounds:
-            notes.append(f"final pass: ended by hand after {result.rounds} of {self.config.refine.rounds} rounds")
-        elif lacking := what_is_lacking(self.frames, self.config):
+        lacking = what_is_lacking(self.frames, self.config)
+        config = with_more_rounds(self.config) if lacking else self.config
+        result, notes = self._refine(estimate.dense.poses, config, watch), []
+        if result.rounds < config.refine.rounds:
+            notes.append(f"final pass: ended by hand after {result.rounds} of {config.refine.rounds} rounds")
+        elif lacking:
             by_odometry = se2.compose(estimate.dense.poses[0], se2.between(self.odometry[0], self.odometry))
-            results = result, self._refine(by_odometry, watch)
+            results = result, self._refine(by_odometry, config, watch)
             updates = estimate.scan_frames[np.asarray(self.mapper.update_scans)]
             chosen = likelier(results, self.frames, updates, self.config)
             result = results[chosen]
@@ -159,13 +162,13 @@ class Estimation:
             notes=tuple(notes),
         )
 
-    def _refine(self, path: Pose, watch: Watch) -> Refined:
+    def _refine(self, path: Pose, config: FilterConfig, watch: Watch) -> Refined:
         """Make the final pass from a path (frames, 3)."""
         return refine(
             self.odometry,
             self.frames.scans,
             path,
-            self.config,
+            config,
             twists=[frame.twist for frame in self.frames],
             stamps=self.stamps,
             threads=self.threads,

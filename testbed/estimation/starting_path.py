@@ -5,16 +5,22 @@ Where a scan says nothing, the filter's particles spread as far as its motion mo
 odometries err in a step, and the best of them is a random walk. The final pass estimates how far the odometry errs;
 from the odometry's path it comes near the truth, from a random walk it does not. It is therefore made from both, and
 the one counts under which scans and odometry together are likelier.
+
+How far the odometry errs is found by expectation maximisation, one step a round, and slowly where scans say little: of
+a lidar with a reach of 1 m the variance of the heading stands at 0.47 of the motion model's after 6 rounds, at 0.12
+after 24, where the truth is 0.05. So the pass is given more rounds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.config import FilterConfig
+from slam.config.refinement import MAX_ROUNDS
 from slam.diagnosis.path_check import left_out_score
 from slam.refinement import Refined
 from slam.scan import Scan
@@ -22,6 +28,8 @@ from slam.sensor.rays import make_rays
 from testbed.frame import Frame
 from testbed.weak_sensors import shortcomings, view_of
 
+MORE_ROUNDS = 4
+"""So many times as many rounds of the final pass are made for such sensors."""
 NO_SCAN = Scan(ranges=np.empty(0), angles=np.empty(0), range_max=1.0, stamp=0.0)
 
 
@@ -36,6 +44,12 @@ def what_is_lacking(frames: Sequence[Frame], config: FilterConfig) -> list[str]:
         for scan in scans.values()
     ]
     return min(lacking, key=len, default=[])
+
+
+def with_more_rounds(config: FilterConfig) -> FilterConfig:
+    """The settings with as many rounds of the final pass as such sensors need."""
+    rounds = min(MORE_ROUNDS * config.refine.rounds, MAX_ROUNDS)
+    return replace(config, refine=replace(config.refine, rounds=rounds))
 
 
 def starting_path_note(lacking: Sequence[str], *, from_odometry: bool) -> str:

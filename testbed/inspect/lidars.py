@@ -19,6 +19,8 @@ MAX_TYPICAL = 60.0
 """Median of the hits [m] from which on they are hardly metres."""
 MIN_HITS = 0.05
 """Share of the readings that are hits, below which there is next to nothing to map."""
+NEARER_SHARE, FARTHER_SHARE, TOO_NEAR = 0.1, 0.03, 0.02
+"""Shares of readings beyond the limits of the lidar that are doubtful; what is nearer [m] is none."""
 CLUSTER_SHARE, CLUSTER_TOP = 0.03, 0.95
 """One value with at least this share of all hits, and beyond this share of the largest one, is none."""
 
@@ -89,6 +91,7 @@ def _readings(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding
     yield Finding(f"readings of {name}", found, "doubtful" if few else "ok", action)
     if not hit.any():
         return
+    yield from _beyond_limits(ranges, limits, name)
     typical = float(np.median(ranges[hit]))
     if typical > MAX_TYPICAL:
         found = f"the median hit is at {typical:g} m"
@@ -99,6 +102,22 @@ def _readings(table: FrameTable, name: str, scans: Integers) -> Iterator[Finding
         found = f"{counts[most] / ranges.size:.1%} of all readings are {values[most]:g} m, near the largest"
         action = f"they count as hits; --range-max {values[most]:g} makes them no returns"
         yield Finding(f"no return of {name}", found, "doubtful", action)
+
+
+def _beyond_limits(ranges: Floats, limits: Floats, name: str) -> Iterator[Finding]:
+    """Readings (n,) that look like measured ones, but lie beyond the limits (n, 2) that the recording states [m]."""
+    sides = {
+        "nearer than the smallest range": ((ranges > TOO_NEAR) & (ranges < limits[:, 0]), 0, NEARER_SHARE),
+        "farther than the largest range": ((ranges > limits[:, 1]) & (ranges < MAX_TYPICAL), 1, FARTHER_SHARE),
+    }
+    for words, (beyond, side, most) in sides.items():
+        values, counts = np.unique(np.round(ranges[beyond], 2), return_counts=True)
+        measured = counts.sum() - counts.max(initial=0)  # one value is a driver's way to say "nothing"
+        if measured > most * ranges.size:
+            found = f"{measured / ranges.size:.1%} of all are {words} stated, {np.median(limits[:, side]):g} m: "
+            found += f"{values[0]:g} to {values[-1]:g} m"
+            action = "they count as " + ("lost" if side == 0 else "no returns; --range-max R says otherwise")
+            yield Finding(f"limits of {name}", found, "doubtful", action)
 
 
 def _ranges_of(table: FrameTable, scans: Integers) -> Floats:

@@ -12,6 +12,8 @@ from cyclopts import Parameter
 
 from testbed.formats import Log, open_log
 from testbed.inspect.mount_correction import parse_mount_correction, with_mount_correction
+from testbed.inspect.own_body import without_own_body
+from testbed.inspect.segments import with_segments_apart
 from testbed.inspect.sweeps import with_beam_times
 from testbed.inspect.time_offset import parse_time_offset, without_time_offset
 
@@ -61,7 +63,7 @@ class Reading:
             topics=() if self.topics is None else tuple(name.strip() for name in self.topics.split(",")),
             scans_needed=scans_needed,
         )
-        log = with_beam_times(log)
+        log = without_own_body(with_beam_times(with_segments_apart(log)))
         if self.mount_correction is not None:
             log = with_mount_correction(log, parse_mount_correction(self.mount_correction))
         if self.time_offset is None or not log.scan_count:

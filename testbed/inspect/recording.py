@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from testbed.formats import Log
 from testbed.inspect.finding import Finding
 from testbed.inspect.lidars import inspect_lidars
 from testbed.inspect.odometry import inspect_odometry
 from testbed.inspect.times import inspect_times
+from testbed.inspect.truth import inspect_truth
 from testbed.inspect.turns import compare_turns
 from testbed.large_arrays import forget_pages
 
@@ -17,7 +16,7 @@ from testbed.large_arrays import forget_pages
 def inspect_log(log: Log) -> list[Finding]:
     """Look at a recording: topics, times, lidars, odometry, clocks, and what its reader mended.
 
-    No truth is used but to say whether there is any. Nothing is changed.
+    Of the truth is said whether it can be the robot's. Nothing is changed.
     """
     findings = [Finding("format", log.format)]
     findings += [
@@ -35,6 +34,4 @@ def inspect_log(log: Log) -> list[Finding]:
         findings += inspect_lidars(log.table)
         findings += inspect_odometry(log.table, compare_turns(log.table))
         forget_pages(log.table.ranges)
-    known = log.table.known(log.table.truth)
-    findings.append(Finding("truth", f"known at {np.mean(known):.0%} of the frames" if known.any() else "none"))
-    return findings
+    return [*findings, inspect_truth(log.table)]

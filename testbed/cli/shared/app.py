@@ -12,6 +12,7 @@ from importlib.metadata import version
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.config_file import apply_config_file
 from testbed.cli.shared.help_pages import ALL, AllOptions, UsualOptions
 from testbed.cli.shared.help_texts import HELP
@@ -99,3 +100,4 @@ def _what_is_missing(error: MissingArgumentError) -> str:
 
 def _complain(text: str) -> None:
     sys.stderr.write(f"testbed: {text}\n")
+    AT_WORK.heard()

@@ -7,25 +7,36 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.kernels import compile_kernels, is_compiled
 
 if TYPE_CHECKING:
     from worlds import World
 
-console = Console(stderr=True, highlight=False)
+
+class HeardConsole(Console):
+    """A console whose lines break the silence of a command (`AtWork`)."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print, see `rich.console.Console.print`."""
+        super().print(*objects, **options)
+        AT_WORK.heard()
+
+
+console = HeardConsole(stderr=True, highlight=False)
 """Console for progress and messages."""
-results = Console(highlight=False, soft_wrap=True)
+results = HeardConsole(highlight=False, soft_wrap=True)
 """Console for results."""
 
 
 MIN_COMPILED = 5
 """How long the rest will take is guessed from this many kernels on."""
-COMPILATION_PERIOD = 20.0
+COMPILATION_PERIOD = 4.0
 """Time between two lines about the kernels where stderr is no terminal [s]."""
 
 
@@ -87,8 +98,10 @@ FINAL_PASS_SCAN_S = 0.0017
 """… and at least so long for each scan [s] (maze with five particles)."""
 EXPECTED_S = {"scoring": 4.0, "report": 12.0}
 """What comes after it takes about so long on two free cores [s]."""
-REPORT_PERIOD = 10.0
+REPORT_PERIOD = 4.0
 """Time between two lines where stderr is no terminal [s]: short jobs print none."""
+OVERDUE_PERIOD = 10.0
+"""Time between two lines about a stage that takes longer than expected, at the least [s]."""
 TELLING_SHARE = 0.05
 """How long the rest of a stage will take is said once so much of it is done."""
 
@@ -97,7 +110,7 @@ class Overdue:
     """Says again and again, from a thread of its own, that a stage takes longer than expected."""
 
     def __init__(
-        self, stage: str, expected: float, say: Callable[[str], None], *, every: float = REPORT_PERIOD
+        self, stage: str, expected: float, say: Callable[[str], None], *, every: float = OVERDUE_PERIOD
     ) -> None:
         """Begin with the first line when the expected time [s] has passed twice over, or `every` [s] after it."""
         self._stage, self._expected, self._say, self._every = stage, expected, say, every
@@ -146,6 +159,7 @@ class ProgressLine:
         if expected is not None:
             self._overdue = Overdue(text, expected, self._say_overdue)
             text += f", about {expected:.0f} s"
+        AT_WORK.now_doing(text)
         self._progress.remove_task(self._task)  # a task of unknown length cannot be made of one whose length is known
         self._task = self._progress.add_task(text, total=None, status="")
         if not console.is_terminal and self._said:

@@ -12,6 +12,7 @@ from rich.console import Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import console
 
 REPORT_EVERY = 0.1
@@ -36,6 +37,7 @@ class DatasetProgress:
     def stage(self, text: str) -> None:
         """Name what is done now, until the next dataset is finished."""
         self._stage, self._stage_began = text, time.monotonic()
+        AT_WORK.now_doing(text)
         if not console.is_terminal and self._count >= MIN_REPORTED:
             console.print(f"{text} …", soft_wrap=True)
 
@@ -46,6 +48,7 @@ class DatasetProgress:
         self._bytes += size
         self._last, self._stage = name, ""
         self._first = self._first or (time.monotonic(), self._seconds)
+        AT_WORK.now_doing(self.line())
         share = self._done / self._count
         if not console.is_terminal and self._count >= MIN_REPORTED and share >= self._reported + REPORT_EVERY:
             self._reported = share

@@ -20,6 +20,7 @@ from rich.text import Text
 from eval.sweep.job_times import REPORT_SECONDS, duration_words
 from eval.sweep.measure import Measure, Unit
 from eval.sweep.results import SweepTable
+from testbed.cli.shared.at_work import AT_WORK
 from testbed.cli.shared.console import console
 from testbed.cli.shared.time_left import TimeLeft
 from testbed.sweep.execution.local_pool import Event, Finished, Started
@@ -83,6 +84,7 @@ class SweepProgress:
         self._done += 1
         if isinstance(event, Finished):
             self._note(event.cell, event.outcome)
+        AT_WORK.now_doing(self._line())
         if not console.is_terminal and self._left.share >= self._reported + REPORT_EVERY:
             passed = int(self._left.share / MEDIANS_EVERY) > int(self._reported / MEDIANS_EVERY)
             self._reported = self._left.share

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from testbed.datasets.simulated import is_complete
-from tests.shell import AT_A_TERMINAL, TESTBED, call
+from tests.shell import AT_A_TERMINAL, TESTBED, call, without_waiting
 
 LIMIT = 120.0
 """Longest time that anything here may take [s]."""
@@ -84,7 +84,7 @@ def test_a_signal_to_simulate_leaves_whole_datasets_only(tmp_path, number):
     process.send_signal(number)
     _, errors = process.communicate(timeout=LIMIT)
     assert process.returncode == 130
-    *_, progress, last = errors.splitlines()
+    *_, progress, last = without_waiting(errors)
     assert "of 4 datasets were made; the same command continues" in progress
     assert last == "testbed: interrupted"
     assert "Traceback" not in errors
@@ -104,7 +104,7 @@ def test_a_signal_after_the_end_of_a_command_does_not_change_its_status(number, 
     """All is written then; only Python itself has to end."""
     command = [sys.executable, "-c", ENDS_SLOWLY, *command.split()]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    lines = list(iter(process.stderr.readline, "ends\n"))
+    lines = without_waiting("".join(iter(process.stderr.readline, "ends\n")))
     process.send_signal(number)
     output, errors = process.communicate(timeout=LIMIT)
     assert process.returncode == status

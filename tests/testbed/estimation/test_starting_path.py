@@ -98,15 +98,32 @@ def test_an_odometry_that_fails_is_not_preferred():
     assert np.median(shares) < 0.5
 
 
+@pytest.fixture
+def rounds_of_passes(monkeypatch):
+    """Fills with the largest number of rounds of each final pass."""
+    rounds = []
+
+    def counted(*arguments, refine=estimation_module.refine, **options):
+        rounds.append(arguments[3].refine.rounds)
+        return refine(*arguments, **options)
+
+    monkeypatch.setattr(estimation_module, "refine", counted)
+    return rounds
+
+
 @pytest.mark.parametrize("name", ["rplidar_a2", "tim571"])
-def test_a_lidar_that_sees_enough_costs_one_pass(name, monkeypatch):
-    passes = []
-    monkeypatch.setattr(estimation_module, "refine", lambda *a, refine=estimation_module.refine, **k: (
-        passes.append(1), refine(*a, **k))[1]
-    )  # fmt: skip
+def test_a_lidar_that_sees_enough_costs_one_pass(name, rounds_of_passes):
     estimation = run(load_lidar(name), seed=1, seconds=5.0)
     estimate = estimation.refined(estimation.filtered())
-    assert (len(passes), estimate.notes) == (1, ())
+    assert (rounds_of_passes, estimate.notes) == ([FilterConfig().refine.rounds], ())
+
+
+def test_a_lidar_that_sees_too_little_gets_more_rounds(rounds_of_passes):
+    """The variance of the odometry's heading, 0.05 of the motion model's, comes near; after the usual rounds: 0.5."""
+    estimation = run(weak("short_reach"), seed=1, seconds=20.0)
+    estimate = estimation.refined(estimation.filtered())
+    assert rounds_of_passes == [4 * FilterConfig().refine.rounds] * 2
+    assert estimate.noise["odometry_heading_factor"] ** 2 < 0.25
 
 
 @pytest.mark.parametrize("name", lidars())

@@ -61,6 +61,16 @@ def test_messages_in_another_order_are_no_step_of_the_clock(tmp_path, messages, 
     assert not log.repairs
 
 
+@pytest.mark.parametrize("topic", ["/scan", "/odom"])
+def test_messages_that_were_recorded_late_are_no_step_of_the_clock(tmp_path, messages, sound, topic):
+    """As by a recorder that is overloaded: some come a third of a second late, behind others."""
+    rng = np.random.default_rng(0)
+    late = [(name, t + int(rng.uniform(0.0, 0.3e9)) * (name == topic), m) for name, t, m in messages]
+    log = open_log(bag(tmp_path / "bag", sorted(late, key=lambda message: message[1])))
+    assert_like(log.table, sound)
+    assert not log.repairs
+
+
 @pytest.mark.parametrize("topics", [STAMPED, ("/scan",)])
 @pytest.mark.parametrize("unit", [10**3, 10**6])
 def test_fractions_of_a_second_in_another_unit(tmp_path, messages, sound, topics, unit):

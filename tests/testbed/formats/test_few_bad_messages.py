@@ -50,11 +50,22 @@ def test_few_bad_poses_are_left_out(tmp_path, messages, sound):
         open_log(bag(tmp_path / "many", changed(messages, "/odom", every(5, lost))))
 
 
+def test_a_pose_far_from_the_earth_is_left_out(tmp_path, messages, sound):
+    def far(odometry):
+        pose = replace(odometry.pose.pose, position=POINT(1e30, 0.0, 0.0))
+        return replace(odometry, pose=replace(odometry.pose, pose=pose))
+
+    log = open_log(bag(tmp_path / "bag", changed(messages, "/odom", every(50, far))))
+    (note,) = [note for note in log.repairs if "messages of /odom are left out: message" in note]
+    assert "got 1e+30 0 0" in note
+    assert_like(log.table, sound, atol=0.01)  # between the others
+
+
 @pytest.mark.parametrize("least", [-1.0, math.nan])
 def test_a_range_min_that_is_none_is_zero(tmp_path, messages, sound, least):
     log = open_log(bag(tmp_path / "bag", changed(messages, "/scan", lambda scan, _: replace(scan, range_min=least))))
     assert_like(log.table, sound)
-    assert set(log.table.range_limits[:, 0]) == {0.0}
+    assert set(log.table.range_limits[:, 0]) == {0.01}  # no lidar measures nearer
     assert f"range_min is {least:g}: taken as 0" in log.repairs
 
 

@@ -63,6 +63,14 @@ def test_of_several_echoes_the_first_counts(tmp_path, messages, sound):
     np.testing.assert_array_equal(log.table.patterns[0].angles, sound.patterns[0].angles)
 
 
+def test_an_echo_that_is_no_number_is_none(tmp_path, messages, sound):
+    def change(name, message):
+        return with_echoes(message, lambda value: [np.nan, value]) if name == "/scan" else message
+
+    log = open_log(bag(tmp_path / "bag", [(name, time, change(name, m)) for name, time, m in messages]))
+    np.testing.assert_array_equal(log.table.ranges, sound.ranges)
+
+
 def test_a_direction_without_an_echo_is_unknown(tmp_path, messages, sound):
     def change(name, message):
         return with_echoes(message, lambda value: [value] if value < 3.0 else []) if name == "/scan" else message
@@ -107,6 +115,36 @@ def test_truth_of_other_kinds(tmp_path, messages, sound, kind, topic):
     log = open_log(bag(tmp_path / "bag", [*others, *new]))
     np.testing.assert_allclose(log.table.truth, sound.truth, atol=1e-9, equal_nan=True)
     assert np.isfinite(log.table.truth).any()
+
+
+def as_mocap(messages, change):
+    """The messages with their truth as stamped poses; `change` gets each with its number, and leaves out with None."""
+    truths = [(time, stamped(m)) for name, time, m in messages if name == "/ground_truth/odom"]
+    poses = [(time, change(pose, k)) for k, (time, pose) in enumerate(truths)]
+    others = [message for message in messages if message[0] != "/ground_truth/odom"]
+    return [*others, *(("/mocap/pose", time, pose) for time, pose in poses if pose is not None)]
+
+
+def test_in_a_gap_of_the_truth_it_is_unknown(tmp_path, messages, sound):
+    log = open_log(bag(tmp_path / "bag", as_mocap(messages, lambda pose, k: None if 25 <= k < 45 else pose)))
+    known = np.isfinite(log.table.truth).all(axis=1)
+    assert 0.2 < np.mean(np.isfinite(sound.truth).all(axis=1) & ~known) < 0.3
+    np.testing.assert_allclose(log.table.truth[known], sound.truth[known], atol=1e-9)
+    assert any("the truth is unknown in 1 of its gaps, of up to 1." in note for note in log.notes)
+
+
+@pytest.mark.parametrize(("every", "is_used"), [(5, True), (1, False)])
+def test_true_poses_that_are_none_are_left_out_where_they_are_few(tmp_path, messages, sound, every, is_used):
+    def lose(pose, k):
+        place = T["geometry_msgs/msg/Point"](np.nan, np.nan, np.nan)
+        return replace(pose, pose=replace(pose.pose, position=place)) if k % every == 0 else pose
+
+    log = open_log(bag(tmp_path / "bag", as_mocap(messages, lose)))
+    known = np.isfinite(log.table.truth).all(axis=1)
+    assert known.any() == is_used
+    np.testing.assert_allclose(log.table.truth[known], sound.truth[known], atol=0.01)
+    words = "poses of /mocap/pose are left out: pose 1: " if is_used else "/mocap/pose is not used as truth: pose 1: "
+    assert any(words in note for note in log.notes)
 
 
 def test_odometry_as_truth_comes_first(tmp_path, messages, sound):

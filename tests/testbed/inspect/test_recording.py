@@ -55,6 +55,30 @@ def test_a_sound_recording_is_not_doubted(world, lidar):
     assert notes_of(inspect_log(log)) == []
 
 
+@pytest.mark.parametrize(("limits", "words"), [((0.2, 2.0), "farther than the largest"), ((1.5, 12.0), "nearer than")])
+def test_readings_beyond_the_limits_are_doubted(log, limits, words):
+    """A lidar whose limits are stated wrongly: half of what it measures would be left out without a word."""
+    table = log.table
+    stated = with_table(log, range_limits=np.tile(limits, (len(table.scan_rows), 1)))
+    (doubt,) = doubts(stated).values()
+    assert doubt.item.startswith("limits of ")
+    assert words in doubt.found
+
+
+@pytest.mark.parametrize(("change", "words"), [(1000.0, "e+03 m for each m"), (0.0, "0 m for each m")])
+def test_truth_that_goes_another_way_than_the_robot_is_doubted(log, change, words):
+    """In millimetres, or of an object that stands."""
+    (doubt,) = doubts(with_table(log, truth=log.table.truth * [change, change, 1.0])).values()
+    assert doubt.item == "truth"
+    assert words in doubt.found
+
+
+def test_one_value_beyond_the_limits_is_a_drivers_way_to_say_nothing(log):
+    ranges = np.where(np.isfinite(log.table.ranges) & (log.table.ranges < 3.0), log.table.ranges, 16.383)
+    limits = np.tile((0.2, 3.0), (len(log.table.scan_rows), 1))
+    assert doubts(with_table(log, ranges=ranges, range_limits=limits)) == {}
+
+
 def test_numbers_are_those_of_the_recording(log):
     found = {finding.item: finding.found for finding in inspect_log(log)}
     assert found["frames"] == "800, 400 of them with a scan, over 40.0 s"

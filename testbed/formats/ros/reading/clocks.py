@@ -22,6 +22,8 @@ MIN_STEP_BACK = 0.1
 """A clock that is set back by less [s] does little harm: messages of a topic may also come in another order."""
 BEGIN_SHARE = 0.1
 """Stamps that step back into this first share of what was recorded so far begin again; else the clock was set back."""
+REGULAR = 0.6
+"""Stamps that come at one rate are no nearer to each other than this share of the usual gap."""
 NEIGHBOURS, FAR = 2, 5.0
 """A stamp that is further from the median of so many on each side than so many usual periods, and than `MIN_LOOP`, is
 a stray."""
@@ -162,12 +164,21 @@ def _strays(content: BagContent, stamps: Floats, whose: str) -> NDArray[np.bool_
 
 def _steps_back(stamps: Floats, times: Floats) -> list[int]:
     """Messages from which on the stamps (n,) lie further behind the bag's `times` than before, by a step back [s]."""
+    if _merely_disordered(stamps):
+        return []
     lags, span = times - stamps, 2 * NEIGHBOURS + 1
     return [
         row
         for row in (np.flatnonzero(np.diff(stamps) < -MIN_STEP_BACK) + 1).tolist()
         if np.median(lags[row : row + span]) - np.median(lags[max(row - span, 0) : row]) > MIN_STEP_BACK
     ]
+
+
+def _merely_disordered(stamps: Floats) -> bool:
+    """Whether messages only came in another order, as of a recorder that is overloaded: sorted, their stamps (n,) [s]
+    come at one rate. Those of a clock that was set back overlap."""
+    gaps = np.diff(np.sort(stamps))
+    return len(gaps) > 0 and bool(gaps.min() > REGULAR * np.median(gaps))
 
 
 def _begins_again(stamps: Floats, steps: list[int]) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from testbed.formats.ros import layouts
 from testbed.formats.ros.layouts import CDR_HEADER, Encoding, message_layout
-from testbed.formats.ros.reading.transforms import MAX_TILT, planar_pose
+from testbed.formats.ros.reading.transforms import MAX_PLACE, MAX_TILT, planar_pose
 from testbed.frame_table import Floats
 
 NANOSECONDS = 1_000_000_000
@@ -170,9 +170,9 @@ def decode_scan(raw: bytes, encoding: Encoding, deserialise: Deserialise) -> Raw
 
 
 def decode_echoes(raw: bytes, deserialise: Deserialise) -> RawScan:
-    """A MultiEchoLaserScan, of whose echoes the first in each direction counts; NaN where there is none."""
+    """A MultiEchoLaserScan, of whose echoes the first in each direction that is a number counts; NaN without any."""
     message = deserialise(raw)
-    first = [echo.echoes[0] if len(echo.echoes) else math.nan for echo in message.ranges]
+    first = [next((echo for echo in beam.echoes if not math.isnan(echo)), math.nan) for beam in message.ranges]
     return _scan_of(message, np.array(first, dtype=np.float32))
 
 
@@ -282,7 +282,7 @@ def _planar(positions: Floats, rotations: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         qx, qy, qz, qw = qx / norm, qy / norm, qz / norm, qw / norm
         level = 1 - 2 * (qx * qx + qy * qy) >= math.cos(MAX_TILT)
-        sound = np.isfinite(positions).all(axis=1) & (np.abs(norm - 1.0) < 0.01) & level
+        sound = (np.abs(positions) <= MAX_PLACE).all(axis=1) & (np.abs(norm - 1.0) < 0.01) & level
     for number in np.flatnonzero(~sound).tolist():
         position, rotation = positions[number].tolist(), rotations[number].tolist()
         _poses([(_named("xyz", position), _named("xyzw", rotation))], number)  # says what is wrong

@@ -20,6 +20,8 @@ from testbed.frame_table import FrameTable
 
 MAX_GAP, GAP_PERIODS = 1.0, 3.0
 """Scans between two odometry messages that are further apart than this [s], and than some usual periods, are noted."""
+MAX_TRUTH_GAP = 0.5
+"""Between true poses that are further apart than this [s], and than some usual periods, the truth is unknown."""
 MIN_MESSAGES = 5
 """Of fewer messages of odometry nothing is said."""
 MAX_PERIOD = 0.5
@@ -124,7 +126,7 @@ def _table(path: Path, content: BagContent, track: Track, scans: RawScans, range
         odometry=np.concatenate([track.poses[alone], interpolate(track.stamps, track.poses, stamps)])[order],
         twist=twists,
         command=_latest(content.commands, all_stamps),
-        truth=_truth_at(content.truth, all_stamps),
+        truth=_truth_at(content, all_stamps),
         scan_rows=rows[int(alone.sum()) :],
         scan_lidars=seen.lidar_of,
         scan_patterns=seen.pattern_of,
@@ -137,13 +139,21 @@ def _table(path: Path, content: BagContent, track: Track, scans: RawScans, range
     )
 
 
-def _truth_at(truth: Track, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The true poses (n, 3) where their topic covers the stamps (n,), NaN elsewhere."""
-    found = np.full((len(stamps), 3), np.nan)
-    if len(truth.stamps):
-        track = truth.in_time()
-        covered = (track.stamps[0] - 1e-9 <= stamps) & (stamps <= track.stamps[-1] + 1e-9)
-        found[covered] = interpolate(track.stamps, track.poses, stamps[covered])
+def _truth_at(content: BagContent, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The true poses (n, 3) where their topic covers the stamps (n,), NaN elsewhere and in its gaps, with a note."""
+    found, track = np.full((len(stamps), 3), np.nan), content.truth.in_time()
+    if not len(track.stamps):
+        return found
+    covered = (track.stamps[0] - 1e-9 <= stamps) & (stamps <= track.stamps[-1] + 1e-9)
+    if len(track.stamps) > 1:
+        spans = np.diff(track.stamps)
+        gaps = spans > max(MAX_TRUTH_GAP, GAP_PERIODS * float(np.median(spans)))
+        if gaps.any():
+            content.notes.append(f"the truth is unknown in {gaps.sum()} of its gaps, of up to {spans.max():.1f} s")
+        after = np.clip(np.searchsorted(track.stamps, stamps), 1, len(spans))
+        at_an_end = np.minimum(np.abs(stamps - track.stamps[after - 1]), np.abs(stamps - track.stamps[after])) < 1e-9
+        covered &= at_an_end | ~gaps[after - 1]
+    found[covered] = interpolate(track.stamps, track.poses, stamps[covered])
     return found
 
 

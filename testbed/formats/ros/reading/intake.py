@@ -158,7 +158,7 @@ def _of_true_poses(content: BagContent, topic: str, columns: PoseColumns) -> _To
 
     def finish() -> None:
         try:
-            times, truth = columns.finish()
+            times, truth = columns.finish(content.notes.append, topic)
         except BadMessageError as error:
             content.notes.append(f"{topic} is not used as truth: pose {error.number + 1}: {error}")
             return

@@ -20,6 +20,8 @@ from testbed.frame_table import BeamPattern, Floats, Integers
 
 MAX_BAD_SHARE = 0.1
 """So many scans that make no sense are left out; where there are more, all of them are doubtful."""
+MIN_RANGE = 0.01
+"""No lidar measures nearer [m]: such readings are a driver's way to say "nothing", as 0 is."""
 MAX_BEATS, SWEEP_STEP = 100, 1e-5
 """Drivers that measure the time of each turn state another one for each scan. Of more than so many, the times of turns
 are rounded to so much [s], a tenth of a millimetre at 10 m/s: else each scan would have beam times of its own."""
@@ -104,13 +106,15 @@ class ScanColumns:
         return np.round(beats * sizes / SWEEP_STEP) * SWEEP_STEP / sizes
 
     def _with_limits(self, head: Head, range_max: float | None) -> Head:
-        """The same with a range_min that is none taken as 0, with a note, and the range_max that the user gave."""
+        """The same with a range_min of at least `MIN_RANGE`, taken as 0 with a note where it is none, and the range_max
+        that the user gave."""
         least = head.range_min
         if not least >= 0.0:
             least = 0.0
             if not any("range_min is" in other for other in self._content.notes):
                 self._content.notes.append(f"range_min is {head.range_min:g}: taken as 0")
-        return head._replace(range_min=least, range_max=head.range_max if range_max is None else range_max)
+        most = head.range_max if range_max is None else range_max
+        return head._replace(range_min=max(least, MIN_RANGE), range_max=most)
 
     def _note_fan(self, fan: Fan) -> None:
         note = fan.check()

@@ -30,6 +30,9 @@ BATCH = 4096
 """Messages that are decoded at a time: 3 MB of odometry."""
 MAX_BAD_SHARE = 0.1
 """So many messages without a sound pose are left out; where there are more, the topic makes no sense."""
+MAX_LOST_SHARE = 0.5
+"""So many true poses may be none, as where a tracking system loses the robot; where there are more, they may be of a
+camera."""
 Pair = tuple[str, str]
 """Frame and child frame."""
 
@@ -119,7 +122,7 @@ class PoseColumns:
         self._parts: list[_Part] = []
         self._longest: RawMessage | None = None
         self._count = 0
-        self._fault: BadMessageError | None = None
+        self._faults: list[BadMessageError] = []
 
     def take(self, message: RawMessage) -> None:
         """Take in a message."""
@@ -128,25 +131,38 @@ class PoseColumns:
         elif self._longest is None or len(message.data) > len(self._longest.data):
             self._longest = message
 
-    def finish(self) -> tuple[Floats | None, Track]:
+    def finish(self, note: Callable[[str], None], topic: str) -> tuple[Floats | None, Track]:
         """The bag's times [s], (n,), None for the poses of a path, and the poses in the order of the bag.
 
-        Raises BadMessageError, with the number of the pose from 0, where one is none in the plane.
+        Poses that are none in the plane are left out where they are fewer than the others, as where a tracking system
+        loses the robot. Raises BadMessageError, with the number of the first one from 0, where they are not.
         """
         if self._longest is not None:
             return None, decode_truth([self._longest.data], self._kind, self._deserialise)
         self._batches.flush()
-        if self._fault is not None:
-            raise self._fault
+        if self._faults:
+            first = self._faults[0]
+            if len(self._faults) > MAX_LOST_SHARE * self._count:
+                raise first
+            note(
+                f"{len(self._faults)} of {self._count} poses of {topic} are left out: pose {first.number + 1}: {first}"
+            )
         return _in_order(self._parts)
 
     def _decode(self, messages: list[RawMessage]) -> None:
         try:
-            track = decode_truth([message.data for message in messages], self._kind, self._deserialise)
-            self._parts.append(_Part.of(messages, track))
-        except BadMessageError as error:
-            self._fault = self._fault or BadMessageError(self._count + error.number, str(error))
+            self._decode_all(messages)
+        except BadMessageError:
+            for number, message in enumerate(messages, start=self._count):
+                try:
+                    self._decode_all([message])
+                except BadMessageError as error:
+                    self._faults.append(BadMessageError(number, str(error)))
         self._count += len(messages)
+
+    def _decode_all(self, messages: list[RawMessage]) -> None:
+        track = decode_truth([message.data for message in messages], self._kind, self._deserialise)
+        self._parts.append(_Part.of(messages, track))
 
 
 class CommandColumns:

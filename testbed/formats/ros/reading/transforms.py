@@ -23,6 +23,8 @@ MAX_PLAY = 1e-4
 MAX_WOBBLE = 0.05
 """A transform whose numbers are usually within this of their medians [m], [1] is a mount that is measured again and
 again, or that shakes: 5 cm, 3 degrees."""
+MAX_PLACE = 1e8
+"""Places further from the origin [m] are none: coordinates on Earth reach 1e7 m."""
 MAX_TILT = math.radians(5.0)
 """Lidars and poses that lean more than this are not planar [rad]."""
 
@@ -235,7 +237,7 @@ def _matrix(translation: Any, rotation: Any) -> NDArray[np.float64]:
     numbers = [translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w]
     x, y, z, qx, qy, qz, qw = (float(number) for number in numbers)
     norm = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
-    if not (all(map(math.isfinite, numbers)) and abs(norm - 1.0) < 0.01):
+    if not (all(abs(number) <= MAX_PLACE for number in numbers) and abs(norm - 1.0) < 0.01):
         raise ValueError(f"expected a finite pose with a unit quaternion, got {' '.join(f'{n:g}' for n in numbers)}")
     qx, qy, qz, qw = qx / norm, qy / norm, qz / norm, qw / norm
     return np.array(
