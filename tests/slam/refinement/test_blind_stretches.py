@@ -15,10 +15,11 @@ HALF_WIDTH, END, REACH = 1.0, 10.0, 4.0
 
 
 def corridor(x, beams=240):
-    """A scan of the corridor from (x, 0, 0)."""
+    """A scan of the corridor from (x, 0, 0), whose ranges err by a centimetre."""
     angles = np.linspace(-np.pi, np.pi, beams, endpoint=False) + 1e-3
     cos, sin = np.cos(angles), np.sin(angles)
     ranges = np.minimum(HALF_WIDTH / np.abs(sin), np.where(cos > 0.0, END - x, END + x) / np.abs(cos))
+    ranges += 0.01 * np.random.default_rng(int(1e3 * (x + END))).standard_normal(beams)
     return Scan(ranges=np.where(ranges < REACH, ranges, np.inf), angles=angles, range_max=REACH)
 
 
