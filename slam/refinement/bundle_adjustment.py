@@ -67,6 +67,7 @@ class Adjustment:
         self.noise = INITIAL  # with which the next step weighs end points, see `for_weights`
         self.odometry_variance = np.ones(2)
         self.solved: JointEquations  # of the last step
+        self.seen: NDArray[np.float64]  # information of each scan about its pose there, the walls held, (scans, 3, 3)
 
     def step(self, poses: se2.Pose, gate: float) -> se2.Pose:
         """Gauss-Newton step (frames, 3) to be added to poses (frames, 3); see `match_points` for the gate [m]."""
@@ -80,6 +81,7 @@ class Adjustment:
         scans = self.scan_equations(poses[k], gate)
         gradient[k] += scans.gradient
         diagonal[k] += scans.diagonal
+        self.seen = scans.diagonal
 
         system = JointEquations(
             Equations(

@@ -28,6 +28,7 @@ from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.loops import LoopClosing, close_loops
 from slam.occupancy import OccupancyGrid
+from slam.refinement.blind_stretches import along_odometry, blind_steps
 from slam.refinement.bundle_adjustment import Adjustment
 from slam.refinement.covariance import pose_covariances
 from slam.refinement.noise import Noise
@@ -64,6 +65,14 @@ class Refined:
     """Standard deviations of these, (3,)."""
     rounds: int
     """Rounds of the adjustment that were made: fewer than `RefineConfig.rounds` where the pass was ended before."""
+    blind: NDArray[np.bool_]
+    """Whether each step between frames is in a stretch on which no scan tells how far the robot came, (frames - 1,)."""
+
+    def along_odometry(self, odometry: se2.Pose) -> se2.Pose:
+        """The path with the distances of the odometry (frames, 3), as corrected, on the blind steps, (frames, 3): from
+        it another pass may find a path that agrees better with the odometry."""
+        motions = (1.0 + self.odometry_correction[0]) * se2.between(odometry[:-1], odometry[1:])
+        return along_odometry(self.poses, motions, self.blind)
 
     def __repr__(self) -> str:
         """One line, for notebooks."""
@@ -147,6 +156,7 @@ def refine(
         odometry_correction=adjustment.calibration.values,
         odometry_correction_sigma=np.sqrt(np.diag(adjustment.solved.calibration_covariance())),
         rounds=rounds,
+        blind=blind_steps(solved, adjustment.seen),
     )
 
 

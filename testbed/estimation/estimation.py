@@ -23,7 +23,7 @@ from slam.scan import Scan
 from slam.se2 import Pose
 from slam.step.step_report import StepReport
 from testbed.estimation.known_map import KnownMap
-from testbed.estimation.starting_path import likelier, starting_path_note, what_is_lacking, with_more_rounds
+from testbed.estimation.starting_path import another_start, likelier, what_is_lacking, with_more_rounds
 from testbed.frame import Frame
 from testbed.run.estimate import Estimate
 from testbed.run.frame_store import FrameStore
@@ -135,22 +135,21 @@ class Estimation:
     def refined(self, estimate: Estimate, watch: Watch = unwatched) -> Estimate:
         """Return the estimate after the final pass over all frames, see `slam.refinement.refine`.
 
-        Where the sensors see too little to carry a map, it is also made from the odometry's path, and both with more
-        rounds (`starting_path`).
+        Where the sensors see too little to carry a map, it is given more rounds. There, and where the scans do not tell
+        how far the robot came, it is also made from a path that follows the odometry (`starting_path`).
         watch: is told how far the pass has come, and may end it early
         """
-        lacking = what_is_lacking(self.frames, self.config)
-        config = with_more_rounds(self.config) if lacking else self.config
-        result, notes = self._refine(estimate.dense.poses, config, watch), []
+        config = with_more_rounds(self.config) if what_is_lacking(self.frames, self.config) else self.config
+        path, notes = estimate.dense.poses, []
+        result = self._refine(path, config, watch)
         if result.rounds < config.refine.rounds:
             notes.append(f"final pass: ended by hand after {result.rounds} of {config.refine.rounds} rounds")
-        elif lacking:
-            by_odometry = se2.compose(estimate.dense.poses[0], se2.between(self.odometry[0], self.odometry))
-            results = result, self._refine(by_odometry, config, watch)
+        elif (other := another_start(result, path, self.odometry, self.frames, self.config)) is not None:
+            results = result, self._refine(other.path, config, watch)
             updates = estimate.scan_frames[np.asarray(self.mapper.update_scans)]
             chosen = likelier(results, self.frames, updates, self.config)
             result = results[chosen]
-            notes.append(starting_path_note(lacking, from_odometry=chosen == 1))
+            notes.append(other.note(chosen=chosen == 1))
         dense = Trajectory(self.stamps, result.poses)
         return Estimate(
             dense=dense,

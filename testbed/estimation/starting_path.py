@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Where the final pass begins: at the filter's path or, for sensors that see too little, perhaps at the odometry's.
+"""Where the final pass begins: at the filter's path or, where scans say too little, perhaps at one of the odometry.
 
 Where a scan says nothing, the filter's particles spread as far as its motion model allows, which is far more than most
 odometries err in a step, and the best of them is a random walk. The final pass estimates how far the odometry errs;
-from the odometry's path it comes near the truth, from a random walk it does not. It is therefore made from both, and
-the one counts under which scans and odometry together are likelier.
+from the odometry's path it comes near the truth, from a random walk it does not. So where the sensors see too little,
+or the scans of a stretch (a bare corridor), it is made from both, and the one counts under which scans and odometry
+together are likelier.
 
 How far the odometry errs is found by expectation maximisation, one step a round, and slowly where scans say little: of
 a lidar with a reach of 1 m the variance of the heading stands at 0.47 of the motion model's after 6 rounds, at 0.12
@@ -15,15 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slam import se2
 from slam.config import FilterConfig
 from slam.config.refinement import MAX_ROUNDS
 from slam.diagnosis.path_check import left_out_score
 from slam.refinement import Refined
 from slam.scan import Scan
+from slam.se2 import Pose
 from slam.sensor.rays import make_rays
 from testbed.frame import Frame
 from testbed.weak_sensors import shortcomings, view_of
@@ -52,10 +56,37 @@ def with_more_rounds(config: FilterConfig) -> FilterConfig:
     return replace(config, refine=replace(config.refine, rounds=rounds))
 
 
-def starting_path_note(lacking: Sequence[str], *, from_odometry: bool) -> str:
-    """Return the sentence about it for the notes of a run."""
-    begin = "the odometry's path, under which scans and odometry are likelier" if from_odometry else "the filter's path"
-    return f"final pass: a lidar with {' and '.join(lacking)} can hardly carry a map: it began at {begin}"
+class Start(NamedTuple):
+    """Another path from which the final pass is made."""
+
+    path: Pose
+    """Poses of the frames, (frames, 3)."""
+    reason: str
+    """Why the filter's path may not do, as the beginning of a sentence."""
+    name: str
+    """What the path is, as a part of a sentence."""
+
+    def note(self, *, chosen: bool) -> str:
+        """Return the sentence about it for the notes of a run."""
+        begin = f"{self.name}, under which scans and odometry are likelier" if chosen else "the filter's path"
+        return f"final pass: {self.reason}: it began at {begin}"
+
+
+def another_start(
+    result: Refined, path: Pose, odometry: Pose, frames: Sequence[Frame], config: FilterConfig
+) -> Start | None:
+    """Return another path to begin from, where the scans leave one open.
+
+    result: of the final pass from the filter's path (frames, 3);  odometry (frames, 3)
+    """
+    if lacking := what_is_lacking(frames, config):
+        by_odometry = se2.compose(path[0], se2.between(odometry[0], odometry))
+        return Start(by_odometry, f"a lidar with {' and '.join(lacking)} can hardly carry a map", "the odometry's path")
+    if result.blind.any():
+        steps = np.hypot(*(odometry[1:, :2] - odometry[:-1, :2])[result.blind].T)
+        reason = f"on {steps.sum():.0f} m of the way no scan tells how far the robot came"
+        return Start(result.along_odometry(odometry), reason, "a path that follows the odometry there")
+    return None
 
 
 def likelier(

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from slam import se2
+from slam.scan import Scan
+from testbed.frame import Frame
+from testbed.presets.models import LidarPreset
 from testbed.simulation import OdometryConfig
-from tools.measure.cramer_rao import FREE, HELD, Beams, bound, cast, row, true_steps
+from tools.measure.cramer_rao import FREE, HELD, Beams, bound, cast, row, seen_beams, true_steps
 
 SPREAD = np.array([0.02, 0.03, 0.003])
 
@@ -30,7 +33,7 @@ def beams_at(poses, walls, angles, sigma=0.01):
         direction = np.stack([np.cos(pose[2] + angles), np.sin(pose[2] + angles)], axis=1)[met]
         parts.append((np.full(met.sum(), number), wall[met], pose[:2] + ranges[met, None] * direction))
     pose, wall, end = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Beams(pose, wall, end, np.full(len(pose), sigma**-2.0))
+    return Beams(pose, wall, end, np.full(len(pose), sigma**-2.0), np.full(len(pose), np.inf))
 
 
 def test_along_a_corridor_without_ends_odometry_is_all_there_is():
@@ -69,7 +72,7 @@ def residuals(unknowns, poses, steps, prior, beams, walls, middle):
         meant = np.array([(1.0 + a) * dx, (1.0 + a) * dy, (1.0 + b) * turn + c * dx])
         error = se2.between(se2.compose(at[t], meant), at[t + 1])
         out.append(np.sqrt(prior.precision[t, 0]) * error)
-    for pose, wall, end, weight in zip(*beams, strict=True):
+    for pose, wall, end, weight, _ in zip(*beams, strict=True):
         seen = se2.transform_points(at[pose], se2.transform_points(se2.inverse(poses[pose]), end[None]))[0]
         angle = math.atan2(*(walls[wall, 3:1:-1] - walls[wall, 1::-1])) + offsets[2 * wall + 1]
         normal = np.array([-math.sin(angle), math.cos(angle)])
@@ -106,6 +109,26 @@ def test_the_bound_is_the_inverse_of_the_whole_information(seed):
         np.testing.assert_allclose(found[k], expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
 
 
+def test_without_readings_near_corners_jambs_say_nothing_from_afar():
+    """A face of 12 cm across a corridor, seen with a range noise of 1 %: from 10 m every reading is near a corner."""
+    lidar = LidarPreset(
+        name="l", title="l", source="s", beams=2880, field_of_view_deg=360.0, scan_rate=10.0, range_min=0.1,
+        range_max=12.0, noise_floor=0.005, noise_share=0.01,
+    )  # fmt: skip
+    walls = np.array([(10.0, -0.06, 10.0, 0.06)])
+    kept = []
+    for x in (0.0, 8.5):
+        pose, angles = np.array([x, 0.0, 0.0]), lidar.angles(lidar.beams)
+        ranges, _ = cast(pose, angles, walls)
+        scan = Scan(ranges=np.minimum(ranges, 20.0), angles=angles, range_max=12.0)
+        beams = seen_beams([Frame(stamp=0.0, odometry=pose, scan=scan, truth=pose)], walls, lidar)
+        assert len(beams.pose) > 4
+        np.testing.assert_allclose(beams.weight, np.maximum(0.005, 0.01 * (10.0 - x)) ** -2.0, rtol=1e-3)
+        kept.append(len(beams.away_from_corners().pose) / len(beams.pose))
+    assert kept[0] == 0.0
+    assert kept[1] == pytest.approx(0.5, abs=0.1)
+
+
 def test_a_row_has_root_mean_squares_and_the_ratios_of_the_drives():
-    drives = [(0.03, 0.02), (0.04, 0.02)]
-    assert row("hall", drives) == "| hall | 2 | 35.4 mm | 20.0 mm | 1.77 | 1.5 to 2.0 |"
+    drives = [(0.03, 0.02, 0.05), (0.04, 0.02, 0.05)]
+    assert row("hall", drives) == "| hall | 2 | 35.4 mm | 20.0 mm | 50.0 mm | 1.77 | 1.5 to 2.0 |"

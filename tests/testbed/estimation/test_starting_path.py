@@ -126,6 +126,27 @@ def test_a_lidar_that_sees_too_little_gets_more_rounds(rounds_of_passes):
     assert estimate.noise["odometry_heading_factor"] ** 2 < 0.25
 
 
+def test_where_no_scan_tells_how_far_the_robot_came_the_odometry_is_followed(monkeypatch):
+    """The second pass begins at a path with the odometry's distances, and a note says which of both counts."""
+    begins = []
+
+    def blind_refine(*args, refine=estimation_module.refine, **options):
+        begins.append(args[2])
+        result = refine(*args, **options)
+        return replace(result, blind=np.ones_like(result.blind))
+
+    monkeypatch.setattr(estimation_module, "refine", blind_refine)
+    estimation = run(load_lidar("rplidar_a2"), seed=1, seconds=10.0)
+    estimate = estimation.refined(estimation.filtered())
+    assert len(begins) == 2
+    odometry = estimation.odometry
+    driven, begun = (np.hypot(*np.diff(path[:, :2], axis=0).T) for path in (odometry, begins[1]))
+    np.testing.assert_allclose(begun / driven, np.median(begun / driven), rtol=1e-6)
+    assert np.median(begun / driven) == pytest.approx(1.0, abs=0.1)
+    (note,) = estimate.notes
+    assert f"on {driven.sum():.0f} m of the way no scan tells how far the robot came: it began at" in note
+
+
 @pytest.mark.parametrize("name", lidars())
 def test_no_lidar_of_the_package_lacks_anything(name):
     frames = run(load_lidar(name), seed=0, seconds=1.0).frames
