@@ -129,6 +129,7 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "lost_while_driving": _lost_while_driving(context),
         "earlier_loss_time": _earlier_loss(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
+        "has_updates": run.steps is not None,
         "limits": (BAD_M, BAD_DEG),
         "failure_plots": list(_failure_plots(context, recording)),
         "failure_pictures": failure_pictures,

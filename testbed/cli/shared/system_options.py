@@ -4,17 +4,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
 from eval.limits import check
 from eval.report.comparison import write_comparison
 from eval.report.run_report import write_report
+from eval.wording import up_to_a_tenth
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
 from testbed.cli.shared.output import OutputOptions
 from testbed.cli.shared.status import GATE_FAILED, USAGE_ERROR
@@ -29,7 +32,7 @@ from testbed.systems.finding import BUILT_IN_PROGRAMS, check_names, make_system,
 from testbed.systems.layers import layers_of
 from testbed.systems.particles import KeptParticles
 from testbed.systems.program import DatasetFormat, Program
-from testbed.views import Scene, record_systems
+from testbed.views import Scene, SystemLayer, record_systems
 from testbed.views.opening import RECORDING
 
 SYSTEM_GROUP = Group("SLAM systems (instead of the filter of this package)", sort_key=12)
@@ -161,8 +164,7 @@ def compare_systems(
     for system, metrics in found.items():
         for note in metrics["notes"]:
             console.print(f"note: {system}: {note}", soft_wrap=True, markup=False)
-    if recording := _record(particles, recorded, document, root):
-        results.print(f"recording: {recording.resolve()}")
+    _record(particles, recorded, document, root)
     if found and len(entrants) > 1:
         shown = [root / entrant.name for entrant in entrants]
         results.print(f"comparison: {write_comparison(shown, root / 'comparison.html').resolve()}")
@@ -171,23 +173,35 @@ def compare_systems(
     return USAGE_ERROR if failed else GATE_FAILED if broken else 0
 
 
-def _record(
-    found: Mapping[str, KeptParticles], recorded: Recorded, document: Mapping[str, Any], root: Path
-) -> Path | None:
-    """Write what all systems made of the drive as one recording; None where none has a path that can be drawn.
+def _record(found: Mapping[str, KeptParticles], recorded: Recorded, document: Mapping[str, Any], root: Path) -> None:
+    """Write what all systems made of the drive as one recording, and say where; nothing where none has a path.
 
     found: particles of the systems that have a result, by name
     """
     layers = layers_of([root / system for system in found], recorded.frames, found)
     if not layers:
-        return None
+        return
     settings = document["settings"]
     title = f"{Path(str(settings.get('world', settings.get('log', root)))).name}: {', '.join(found)}"
     with progress_line() as line:
         line.stage("recording")
         scene = Scene(title=title, true_map=recorded.reference.grid)
         record_systems(root / RECORDING, recorded.frames, layers, scene)
-    return root / RECORDING
+    results.print(f"recording: {(root / RECORDING).resolve()}")
+    if words := _farthest_off(layers, recorded.frames, root):
+        results.print(words)
+
+
+def _farthest_off(layers: Sequence[SystemLayer], frames: Sequence[Frame], root: Path) -> str:
+    """The command that draws the moment at which a system is farthest from the truth; empty where that is unknown."""
+    stamps = np.array([frame.stamp for frame in frames if frame.scan is not None])
+    known = [layer for layer in layers if layer.errors is not None and np.isfinite(layer.errors).any()]
+    if not known:
+        return ""
+    worst = max(known, key=lambda layer: float(np.nanmax(layer.errors)))
+    at = stamps[worst.rows[int(np.nanargmax(worst.errors))]] - stamps[0]
+    command = f"testbed view {shlex.quote(str(root))} --time {up_to_a_tenth(float(at)):.1f} --save moment.png"
+    return f"moment: {command} (where {worst.name} is farthest off)"
 
 
 def _run_one(
