@@ -195,11 +195,11 @@ def _record(found: Mapping[str, KeptParticles], recorded: Recorded, document: Ma
 def _farthest_off(layers: Sequence[SystemLayer], frames: Sequence[Frame], root: Path) -> str:
     """The command that draws the moment at which a system is farthest from the truth; empty where that is unknown."""
     stamps = np.array([frame.stamp for frame in frames if frame.scan is not None])
-    known = [layer for layer in layers if layer.errors is not None and np.isfinite(layer.errors).any()]
+    known = [(layer, layer.errors) for layer in layers if layer.errors is not None and np.isfinite(layer.errors).any()]
     if not known:
         return ""
-    worst = max(known, key=lambda layer: float(np.nanmax(layer.errors)))
-    at = stamps[worst.rows[int(np.nanargmax(worst.errors))]] - stamps[0]
+    worst, errors = max(known, key=lambda pair: float(np.nanmax(pair[1])))
+    at = stamps[worst.rows[int(np.nanargmax(errors))]] - stamps[0]
     command = f"testbed view {shlex.quote(str(root))} --time {up_to_a_tenth(float(at)):.1f} --save moment.png"
     return f"moment: {command} (where {worst.name} is farthest off)"
 

@@ -91,10 +91,10 @@ class SystemsPictures:
         with rc_context(LOOK):
             figure = Figure(figsize=(WIDTH, panels + CLOSE_HEIGHT + MARGIN_HEIGHT), layout="constrained")
             figure.suptitle(self._headline(time), x=0.01, ha="left", fontsize=11.0)
-            upper, lower = figure.subfigures(2, 1, height_ratios=[panels, CLOSE_HEIGHT])
+            parts: Any = figure.subfigures(2, 1, height_ratios=[panels, CLOSE_HEIGHT])
             for number, system in enumerate(shown):
-                self._draw_panel(upper.add_subplot(rows, columns, number + 1), system, time)
-            self._draw_close(lower, shown, time, reach)
+                self._draw_panel(parts[0].add_subplot(rows, columns, number + 1), system, time)
+            self._draw_close(parts[1], shown, time, reach)
             self._draw_legend(figure, shown)
             return as_png(figure)
 
@@ -131,7 +131,7 @@ class SystemsPictures:
         grid = self._recorded.fixed(f"{_root(system.name)}/map")
         words = [system.name, _words(system, time), "" if grid else "no map"]
         axes.set(title=", ".join(filter(None, words)), aspect="equal")
-        axes.set_facecolor(tuple(part / 255.0 for part in styles.UNSEEN) if grid else "white")
+        axes.set_facecolor(rgb(styles.UNSEEN) if grid else "white")
         title_left(axes)
         if grid:
             picture = grid_image(grid)
