@@ -54,7 +54,7 @@ class SystemOptions:
     system_format: DatasetFormat = "rosbag2"
     """Format of the recording that programs get."""
     system_time_limit: float = 3600.0
-    """Time limit of a program [s]."""
+    """Time limit of a program, or of one call of a class [s]."""
     system_memory_limit: float | None = None
     """Limit of the memory of a program with all its processes [MB]."""
 
@@ -71,6 +71,8 @@ class SystemOptions:
     def __post_init__(self) -> None:
         if self.system_set and not self.requested:
             raise ValueError(f"--system-set {self.system_set[0]}: expected --system as well")
+        if not self.system_time_limit > 0.0:
+            raise ValueError(f"--system-time-limit {self.system_time_limit:g}: expected a positive time [s]")
         if self.system is not None and not self.texts:
             raise ValueError(f"--system {self.system!r}: expected names, separated by commas")
 
@@ -84,7 +86,8 @@ class SystemOptions:
             for text in self.texts
             if text not in BUILT_IN_PROGRAMS
         ]
-        made: dict[str, Entrant] = {entrant.text: entrant for entrant in _with_values(classes, self.system_set)}
+        classes = [replace(e, seconds=self.system_time_limit) for e in _with_values(classes, self.system_set)]
+        made: dict[str, Entrant] = {entrant.text: entrant for entrant in classes}
         made |= {text: self._limited(built_in_program(text)) for text in self.texts if text in BUILT_IN_PROGRAMS}
         found = [made[text] for text in self.texts]
         found += [
