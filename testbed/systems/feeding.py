@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -75,6 +76,8 @@ class Cost:
     """Largest memory that the system takes [MB]; None = unknown."""
 
 
+FORKED = 70
+"""Exit status of a copy of the process that a system has let go on."""
 MIN_ON_MAP = 0.5
 """A smaller share of the path within the known part of the map adds a note."""
 Step = Callable[[Frame], None]
@@ -207,10 +210,16 @@ def rows_of(stamps: NDArray[np.float64], of_frames: NDArray[np.float64]) -> NDAr
 
 @contextmanager
 def _blamed(label: str, method: str, expected: str, seconds: float | None) -> Iterator[None]:
-    """Name the system, the place and what was expected in the error of a system, also where it takes too long [s]."""
+    """Name the system, the place and what was expected in the error of a system, also where it takes too long [s].
+
+    A copy of this process that a system has forked and let return ends here: it would write over the run's files.
+    """
+    own = os.getpid()
     try:
         with time_limit(seconds):
             yield
+        if os.getpid() != own:
+            os._exit(FORKED)
     except SystemFailedError:
         raise
     except TimeLimitError:
