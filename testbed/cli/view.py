@@ -67,7 +67,8 @@ def view(
     save
         Write to this file instead of showing it, to send it: a recording (`.rrd`), which `rerun FILE` opens, or a
         picture (`.png`). The picture of a run shows the map, the particles and the proposal at --time, that of a
-        comparison each system; that of one dataset or log shows the map, the paths and one scan. Several times give x-5s.png, x-60s.png and so on.
+        comparison each system, that of one dataset or log the map, the paths and one scan. Several times give
+        x-5s.png, x-60s.png and so on.
     events
         Print the event log of a run instead of showing it: time since the first scan, level, what happened.
     """
