@@ -69,7 +69,7 @@ def table_of(
     shape = (1, len(ran), 1, len(ran[0]))
 
     def cube(name: str) -> np.ndarray:
-        known = {"trajectory.ate_rmse_m": errors, "wall_s": np.full(shape, 2.0), "scans": np.full(shape, 100.0)}
+        known = {"trajectory.ate_rmse_m": errors, "cpu_s": np.full(shape, 2.0), "scans": np.full(shape, 100.0)}
         known["trajectory.odometry.ate_rmse_m"] = np.full(shape, wheels)
         return np.reshape(np.asarray(known.get(name, np.full(shape, np.nan)), dtype=float), shape)
 
@@ -93,6 +93,7 @@ def test_totals_count_only_drives_that_all_systems_did() -> None:
     rows = {line.split(" | ")[0].strip("| "): line.split(" | ") for line in text.splitlines() if line.startswith("|")}
     assert rows["odometry"][2] == "2 of 3 (21% to 94%)"
     assert rows["odometry"][3].startswith("30.0 ")
+    assert rows["gmapping"][5].startswith("20.0 ")  # CPU time: 2 s for 100 scans
     assert rows["gmapping"][2] == "0 of 3 (0% to 56%)"
     assert "3 drives of 4 that were begun, which all systems did: office 1, loop 2" in text
 

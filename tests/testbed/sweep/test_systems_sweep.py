@@ -69,6 +69,14 @@ def test_all_systems_of_a_seed_see_one_drive(swept):
     assert len({row["trajectory.odometry.ate_rmse_m"] for row in rows if row["status"] == "done"}) == 3
 
 
+def test_cpu_time_is_measured_of_systems_that_are_followed_and_of_others(swept):
+    """It does not grow where other work delays the runs, as the time by the clock does."""
+    seconds = read_sweep(swept).cube("cpu_s")[0, :, 0]
+    done = np.isfinite(read_sweep(swept).error[0, :, 0])
+    assert (seconds[done] > 0.0).all()
+    assert np.nanmedian(seconds[1]) > 10.0 * np.nanmedian(seconds[0])  # the filter and the odometry
+
+
 def test_a_failing_system_is_a_failed_job_with_its_reason(swept):
     rows = pq.read_table(swept / "sweep.parquet").to_pylist()
     (failed,) = [row for row in rows if row["status"] == "failed"]
