@@ -18,6 +18,8 @@ LOOK_BACK_S = 10.0
 """A lidar that saw nothing, or scans that were lost, may have done harm for this long [s]."""
 MAX_SPEED, MAX_TURN_RATE = 3.0, 6.0
 """No robot drives [m/s] or turns [rad/s] faster than this by itself."""
+RECOVERED = "the estimate recovered each time"
+"""What is said of wheels that had slipped before: by themselves they had not made it fail."""
 MIN_SLIP_M, MIN_SLIP_DEG = 0.1, 5.0
 """Odometry is at fault from either of these on …"""
 MIN_SLIP_SHARE = 0.15
@@ -121,7 +123,7 @@ def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajecto
     slips, known = earlier_slips(odometry, reference, stamps[0])
     earlier = "; they had not slipped before"
     if slips:
-        earlier = f"; they slipped in {slips} before this one too, and the estimate recovered each time"
+        earlier = f"; they slipped in {slips} before this one too, and {RECOVERED}"
     return (
         f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s, over {length(_path(true))} "
         f"of path, they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"

@@ -84,6 +84,8 @@ class Failure:
     """Where the estimate left the truth before and came back."""
     cause: str | None = None
     """What the data show at the moment, as a sentence (`eval.failure_cause`); None = nothing."""
+    back: float | None = None
+    """When the estimate is back, where what it saw meanwhile lies at a wrong place [s]; None = it is not."""
 
     def time_to_watch(self, stamps: NDArray[np.float64]) -> float | None:
         """Time since the first scan at which a viewer shows the failure [s]; None where its scan is not among them.
@@ -359,7 +361,8 @@ def _failure_of_loop(
                 f"meanwhile lies at a wrong place, off by {amount} from what another visit saw there"
             )
             others = blips[:number] + blips[number + 1 :]
-            return _failure(matched, begin, moment, reason, bad=True, blips=others)
+            failure = _failure(matched, begin, moment, reason, bad=True, blips=others)
+            return replace(failure, back=float(stamps[back]))
     ago = stamps[last] - stamps[first]
     reason = f"the robot is back where it was {ago:.0f} s before, and the estimate is off by {amount}"
     return _failure(matched, first, last, reason, bad=True, blips=blips)

@@ -39,6 +39,7 @@ def write_failure(path: str | os.PathLike[str], failure: Failure, points: ArrayL
         "estimated": failure.estimated.tolist(),
         "true_pose": None if failure.true_pose is None else failure.true_pose.tolist(),
         "cause": failure.cause,
+        "back": failure.back,
         "blips": [asdict(blip) for blip in failure.blips],
         "points": np.round(np.asarray(points, dtype=np.float64).reshape(-1, 2), 3).tolist(),
     }
@@ -64,6 +65,7 @@ def read_failure(path: str | os.PathLike[str]) -> ShownFailure:
             true_pose=None if true_pose is None else _numbers(true_pose, (3,)),
             blips=tuple(Blip(**blip) for blip in document.get("blips", ())),
             cause=document.get("cause"),
+            back=None if document.get("back") is None else float(document["back"]),
         )
         return ShownFailure(failure, _numbers(document["points"], (-1, 2)))
     except (KeyError, TypeError, ValueError) as error:

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from eval.failure_cause import WINDOW_S, earlier_slips
+from eval.failure_cause import RECOVERED, WINDOW_S, earlier_slips
 from eval.filter.step_table import Columns
 from eval.first_failure import Failure
 from eval.loss_watch import Spell, spells
 from eval.mended import drift_in
 from eval.report.check_story import times_in_words
 from eval.trajectory.trajectory import Trajectory
-from eval.wording import length
+from eval.wording import at_time, length
 
 
 def bent_before(steps: Columns | None, failure: Failure, start: float) -> str:
@@ -27,6 +27,23 @@ def bent_before(steps: Columns | None, failure: Failure, start: float) -> str:
         return ""
     times = times_in_words(before, start)
     return f"the pose while driving had drifted {times}, by up to {length(drift_in(steps, before))}"
+
+
+def cause_in_short(failure: Failure, bent: str) -> str:
+    """The cause of a failure in a few words; bent: how its map was bent before, empty where it was not.
+
+    Slips that the estimate had got over before are not what made it fail where the map was bent meanwhile.
+    """
+    if not failure.cause:
+        return ""
+    short = failure.cause.split(":")[0]
+    return f"the map was bent, and {short}" if bent and RECOVERED in failure.cause else short
+
+
+def times_of_failure(failure: Failure, start: float) -> str:
+    """When the estimate is wrong, since a start [s]: `from 235.9 s to 248.0 s`, or `from 235.9 s on`."""
+    end = "on" if failure.back is None else f"to {at_time(failure.back - start)}"
+    return f"from {at_time(failure.stamp - start)} {end}"
 
 
 def behind_failure(

@@ -20,6 +20,8 @@ from slam.se2 import transform_points
 
 DOUBTFUL, LOST = 1.0, 2.0
 """The verdicts `doubtful` and `lost` in the column `self_check`."""
+AT_RETURN_S = 1.0
+"""A sign within this time of the end of a loss is one of the return [s]."""
 MAX_SPELLS = 6
 """More times are counted only."""
 
@@ -57,7 +59,13 @@ def self_check_story(context: ReportContext) -> str:
     if check.get("place") is not None:
         where = f"{_place(_shown_place(context, check))} in the plots below"
     story = f"The run's own check, without any truth: {check['verdict']}{_first_sign(check, where)}"
-    if check.get("time_s") is not None and (moments := _moments(context)):
+    returned = _return_at(context, check)
+    if returned is not None:
+        story += (
+            ", as the pose comes back from where the truth shows it lost "
+            f"({times_in_words([returned], context.start)}): walls that were drawn meanwhile stay in the map"
+        )
+    elif check.get("time_s") is not None and (moments := _moments(context)):
         moment = min(moments, key=lambda time: abs(time - check["time_s"]))
         story += f", {_lead(moment - check['time_s'], moment)}"
     said = _said_while_driving(context, check)
@@ -149,11 +157,20 @@ def times_in_words(found: Sequence[Spell], start: float) -> str:
     return f"{', '.join(others)} and {last}" if others else last
 
 
+def _return_at(context: ReportContext, check: Mapping[str, Any]) -> Spell | None:
+    """The loss, by the truth, that ends about the first sign of the run's own check; None where none does."""
+    if check.get("time_s") is None or context.run.steps is None:
+        return None
+    stamp = context.start + check["time_s"]
+    ended = [spell for spell in spells(context.run.steps, "lost") if spell.end is not None]
+    return next((spell for spell in ended if abs(spell.end - stamp) <= AT_RETURN_S), None)
+
+
 def _first_sign(check: Mapping[str, Any], where: str) -> str:
     """Time and place of the first sign; empty where there is none."""
     if check.get("time_s") is None:
         return ""
-    sign = "the sign of the lasting loss" if check["verdict"] == "lost" else "its first sign"
+    sign = "the first sign that stays" if check["verdict"] == "lost" else "its first sign"
     return f"; {sign} is at {at_time(check['time_s'])}" + (f", at {where}" if where else "")
 
 

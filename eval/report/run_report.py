@@ -6,7 +6,7 @@ from __future__ import annotations
 import base64
 import os
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,7 +21,7 @@ from eval.first_failure import BAD_DEG, BAD_M
 from eval.loss_watch import spells
 from eval.mended import Mended
 from eval.report import plots
-from eval.report.bent_map import bent_before
+from eval.report.bent_map import bent_before, cause_in_short
 from eval.report.check_story import times_in_words
 from eval.report.map_plots import failure_over_map, failure_plots, loop_plots, map_plots, path_plots
 from eval.report.page import Plot, flat, render
@@ -40,8 +40,8 @@ class Recording(Protocol):
         """Times at which the pose while driving moved because another particle became the best, in seconds since the
         first scan, (n,)."""
 
-    def png(self, time: float, compared_with: Sequence[float] = ()) -> bytes:
-        """Draw a moment, in seconds since the first scan; its close views on one scale with those of others."""
+    def png(self, time: float) -> bytes:
+        """Draw a moment, in seconds since the first scan."""
 
     def side_by_side(self, before: float, at: float) -> bytes:
         """Draw map and scan at two moments, in seconds since the first scan, around the same place on one scale."""
@@ -63,19 +63,15 @@ class MomentPlots:
         """Whether anything can be drawn."""
         return self._recording is not None
 
-    def draw(self, name: str, time: float, compared_with: float | None = None) -> Plot:
+    def draw(self, name: str, time: float) -> Plot:
         """Return the picture of a time since the first scan [s]; where the report has it already, a plot without source
-        whose title says which it is.
-
-        compared_with: the time of a picture that has the same scale
-        """
+        whose title says which it is."""
         assert self._recording is not None
         title = f"{name}, {at_time(time)}"
         if time in self._titles:
             return Plot(f"{title}: the picture “{self._titles[time]}” above.", "")
         self._titles[time] = title
-        png = self._recording.png(time, () if compared_with is None else (compared_with,))
-        return Plot(title, _png_uri(png))
+        return Plot(title, _png_uri(self._recording.png(time)))
 
     def draw_pair(self, before: float, at: float) -> Plot:
         """Return the picture of map and scan at two times since the first scan [s]."""
@@ -123,12 +119,15 @@ def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, An
         "metrics": run.metrics,
         "command": run.config.get("command", ""),
         "failure": failure,
+        "cause": None if failure is None else cause_in_short(failure, bent_before(run.steps, failure, context.start)),
+        "back_time": None if failure is None or failure.back is None else up_to_a_tenth(failure.back - context.start),
         "failure_time": up_to_a_tenth(failure.stamp - context.start) if failure else None,
         "shown_time": failure.time_to_watch(context.run.estimate.stamps) if failure and context.run.estimate else None,
         "drift_before": _drift_before(context),
         "lost_while_driving": _lost_while_driving(context),
         "earlier_loss_time": _earlier_loss(context),
         "blips": sorted(failure.blips, key=lambda blip: blip.severity, reverse=True) if failure else [],
+        "has_updates": run.steps is not None,
         "limits": (BAD_M, BAD_DEG),
         "failure_plots": list(_failure_plots(context, recording)),
         "failure_pictures": failure_pictures,
@@ -178,7 +177,7 @@ def _drift_before(context: ReportContext) -> str:
     """How the map was bent before the moment of a failure; empty where it was not, or where that is unknown."""
     failure = context.failure
     words = "" if failure is None else bent_before(context.run.steps, failure, context.start)
-    return words and f"The map was bent before: {words}, so that a wall seen before and after may lie in it twice."
+    return words and f"{words[0].upper()}{words[1:]}, so that a wall seen before and after may lie in it twice."
 
 
 def _title(run: RunFiles) -> str:
@@ -321,15 +320,10 @@ def _update_before(context: ReportContext, stamp: float) -> float | None:
 
 
 def _pictures_of_moment(moments: MomentPlots, name: str, before: float | None, at: float) -> list[Plot]:
-    """A moment, and where the update before it is known, both side by side, and that update on the same scale; times
-    since the start [s]."""
+    """A moment, and where the update before it is known, the maps of both side by side; times since the start [s]."""
     if before is None or before >= at:
         return [moments.draw(name, at)]
-    return [
-        moments.draw_pair(before, at),
-        moments.draw("At the update before it went wrong", before, at),
-        moments.draw(name, at, before),
-    ]
+    return [moments.draw_pair(before, at), moments.draw(name, at)]
 
 
 def _picture_of_largest_error(context: ReportContext, mended: Mended | None, moments: MomentPlots) -> Plot | None:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from eval.files.run_reader import RunFiles
-from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop, longer_in_words, times_of_loop
+from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop, longer_in_words
 from eval.loss_watch import spells
 from eval.mended import Mended, find_mended
+from eval.report.bent_map import bent_before, cause_in_short, times_of_failure
 from eval.report.check_story import self_check_story
 from eval.report.report_context import ReportContext
 from eval.wording import at_time, length, share, spread, up_to_a_tenth
@@ -86,7 +87,7 @@ def verdict(run: RunFiles) -> Verdict:
         lead = _lead_of_good_run(run)
     elif outcome in {"lost", "broken loop"} and run.estimate is not None and len(run.estimate):
         stamps = run.estimate.stamps
-        lead += _moment_and_cause(run, float(stamps[0]), float(stamps[-1] - stamps[0]))
+        lead += _moment_and_cause(context, float(stamps[0]), float(stamps[-1] - stamps[0]))
     elif outcome == "unjudged" and run.metric("self_check"):
         lead, severity = UNJUDGED_LEADS.get(str(run.metric("self_check.verdict")), (lead, severity))
     mended = find_mended(run.metrics, run.path)
@@ -173,13 +174,15 @@ def _of_which_path(run: RunFiles, key: str) -> str:
     return " after the final pass" + (f" ({', '.join(others)})" if others else "")
 
 
-def _moment_and_cause(run: RunFiles, start: float, duration: float) -> str:
-    """Name them in a sentence, e.g. "It is wrong from 219.7 s of 298 s on: the wheels slipped."; empty if unknown."""
-    if run.failure is None or not run.failure.failure.bad:
+def _moment_and_cause(context: ReportContext, start: float, duration: float) -> str:
+    """Name them in a sentence, e.g. "It is wrong from 219.7 s on, of 298 s: the wheels slipped."; empty if unknown."""
+    failure = context.failure
+    if failure is None or not failure.bad:
         return ""
-    failure = run.failure.failure
-    cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
-    return f" It is wrong from {at_time(failure.stamp - start)} of {duration:.0f} s on{cause}."
+    cause = cause_in_short(failure, bent_before(context.run.steps, failure, start))
+    back = "" if failure.back is None else ", and comes back"
+    times = f"{times_of_failure(failure, start)}, of {duration:.0f} s{back}"
+    return f" It is wrong {times}{f': {cause}' if cause else ''}."
 
 
 def _path_sentence(run: RunFiles) -> str:
@@ -257,12 +260,12 @@ def _loop(context: ReportContext, told: float | None) -> Loop:
     if loop is None:
         return Loop("")
     start = context.start
-    times = f"old walls in view again {times_of_loop(loop, start)}"
     before = " before the estimate was lost" if lost else ""
     fell = "particles died" if loop.spread is None else "the particles' spread fell"
     which = f" in which {fell}" if loop.longer else ""
+    at = at_time(loop.to_watch - start)
     text = (
-        f"The largest loop{before}{which}: {loop.metres:.0f} m of driving, {times}.{_particles_in(loop, start, told)}"
+        f"The largest loop{before}{which}, at {at}: {loop.metres:.0f} m of driving.{_particles_in(loop, start, told)}"
     )
     if longer := longer_in_words(loop, start):
         text += f" {longer[0].upper()}{longer[1:]}."
@@ -273,9 +276,19 @@ def _loop(context: ReportContext, told: float | None) -> Loop:
         )
         largest = max(*loop.errors, *(loop.jump_errors or ()))
         text += ": little had to be corrected." if largest < SMALL_ERROR_M else "."
+    text += _other_times(loop, start)
     if lost and first_loss - loop.stamp <= SOON_S:
         text += f" The estimate was lost {first_loss - loop.stamp:.1f} s later."
     return Loop(text, up_to_a_tenth(loop.to_watch - start))
+
+
+def _other_times(loop: ClosingLoop, start: float) -> str:
+    """What the times of a loop are beside that at which to watch it, as a sentence; empty where there is none."""
+    known = [(loop.began, "old walls come into view at {}"), (loop.stamp, "it has its full length at {}")]
+    if loop.spread is not None and loop.least_spread is not None and loop.particles > 1:
+        known.append((loop.least_spread[1], "the spread is smallest at {}"))
+    others = [words.format(at_time(stamp - start)) for stamp, words in known if stamp != loop.to_watch]
+    return f" Other times of this loop: {', '.join(others)}." if others else ""
 
 
 def _errors_in(loop: ClosingLoop, start: float, told: float | None) -> str:
@@ -284,7 +297,7 @@ def _errors_in(loop: ClosingLoop, start: float, told: float | None) -> str:
     assert loop.errors is not None
     first, last = loop.errors
     words = [(loop.began, f"was {length(first)} before old walls came into view")]
-    full = (loop.stamp, f"was {length(last)} at {at_time(loop.stamp - start)}")
+    full = (loop.stamp, f"was {length(last)} at its full length")
     if loop.jump is None or loop.jump_errors is None or loop.jump[1] == told:
         return " and ".join(text for _, text in [*words, full])
     before, after = loop.jump_errors
@@ -305,11 +318,8 @@ def _particles_in(loop: ClosingLoop, start: float, told: float | None) -> str:
         return ""
     text = f" {words[0].upper()}{words[1:]}"
     if loop.spread is not None and loop.least_spread is not None:
-        least, stamp = loop.least_spread
         weighted = "spread" if loop.most_died is not None else "spread, in which each counts by its weight,"
-        text += (
-            f", and their {weighted} went from {length(loop.spread)} to {length(least)} (at {at_time(stamp - start)})"
-        )
+        text += f", and their {weighted} went from {length(loop.spread)} to {length(loop.least_spread[0])}"
     return f"{text}."
 
 

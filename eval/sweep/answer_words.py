@@ -18,6 +18,9 @@ from eval.sweep.statistics import Interval, min_values, wilson_interval
 
 MAX_DECIMALS = 4
 """No end of an interval is shown with more decimals to tell it from the margin."""
+FAR_APART, MIN_APART = 0.5, 0.05
+"""A difference of medians is explained where the median of the differences is another one by this share of it, and by
+so much in the unit that is shown."""
 MIN_INSIDE = 0.8
 """A filter whose 95 % ellipsoid holds the truth in less than this share of the updates is called overconfident."""
 
@@ -101,15 +104,21 @@ def after_seeds(decision: Decision, c: int, words: str) -> str:
 
 
 def why_medians_differ(case: Case, count: int) -> str:
-    """A clause where the medians put a count on the other side of the largest one than the pairs of runs do.
+    """A clause where the medians put a count elsewhere beside the largest one than the pairs of runs do.
 
-    The median of differences is not the difference of medians, and the former decides.
+    The median of differences is not the difference of medians, and the former decides. `not these medians decide, which
+    lie 0.04 cm apart, but the differences within pairs of runs, of which the median is 0.17 cm worse`
     """
-    difference, factor = case.pair(count, case.largest), case.shown_in.factor
-    own, largest = (round(factor * case.median(n), 2) for n in (count, case.largest))  # as they are shown
-    if difference.count < min_values() or (own - largest) * round(factor * difference.value, 2) >= 0.0:
+    difference, unit = case.pair(count, case.largest), case.shown_in
+    own, largest = (round(unit.factor * case.median(n), 2) for n in (count, case.largest))  # as they are shown
+    apart, within = own - largest, round(unit.factor * difference.value, 2)
+    off = abs(apart - within)
+    if difference.count < min_values() or (apart * within >= 0.0 and off < max(FAR_APART * abs(within), MIN_APART)):
         return ""
-    return "not these medians decide, but the differences within pairs of runs"
+    return (
+        f"not these medians decide, which lie {f'{abs(apart):.2f} {unit.name}'.rstrip()} apart, but the differences "
+        f"within pairs of runs, of which the median is {f'{abs(within):.2f} {unit.name}'.rstrip()} {_side(within)}"
+    )
 
 
 def reversal(case: Case) -> str:

@@ -38,6 +38,8 @@ from eval.sweep.summary import SweepSummary
 
 MARKS: dict[Kind, str] = {"enough": "good", "more": "bad", "fails": "bad", "undecided": "fair"}
 """Colour of an answer, as the templates name them."""
+WITHIN_PAIRS = "difference within pairs of runs"
+"""Stands before a median of paired differences, which is not the difference of two medians."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -303,11 +305,11 @@ def _final_pass(
     does = f"{counts[0]} {'does' if counts[0] == 1 else 'do'} as well"
     margin = f"{unit.factor * decision.limit:.2g} {unit.name}".rstrip()
     share = share_words(decision.limit, medians[1])
-    compared = f": {difference_words(difference, unit)}"
+    compared = f": {WITHIN_PAIRS} {difference_words(difference, unit)}"
     good = f"{does}{compared} (margin {margin}{f', {share} of the error there' if share else ''})"
     if decision.limit > max(medians):  # that the difference is smaller then says nothing
         both = f"both errors, {' and '.join(shown)}, are below the margin of {margin}"
-        good = f"{does}: {both}, {difference_words(difference, unit)}"
+        good = f"{does}: {both}; {WITHIN_PAIRS} {difference_words(difference, unit)}"
     conclusions: dict[State, str] = {
         "good": good,
         "worse": f"the count still matters{compared}",

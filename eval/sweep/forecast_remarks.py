@@ -22,7 +22,8 @@ class Forecast:
     """What `testbed sweep --suggest` says for the drives of these worlds; both empty where it says nothing."""
 
     counts: str = ""
-    """`start with about 11 in loop and about 7 in apartment; each is enough in 9 of 10 worlds like it`"""
+    """`start with about 11 in loop and about 7 in apartment; each is enough in 9 of 10 worlds like it; of such worlds
+    95 % need 2 to 25 in loop and 1 to 20 in apartment`"""
     unlike: str = ""
     """Which drives are unlike those of the experiment, and in what."""
 
@@ -45,8 +46,16 @@ def suggested_counts(table: SweepTable) -> Forecast:
     else:
         words = (f"about {starts[place]} in {place} (enough in {chances[place]} worlds like it)" for place in drives)
         counts = f"start with {_listed(words)}"
+    needs = (f"{_range(model, usual[place])} in {place}" for place in drives)
+    counts += f"; of such worlds 95 % need {_listed(needs)}"
     unlike = (_unlike(model, place, own) for place, own in drives.items())
     return Forecast(counts, " ".join(filter(None, unlike)))
+
+
+def _range(model: NeededCount, at: NDArray[np.float64]) -> str:
+    """The counts that 95 % of the worlds like this need: `2 to 25`, `4 to more than 30`."""
+    low, high = (f"more than {model.max_count}" if end is None else f"{end}" for end in model.interval(at))
+    return low if low == high else f"{low} to {high}"
 
 
 def _listed(words: Iterable[str]) -> str:

@@ -36,7 +36,7 @@ WHOLE_ROUTE = 0.9
 """A run whose path is at least this share of its route drove all of it."""
 _NAMES_OF_RUNS = ("key", "place", "line", "particles", "seed", "family")
 """Columns that say which run it is."""
-_TIMINGS = ("filter_s", "cell_s", "wall_s")
+_TIMINGS = ("filter_s", "cell_s", "wall_s", "cpu_s")
 
 
 class SweepTableError(ValueError):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eval.files.atomic_write import atomic_write
 from eval.report import plots
@@ -48,6 +49,7 @@ def write_systems_page(directory: str | os.PathLike[str]) -> Path:
         conditions=summary.table.conditions,
         command=summary.table.command,
         tables=tables,
+        failures=failed_runs(summary.table),
         pictures=list(_pictures(summary)),
     )
     for name, text in {"sweep.html": page, "table.md": _markdown(tables)}.items():
@@ -83,7 +85,8 @@ def _row(summary: SweepSummary, p: int, k: int) -> tuple[str, ...]:
     return (
         table.lines[k],
         failures_text(group.failures, group.runs),
-        _interval_text(group.median, unit),
+        _error_text(table.error[p, k, 0], group.median, unit)
+        + (", all failed" if group.failures == group.runs else ""),
         *online,
         _difference_text(group, unit, table.level),
         "–" if np.isnan(cost) else f"{cost:.2f}",
@@ -114,11 +117,34 @@ def _milliseconds(table: SweepTable, p: int, k: int) -> float:
     return float(np.median(known)) if len(known) else np.nan
 
 
-def _interval_text(interval: Interval, unit: Unit) -> str:
-    if not np.isfinite(interval.value):
+def _error_text(errors: NDArray[np.float64], median: Interval, unit: Unit) -> str:
+    """The median of errors (seeds,) with its interval; with the range of the runs where they are too few for one."""
+    if not np.isfinite(median.value):
         return "–"
-    text = f"{unit.text(interval.value)} {unit.name}".strip()
-    return text if np.isnan(interval.low) else f"{text} ({unit.text(interval.low)} to {unit.text(interval.high)})"
+    text = f"{unit.text(median.value)} {unit.name}".strip()
+    if median.count == 1:
+        return f"{text} (one run)"
+    few = median.count < min_values()
+    low, high = (np.nanmin(errors), np.nanmax(errors)) if few else (median.low, median.high)
+    shown = f"{unit.text(float(low))} to {unit.text(float(high))}"
+    return f"{text} (all {median.count} runs: {shown})" if few else f"{text} ({shown})"
+
+
+def failed_runs(table: SweepTable) -> list[tuple[str, str, str, str]]:
+    """Place, system, seeds and reason of the runs that failed, system by system; seeds with one reason are together."""
+    outcomes = table.columns.get(table.measure.outcome, table.columns.get("outcome"))
+    seeds: dict[tuple[str, str, str], list[str]] = {}
+    for k, p, c, s in np.argwhere(table.failed.swapaxes(0, 1)):
+        at = p, k, c, s
+        stated = [None if column is None else column[at] for column in _reasons(table)]
+        reason = next((str(text) for text in stated if text), "" if outcomes is None else f"ended {outcomes[at]}")
+        seeds.setdefault((table.places[p], table.lines[k], reason), []).append(str(table.seeds[s]))
+    return [(place, line, ", ".join(numbers), reason) for (place, line, reason), numbers in seeds.items()]
+
+
+def _reasons(table: SweepTable) -> tuple[NDArray[np.object_] | None, ...]:
+    """Why runs have no result, and why the outcome of others is a bad one."""
+    return table.columns.get("reason"), table.columns.get(f"{table.measure.outcome}_reason")
 
 
 def _difference_text(group: Group, unit: Unit, level: float) -> str:
@@ -143,9 +169,9 @@ def _about(summary: SweepSummary) -> str:
     return (
         f"{len(table.lines)} systems, {places}, {len(table.seeds)} seeds. Of one seed all systems see the same frames. "
         f"Measured is {table.measure.key}, {_estimate_words(table)}. Errors are medians over the seeds with 95 % "
-        f"intervals. The paired difference to {table.baseline}, the system that was named first, is the median of the "
-        "differences seed by seed, which need not be that of the two medians. A failed run ended lost, with broken "
-        "loops, or without a result."
+        f"intervals, below {min_values()} runs with the range of the runs. The paired difference to "
+        f"{table.baseline}, the system that was named first, is the median of the differences seed by seed, which need "
+        "not be that of the two medians. A failed run ended lost, with broken loops, or without a result."
     )
 
 

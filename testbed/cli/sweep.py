@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 from eval.sweep.job_times import duration_words
+from eval.sweep.margin import parse_margin
 from eval.sweep.measure import Measure
 from eval.sweep.regression_check import compare_with_baseline, write_baseline
 from eval.sweep.results import read_sweep
@@ -120,7 +121,8 @@ def _compute(directory: SweepDirectory, costs: Costs, execution: Execution, *, w
     tried: set[str] = set()
     while cells:
         is_last = len(cells) == len(rest)
-        stage = Stage("" if is_last else f"to the look with {look.seeds} seeds", worst and is_last, groups)
+        goal = "" if is_last else f"to the look with {look.seeds} seeds"
+        stage = Stage(goal, worst and is_last, groups, None if spec.names_systems else parse_margin(spec.margin))
         expected, at_once = costs if times is None else times.seconds_of, None if execution.scheduler else workers
         left = TimeLeft(cells, expected, at_once, is_in_seconds=times is not None)
         progress = SweepProgress(cells, left, Measure(spec.key_measure), stage)

@@ -66,8 +66,9 @@ def view(
         Serve the recordings to a web browser on this machine instead of opening a window.
     save
         Write to this file instead of showing it, to send it: a recording (`.rrd`), which `rerun FILE` opens, or a
-        picture (`.png`). The picture of a run shows the map, the particles and the proposal at --time; that of one
-        dataset or log shows the map, the paths and one scan. Several times give x-5s.png, x-60s.png and so on.
+        picture (`.png`). The picture of a run shows the map, the particles and the proposal at --time, that of a
+        comparison each system, that of one dataset or log the map, the paths and one scan. Several times give
+        x-5s.png, x-60s.png and so on.
     events
         Print the event log of a run instead of showing it: time since the first scan, level, what happened.
     """
@@ -158,7 +159,7 @@ def _draw(paths: list[Path], picture: Path, times: list[float]) -> None:
     from testbed.datasets.picture import draw_drive  # here, for a window to open without matplotlib
 
     if len(paths) != 1 or (paths[0] / "sweep.toml").is_file():
-        raise ValueError(f"{picture}: a picture is made of one run, dataset or log")
+        raise ValueError(f"{picture}: a picture is made of one run, comparison, dataset or log")
     moments = moments_of(paths[0])
     drive = open_dataset(paths[0]) if moments is None else None  # refuses a collection before anything is drawn
     if moments is not None and not times:

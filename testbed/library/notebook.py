@@ -26,6 +26,7 @@ from testbed.datasets import Collection, Dataset
 from testbed.formats import Log
 from testbed.frame import Frame
 from testbed.library import html
+from testbed.systems.feeding import Estimated
 
 MAX_ROWS = 20
 """Rows of a collection that are shown."""
@@ -133,6 +134,7 @@ SHOWN: dict[type, Callable[[Any], str]] = {
     GMapping: _mapper,
     Recording: lambda recording: _mapper(recording.mapper),
     Refined: lambda refined: _path(refined.poses, refined.map, "after the final pass"),
+    Estimated: lambda estimated: _path(estimated.dense.poses, estimated.grid),
     StepReport: _step,
     Scan: _scan,
     Frame: lambda frame: "" if frame.scan is None else _scan(frame.scan),

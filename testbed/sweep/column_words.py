@@ -25,6 +25,7 @@ _OWN = {
     "nees": "Normalised estimation error squared; 3 on average if the covariance is right.",
     "cell_s": "Time of the whole job [s].",
     "wall_s": "Time of filter and final pass [s].",
+    "cpu_s": "Time that the estimate took of all cores [s]; null = unknown.",
     "filter_s": "Time of the filter alone, without the final pass [s].",
     "realtime_factor": "Duration of the drive by wall_s, with the final pass; duration_s / filter_s is the filter's.",
     "us_per_update_per_particle": "Time of the filter per update and particle [µs].",

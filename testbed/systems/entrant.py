@@ -43,8 +43,12 @@ class Entrant(Protocol):
         ...
 
 
+@dataclass(frozen=True)
 class ClassEntrant(ABC):
     """A system that is a class which follows `testbed.systems.protocol.System`: each run gets a new instance of it."""
+
+    seconds: float | None = field(default=None, kw_only=True)
+    """Time limit of one call of a method [s]; None = none."""
 
     @property
     @abstractmethod
@@ -61,7 +65,7 @@ class ClassEntrant(ABC):
 
     def run(self, frames: Sequence[Frame], seed: int, step: Step | None = None) -> tuple[Estimated, Cost]:
         """Run a new instance of it on a recording, see `testbed.systems.feeding.feed`."""
-        return feed(self.make(), self.name, frames, seed, step)
+        return feed(self.make(), self.name, frames, seed, step, seconds=self.seconds)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,6 +24,7 @@ from testbed.systems.finding import describe
 from testbed.systems.memory import peak_memory
 from testbed.systems.particles import KeptParticles
 from testbed.systems.protocol import System, lidars_of
+from testbed.systems.time_limit import TimeLimitError, time_limit
 from testbed.views.schedule import shown_scans
 
 MAX_GAP = 1.0
@@ -74,6 +76,8 @@ class Cost:
     """Largest memory that the system takes [MB]; None = unknown."""
 
 
+FORKED = 70
+"""Exit status of a copy of the process that a system has let go on."""
 MIN_ON_MAP = 0.5
 """A smaller share of the path within the known part of the map adds a note."""
 Step = Callable[[Frame], None]
@@ -81,47 +85,56 @@ Step = Callable[[Frame], None]
 
 
 def feed(
-    system: System, label: str, frames: Sequence[Frame], seed: int, step: Step | None = None
+    system: System,
+    label: str,
+    frames: Sequence[Frame],
+    seed: int,
+    step: Step | None = None,
+    *,
+    seconds: float | None = None,
 ) -> tuple[Estimated, Cost]:
     """Give all frames to a system and return what it estimated and what it cost.
 
-    Raises SystemFailedError, whose message begins with `label`, where the system raises an exception, returns something
-    else than the protocol says, or nothing at all.
+    seconds: which one call of a method may take at most, see `testbed.systems.time_limit`; None = no limit
+
+    Raises SystemFailedError, whose message begins with `label`, where the system raises an exception, hangs, returns
+    something else than the protocol says, or nothing at all.
     """
     lidars = lidars_of(frames)
     if not lidars:
         raise SystemFailedError(f"{label}: the recording has no scan with beams, expected at least one")
     poses = np.full((len(frames), 3), np.nan)
-    seconds: list[float] = []
+    took: list[float] = []
     particles, shown_at = KeptParticles(), set(shown_scans(sum(frame.scan is not None for frame in frames)).tolist())
     whole, scan, since_scan = _Clock(), -1, _Clock()
     with peak_memory() as memory:
-        with whole, _blamed(label, "start", "preparation for the recording"):
+        with whole, _blamed(label, "start", "preparation for the recording", seconds):
             system.start(lidars, seed)
         for row, frame in enumerate(frames):
             scan += frame.scan is not None
             shown, place = shown_to_systems(frame), f"{label}: {_place(scan, frame)}"
-            with whole, since_scan, _blamed(place, "process", "a pose or None"):
+            with whole, since_scan, _blamed(place, "process", "a pose or None", seconds):
                 pose = system.process(shown)
             if pose is not None:
                 poses[row] = _checked_pose(pose, place)
             if frame.scan is not None:
-                seconds.append(since_scan.wall)
+                took.append(since_scan.wall)
                 since_scan = _Clock()
                 if scan in shown_at:
                     particles.add(scan, system, place)
                 if step is not None:
                     step(frame)
         last = _Clock()
-        with whole, last, _blamed(f"{label}: after scan {scan}", "finish", "(trajectory or None, map or None)"):
+        expected = "(trajectory or None, map or None)"
+        with whole, last, _blamed(f"{label}: after scan {scan}", "finish", expected, seconds):
             result = system.finish()
         trajectory, grid = _checked_result(result, label)
     estimated = replace(_estimated(label, frames, poses, trajectory, grid), particles=particles)
     cost = Cost(
         wall_s=whole.wall,
         cpu_s=whole.cpu,
-        ms_per_scan=1e3 * whole.wall / len(seconds),
-        ms_per_scan_p95=1e3 * float(np.percentile(seconds, 95.0)),
+        ms_per_scan=1e3 * whole.wall / len(took),
+        ms_per_scan_p95=1e3 * float(np.percentile(took, 95.0)),
         finish_s=last.wall,
         memory_mb=memory.megabytes,
     )
@@ -196,12 +209,23 @@ def rows_of(stamps: NDArray[np.float64], of_frames: NDArray[np.float64]) -> NDAr
 
 
 @contextmanager
-def _blamed(label: str, method: str, expected: str) -> Iterator[None]:
-    """Name the system, the place and what was expected in the error of a system."""
+def _blamed(label: str, method: str, expected: str, seconds: float | None) -> Iterator[None]:
+    """Name the system, the place and what was expected in the error of a system, also where it takes too long [s].
+
+    A copy of this process that a system has forked and let return ends here: it would write over the run's files.
+    """
+    own = os.getpid()
     try:
-        yield
+        with time_limit(seconds):
+            yield
+        if os.getpid() != own:
+            os._exit(FORKED)
     except SystemFailedError:
         raise
+    except TimeLimitError:
+        raise SystemFailedError(
+            f"{label}: {method} did not return within the time limit of {seconds:g} s, expected {expected}"
+        ) from None
     except (Exception, SystemExit) as error:  # sys.exit of a system must not end the others
         raise SystemFailedError(f"{label}: {method} raised {describe(error)}, expected {expected}") from error
 

@@ -18,6 +18,7 @@ from testbed.views.view import NullView, Scene, SystemLayer, View, ViewOptions
 if TYPE_CHECKING:
     from testbed.views.rerun.moment_picture import MomentPictures
     from testbed.views.rerun.recorded import Event
+    from testbed.views.rerun.systems_picture import SystemsPictures
 
 logger = logging.getLogger(__name__)
 
@@ -106,8 +107,8 @@ def events_of(run: Path) -> list[Event] | None:
     return sorted([*recorded.events(), *recorded.states()], key=lambda event: event.time)
 
 
-def moments_of(run: Path) -> MomentPictures | None:
-    """Return what draws the moments of a run; None where it has no recording.
+def moments_of(run: Path) -> MomentPictures | SystemsPictures | None:
+    """Return what draws the moments of a run, or of a comparison of systems; None where it has no recording.
 
     run: a directory, or a recording
 
@@ -117,18 +118,24 @@ def moments_of(run: Path) -> MomentPictures | None:
     if recording is None:
         return None
     from testbed.views.rerun.moment_picture import MomentPictures
+    from testbed.views.rerun.recorded import Recorded
+    from testbed.views.rerun.systems_picture import SystemsPictures, systems_in
 
-    return MomentPictures(recording)
+    recorded = Recorded(recording)
+    return SystemsPictures(recorded) if systems_in(recorded) else MomentPictures(recorded)
 
 
 def moments_for_report(run: Path) -> MomentPictures | None:
     """The pictures of a run's moments; None where it has no recording, or one that cannot be read: a report does
     without them."""
+    from testbed.views.rerun.moment_picture import MomentPictures
+
     try:
-        return moments_of(run)
+        found = moments_of(run)
     except ValueError as error:
         logger.warning("the report has no pictures of moments: %s", error)
         return None
+    return found if isinstance(found, MomentPictures) else None
 
 
 def open_run(run: Path, *more: Path, serve: bool = False, moment: float | None = None) -> OpenedRun:

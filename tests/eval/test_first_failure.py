@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eval.files.failure_json import read_failure, write_failure
 from eval.first_failure import BAD_DEG, BAD_M, find_failure, first_bad_match, first_bad_stretch
 from eval.trajectory.relations import Relations
 from eval.trajectory.trajectory import Trajectory
@@ -148,7 +149,8 @@ def test_a_loop_that_stays_open_fails_where_the_robot_comes_back():
     assert 360 <= failure.scan <= 420  # the beginning of the second lap
 
 
-def test_a_loop_that_is_open_because_of_an_excursion_is_named_there():
+def test_a_loop_that_is_open_because_of_an_excursion_is_named_there(tmp_path):
+    """With the time of the return, also after it was written to a file; what does not come back has none."""
     angle = np.linspace(0.0, 4.0 * np.pi, 800)
     poses = np.column_stack([5.0 * np.cos(angle), 5.0 * np.sin(angle), angle + 0.5 * np.pi])
     truth = Trajectory(0.1 * np.arange(800), poses)
@@ -159,6 +161,12 @@ def test_a_loop_that_is_open_because_of_an_excursion_is_named_there():
     assert failure.stamp == pytest.approx(10.0, abs=0.2)
     assert "lies at a wrong place" in failure.reason
     assert failure.blips == ()
+    assert failure.back == pytest.approx(25.0, abs=0.5)
+    write_failure(tmp_path / "finding.json", failure, np.zeros((0, 2)))
+    assert read_failure(tmp_path / "finding.json").failure.back == failure.back
+    gone = first_bad_stretch(Trajectory(truth.stamps, jumped(truth, 100, [3.0, 0.0, 0.0])), truth)
+    assert gone.bad
+    assert gone.back is None
 
 
 def test_without_truth_the_first_scan_off_the_map_is_found():

@@ -17,7 +17,7 @@ from testbed.formats import open_log
 from testbed.sweep.spec.spec import parse_spec
 from tests.shell import call
 from tools.measure import leaderboard
-from tools.measure.leaderboard import parts, places_table, source_of, worlds_table
+from tools.measure.leaderboard import parts, places_table, source_of, world_runs, worlds_table
 from tools.measure.real_logs import CASES, Case
 
 
@@ -41,26 +41,42 @@ def test_published_poses_get_the_stamps_of_the_nearest_scans(log: str, tmp_path:
 
 
 def test_only_systems_that_draw_numbers_get_several_seeds_on_logs(log: str, tmp_path: Path) -> None:
-    found = {part.name: part.document for part in parts(tmp_path, ["odometry", "gmapping"], ["office"], [log], 5)}
-    assert found["world-office"]["axes"]["system"] == ["odometry", "gmapping"]
-    assert (found["logs"]["axes"]["system"], found["logs"]["seeds"]) == (["odometry"], 1)
-    assert (found["logs-drawn"]["axes"]["system"], found["logs-drawn"]["seeds"]) == (["gmapping"], 5)
+    systems = ["odometry", "mrpt-rbpf", "gmapping", "scan-matching"]
+    found = {part.name: part.document for part in parts(tmp_path, systems, ["office"], [log], 5)}
+    assert found["world-office"]["axes"]["system"] == ["odometry", "mrpt-rbpf"]
+    assert found["world-office-own"]["axes"]["system"] == ["gmapping", "scan-matching"]
+    assert {name: (found[name]["axes"]["system"], found[name]["seeds"]) for name in found if "logs" in name} == {
+        "logs": (["odometry"], 1),
+        "logs-drawn": (["mrpt-rbpf"], 5),
+        "logs-own": (["scan-matching"], 1),
+        "logs-drawn-own": (["gmapping"], 5),
+    }
     for document in found.values():
         assert parse_spec(document, "test", tmp_path).names_systems
     assert [part.name for part in parts(tmp_path, ["odometry"], [], [log], 5)] == ["logs"]
 
 
-def table_of(place: str, ran: list[list[bool]], errors: list[list[float]], failed: list[list[bool]]) -> Any:
+def table_of(
+    place: str,
+    ran: list[list[bool]],
+    errors: list[list[float]],
+    failed: list[list[bool]],
+    lines: tuple[str, ...] = ("odometry", "gmapping"),
+    commit: str = "abc",
+    wheels: float = 0.5,
+) -> Any:
     """What the tables read of a sweep over one place: arrays (systems, seeds)."""
     shape = (1, len(ran), 1, len(ran[0]))
 
     def cube(name: str) -> np.ndarray:
-        known = {"trajectory.ate_rmse_m": errors, "wall_s": np.full(shape, 2.0), "scans": np.full(shape, 100.0)}
+        known = {"trajectory.ate_rmse_m": errors, "cpu_s": np.full(shape, 2.0), "scans": np.full(shape, 100.0)}
+        known["trajectory.odometry.ate_rmse_m"] = np.full(shape, wheels)
         return np.reshape(np.asarray(known.get(name, np.full(shape, np.nan)), dtype=float), shape)
 
     return SimpleNamespace(
         places=(place,),
-        lines=("odometry", "gmapping"),
+        lines=lines,
+        commit=commit,
         ran=np.reshape(ran, shape),
         failed=np.reshape(failed, shape),
         conditions="robot create3",
@@ -73,20 +89,37 @@ def test_totals_count_only_drives_that_all_systems_did() -> None:
     ran, errors = [[True, True], [True, False]], [[0.1, 9.0], [0.02, np.nan]]
     half = table_of("office", ran, errors, [[False, True], [False, False]])
     whole = table_of("loop", [[True] * 2] * 2, [[0.3, 0.3], [0.04, 0.04]], [[True, True], [False, False]])
-    text = worlds_table([half, whole])
+    text = worlds_table([world_runs([half]), world_runs([whole])])
     rows = {line.split(" | ")[0].strip("| "): line.split(" | ") for line in text.splitlines() if line.startswith("|")}
     assert rows["odometry"][2] == "2 of 3 (21% to 94%)"
     assert rows["odometry"][3].startswith("30.0 ")
+    assert rows["gmapping"][5].startswith("20.0 ")  # CPU time: 2 s for 100 scans
     assert rows["gmapping"][2] == "0 of 3 (0% to 56%)"
     assert "3 drives of 4 that were begun, which all systems did: office 1, loop 2" in text
 
 
 def test_each_world_says_how_many_runs_a_figure_rests_on() -> None:
     ran, errors = [[True, True], [True, False]], [[0.1, 9.0], [0.02, np.nan]]
-    text = places_table([table_of("office", ran, errors, [[False, True], [False, False]])])
+    text = places_table([world_runs([table_of("office", ran, errors, [[False, True], [False, False]])])])
     assert text.splitlines()[-1] == "| office | 455.0 cm (10.0 to 900.0), 1 of 2 failed | 2.0 cm |"
-    nothing = places_table([table_of("lab", [[False, False]] * 2, [[np.nan] * 2] * 2, [[False] * 2] * 2)])
+    unknown = table_of("lab", [[False, False]] * 2, [[np.nan] * 2] * 2, [[False] * 2] * 2)
+    nothing = places_table([world_runs([unknown])])
     assert nothing.splitlines()[-1] == "| lab | not run | not run |"
+
+
+def test_systems_of_this_package_are_joined_with_the_others_of_the_same_drives() -> None:
+    """Ours were run with a seed less, and with another commit, which the page says."""
+    others = table_of("office", [[True] * 3], [[0.5, 0.6, 0.7]], [[True] * 3], lines=("odometry",), commit="old")
+    own = table_of("office", [[True] * 2], [[0.02, 0.04]], [[False] * 2], lines=("gmapping",), commit="new")
+    joined = world_runs([others, own])
+    assert joined.systems == ["gmapping", "odometry"]
+    np.testing.assert_allclose(joined.error, [[0.02, 0.04, np.nan], [0.5, 0.6, 0.7]])
+    text = worlds_table([joined])
+    assert "2 drives of 3 that were begun, which all systems did: office 2" in text
+    assert "Computed with new: gmapping; old: odometry." in text
+    elsewhere = table_of("office", [[True] * 2], [[0.02, 0.04]], [[False] * 2], lines=("gmapping",), wheels=0.6)
+    with pytest.raises(ValueError, match="office: the sweeps are of different drives"):
+        world_runs([others, elsewhere])
 
 
 def test_worlds_with_a_short_tour_come_first_and_those_with_a_long_one_get_one_seed(tmp_path: Path) -> None:

@@ -7,12 +7,13 @@
 
 Writes: docs/leaderboard.md (worlds), docs/leaderboard.md (places), docs/leaderboard.md (logs)
 
-DIR holds a sweep over the logs with the systems that draw no random numbers, which get one seed there, one with the
-others, and one sweep over each world, those with a short tour first. Worlds with a tour of more than 500 m get one
-seed. The command goes on where it was stopped; Ctrl-C writes the tables of what there is, and so does --tables, which
-computes nothing, also while another process computes. All systems and logs with five seeds take many hours. Logs are
-read from $TESTBED_DATASETS, by default ../shared/datasets; those that are absent are left out. Of logs without
-relations the published gMapping poses are the reference, which are some centimetres off themselves.
+DIR holds sweeps over the logs, with one seed for the systems that draw no random numbers, and sweeps over each world,
+those with a short tour first. Systems of this package have sweeps of their own: another version of it computes only
+those anew (remove their directories, which end in -own). The tables name the commit of each. Worlds with a tour of more
+than 500 m get one seed. The command goes on where it was stopped; Ctrl-C writes the tables of what there is, and so
+does --tables, which computes nothing, also while another process computes. All systems and logs with five seeds take
+many hours. Logs are read from $TESTBED_DATASETS, by default ../shared/datasets; those that are absent are left out. Of
+logs without relations the published gMapping poses are the reference, which are some centimetres off themselves.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import argparse
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,10 +46,14 @@ PAGE = DOCS / "leaderboard.md"
 DRAW_NUMBERS = ("gmapping", "mrpt-rbpf")
 """Systems whose result depends on the seed: they get several seeds on each log."""
 PARTICLES = 30
+OWN = ("gmapping", "scan-matching")
+"""Systems that another version of this package changes."""
 NOT_HERE = ("localization",)
 """Systems that do no SLAM."""
 
 
+SAME_DRIVE = 1e-6
+"""The odometry errs by the same in all runs of a drive, up to this [m]."""
 LONG_TOUR = 500.0
 """Worlds with a longer tour get one seed [m]: a drive takes half an hour and more."""
 
@@ -87,19 +92,23 @@ def _testbed(*words: str) -> int:
 def parts(folder: Path, systems: Sequence[str], places: Sequence[str], logs: Sequence[str], seeds: int) -> list[Part]:
     """The sweeps of a leaderboard in their order; those without a system or place are left out."""
     found = []
-    drawing = [system for system in systems if system in DRAW_NUMBERS]
-    for name, own, count in (
-        ("logs", [system for system in systems if system not in drawing], 1),
-        ("logs-drawn", drawing, seeds),
-    ):
-        if own and logs:
-            sources = [source_of(log, folder) for log in logs]
-            found.append(Part(name, {"logs": sources, "seeds": count, **_systems(own)}))
+    groups = {"": [one for one in systems if one not in OWN], "-own": [one for one in systems if one in OWN]}
+    for suffix, group in groups.items():
+        drawing = [system for system in group if system in DRAW_NUMBERS]
+        for name, chosen, count in (
+            (f"logs{suffix}", [system for system in group if system not in drawing], 1),
+            (f"logs-drawn{suffix}", drawing, seeds),
+        ):
+            if chosen and logs:
+                sources = [source_of(log, folder) for log in logs]
+                found.append(Part(name, {"logs": sources, "seeds": count, **_systems(chosen)}))
     tours = {place: tour_length(place) for place in places}
     for place in sorted(places, key=lambda place: tours[place]):
         count = 1 if tours[place] > LONG_TOUR else seeds
         document = {"worlds": [place], "seeds": count, "settings": {"route": "random"}}
-        found.append(Part(f"world-{place}", {**document, **_systems(systems)}))
+        found += [
+            Part(f"world-{place}{suffix}", {**document, **_systems(group)}) for suffix, group in groups.items() if group
+        ]
     return found
 
 
@@ -143,45 +152,103 @@ def _nearest(stamps: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.where(wanted - before < stamps[after] - wanted, before, stamps[after])
 
 
-def worlds_table(tables: Sequence[SweepTable]) -> str:
+@dataclass(frozen=True)
+class WorldRuns:
+    """What the sweeps over one world hold; arrays (systems, seeds), NaN where a run lacks the figure."""
+
+    world: str
+    commits: dict[str, str]
+    """Commit of the sweep of each system, in the order of the rows."""
+    conditions: str
+    ran: np.ndarray
+    failed: np.ndarray
+    error: np.ndarray
+    """Trajectory error [m]."""
+    map_f1: np.ndarray
+    cost: np.ndarray
+    """CPU time per scan [ms]: other work on the machine makes it no longer."""
+
+    @property
+    def systems(self) -> list[str]:
+        """The systems in the order of the rows."""
+        return list(self.commits)
+
+
+def world_runs(tables: Sequence[SweepTable]) -> WorldRuns:
+    """Put the sweeps over one world together, those of systems of this package first.
+
+    Raises ValueError where they did not see the same drives: then the odometry errs otherwise.
+    """
+    tables = sorted(tables, key=lambda table: table.lines[0] not in OWN)
+    seeds = max(table.ran.shape[-1] for table in tables)
+
+    def rows(of: Callable[[SweepTable], np.ndarray], missing: float) -> np.ndarray:
+        own = [of(table)[0, :, 0] for table in tables]
+        return np.concatenate(
+            [np.pad(one.astype(float), ((0, 0), (0, seeds - one.shape[1])), constant_values=missing) for one in own]
+        )
+
+    wheels = rows(lambda table: table.cube("trajectory.odometry.ate_rmse_m"), np.nan)
+    apart = np.array([np.ptp(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in wheels.T])
+    if (apart > SAME_DRIVE).any():
+        raise ValueError(f"{tables[0].places[0]}: the sweeps are of different drives, expected the same of each seed")
+    return WorldRuns(
+        world=tables[0].places[0],
+        commits={line: table.commit for table in tables for line in table.lines},
+        conditions=tables[0].conditions,
+        ran=rows(lambda table: table.ran, 0.0) > 0.0,
+        failed=rows(lambda table: table.failed, 0.0) > 0.0,
+        error=rows(lambda table: table.cube("trajectory.ate_rmse_m"), np.nan),
+        map_f1=rows(lambda table: table.cube("map.f1_1_cells"), np.nan),
+        cost=1e3 * rows(lambda table: table.cube("cpu_s") / table.cube("scans"), np.nan),
+    )
+
+
+def worlds_table(worlds_done: Sequence[WorldRuns]) -> str:
     """Failures, errors, maps and cost of each system, as Markdown, over the drives that all systems have done."""
     lines = [
-        "| system | version | failed runs | trajectory error [cm] | map F1, within a cell | time per scan [ms] |",
+        "| system | version | failed runs | trajectory error [cm] | map F1, within a cell | CPU time per scan [ms] |",
         "|---|---|---|---|---|---|",
     ]
-    done = [table.ran.all(axis=1) for table in tables]
-    for k, line in enumerate(tables[0].lines):
-        failed = _of_drives([table.failed[:, k] for table in tables], done)
-        cost = [1e3 * (table.cube("wall_s") / table.cube("scans"))[:, k] for table in tables]
+    done = [world.ran.all(axis=0) for world in worlds_done]
+    for k, system in enumerate(worlds_done[0].systems):
+
+        def of_drives(name: str, k: int = k) -> np.ndarray:
+            values = [getattr(world, name)[k, there] for world, there in zip(worlds_done, done, strict=True)]
+            return np.concatenate(values)
+
+        failed = of_drives("failed")
         cells = (
             failures_text(int(failed.sum()), len(failed)),
-            _median(
-                _of_drives([100.0 * table.cube("trajectory.ate_rmse_m")[:, k] for table in tables], done), "{:.1f}"
-            ),
-            _median(_of_drives([table.cube("map.f1_1_cells")[:, k] for table in tables], done), "{:.3f}"),
-            _median(_of_drives(cost, done), "{:.1f}"),
+            _median(100.0 * of_drives("error"), "{:.1f}"),
+            _median(of_drives("map_f1"), "{:.3f}"),
+            _median(of_drives("cost"), "{:.1f}"),
         )
-        lines.append(f"| {line} | {version_of(line)} | {' | '.join(cells)} |")
-    drives = ", ".join(f"{table.places[0]} {int(there.sum())}" for table, there in zip(tables, done, strict=True))
-    planned = sum(there.size for there in done)
-    counted = sum(int(there.sum()) for there in done)
+        lines.append(f"| {system} | {version_of(system)} | {' | '.join(cells)} |")
+    drives = ", ".join(f"{world.world} {int(there.sum())}" for world, there in zip(worlds_done, done, strict=True))
+    planned, counted = sum(there.size for there in done), sum(int(there.sum()) for there in done)
     share = "" if counted == planned else f" of {planned} that were begun"
-    return "\n".join([*lines, "", f"{counted} drives{share}, which all systems did: {drives}. {tables[0].conditions}."])
+    about = f"{counted} drives{share}, which all systems did: {drives}. {worlds_done[0].conditions}."
+    return "\n".join([*lines, "", f"{about} {computed_with(worlds_done)}"])
 
 
-def _of_drives(values: Sequence[np.ndarray], chosen: Sequence[np.ndarray]) -> np.ndarray:
-    """The chosen of the values (places, counts, seeds) of several tables, one after another."""
-    return np.concatenate([own[there] for own, there in zip(values, chosen, strict=True)])
+def computed_with(worlds_done: Sequence[WorldRuns]) -> str:
+    """Which version of this package drove and scored which systems, as a sentence."""
+    systems: dict[str, list[str]] = {}
+    for world in worlds_done:
+        for system, commit in world.commits.items():
+            named = systems.setdefault(commit, [])
+            named += [] if system in named else [system]
+    return "Computed with " + "; ".join(f"{commit}: {', '.join(named)}" for commit, named in systems.items()) + "."
 
 
-def places_table(tables: Sequence[SweepTable]) -> str:
+def places_table(worlds_done: Sequence[WorldRuns]) -> str:
     """Median error and failures of each system in each world, as Markdown; a row for each world."""
-    systems = tables[0].lines
+    systems = worlds_done[0].systems
     lines = [f"| world | {' | '.join(systems)} |", f"|---|{'---|' * len(systems)}"]
-    for table in tables:
-        errors = 100.0 * table.cube("trajectory.ate_rmse_m")
-        cells = [_cell(errors[0, k], table.failed[0, k], table.ran[0, k], "{:.1f} cm") for k in range(len(systems))]
-        lines.append(f"| {table.places[0]} | {' | '.join(cells)} |")
+    for world in worlds_done:
+        rows = zip(100.0 * world.error, world.failed, world.ran, strict=True)
+        lines.append(f"| {world.world} | {' | '.join(_cell(*row, '{:.1f} cm') for row in rows)} |")
     return "\n".join(lines)
 
 
@@ -189,11 +256,11 @@ def logs_table(tables: Sequence[SweepTable]) -> str:
     """Error of each system on each log, as Markdown: median over the seeds, failures, range."""
     places = list(dict.fromkeys(place for table in tables for place in table.places))
     lines = [
-        f"| system | version | failed runs | {' | '.join(places)} | time per scan [ms] |",
+        f"| system | version | failed runs | {' | '.join(places)} | CPU time per scan [ms] |",
         f"|---|---|---|{'---|' * len(places)}---|",
     ]
     for table in tables:
-        cost = 1e3 * table.cube("wall_s") / table.cube("scans")
+        cost = 1e3 * table.cube("cpu_s") / table.cube("scans")
         relations, truth = table.cube("relations.trans_mean_m"), table.cube("trajectory.ate_rmse_m")
         errors = np.where(np.isfinite(relations), relations, truth)
         for k, line in enumerate(table.lines):
@@ -264,11 +331,21 @@ def main() -> None:
     tables = {part.name: table for part in wanted if (table := part.table(options.out)) is not None}
     words = ["DIR" if word == str(options.out) else word for word in sys.argv[1:] if word != "--tables"]
     command = f"`python -m tools.measure.leaderboard {shlex.join(words)}`"
-    if of_worlds := [table for name, table in tables.items() if name.startswith("world-")]:
+    of_worlds = [
+        world_runs(found)
+        for place in dict.fromkeys(name.removesuffix("-own") for name in tables if name.startswith("world-"))
+        if len(found := [tables[name] for name in (place, f"{place}-own") if name in tables]) == 1 + _has_both(systems)
+    ]
+    if of_worlds:
         write_table(PAGE, "worlds", f"{worlds_table(of_worlds)}\n\n{command}")
         write_table(PAGE, "places", places_table(of_worlds))
-    if of_logs := [tables[name] for name in ("logs", "logs-drawn") if name in tables]:
+    if of_logs := [table for name, table in tables.items() if name.startswith("logs")]:
         write_table(PAGE, "logs", f"{logs_table(of_logs)}\n\n{command}")
+
+
+def _has_both(systems: Sequence[str]) -> bool:
+    """Whether there are systems of this package and others: then a world counts once both have been run."""
+    return 0 < sum(system in OWN for system in systems) < len(systems)
 
 
 def _words(text: str | None) -> list[str]:

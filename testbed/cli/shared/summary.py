@@ -20,7 +20,7 @@ from eval.filter.step_table import column
 from eval.first_failure import Failure
 from eval.loss_watch import spells
 from eval.mended import Mended, find_mended
-from eval.report.bent_map import behind_failure
+from eval.report.bent_map import behind_failure, bent_before, cause_in_short, times_of_failure
 from eval.report.check_story import self_check_sentence
 from eval.wording import at_time, up_to_a_tenth
 from testbed.views import recording_of
@@ -66,9 +66,11 @@ def headline_table(metrics: Mapping[str, Any], run: Path | None = None) -> Table
     found = _failure_of(metrics, run)
     if found is not None:
         failure, stamps = found
-        cause = f": {failure.cause.split(':')[0]}" if failure.cause else ""
-        table.add_row("went wrong", f"at {at_time(failure.stamp - stamps[0])}{cause}")
         assert run is not None  # that the failure was read from
+        start = float(stamps[0])
+        cause = cause_in_short(failure, bent_before(read_steps(run / "steps.parquet"), failure, start))
+        back = "" if failure.back is None else ", when it came back"
+        table.add_row("went wrong", f"{times_of_failure(failure, start)}{back}{f': {cause}' if cause else ''}")
         behind = _behind_failure(failure, stamps, run)
         if behind:
             table.add_row("behind it", behind)

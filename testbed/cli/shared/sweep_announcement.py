@@ -21,7 +21,9 @@ from eval.sweep.results import SweepTable, SweepTableError, read_sweep
 from eval.sweep.statistics import min_values
 from eval.sweep.summary import summarise
 from testbed.cli.shared.console import announce_compilation, console, results
+from testbed.cli.shared.sweep_looks import MAX_PLACES
 from testbed.cli.shared.sweep_options import Execution
+from testbed.cli.shared.sweep_progress import SIZE_SEEDS
 from testbed.kernels import is_compiled
 from testbed.sweep.forecast import MIN_COST, JobTimes, measured_times, probed_times
 from testbed.sweep.spec.cell import Cell
@@ -30,8 +32,6 @@ from testbed.sweep.spec.plan import Costs
 from testbed.sweep.spec.spec import SweepSpec
 from worlds import family
 
-MAX_PLACES = 4
-"""The time of each world is said for at most so many."""
 USUAL_MEASURE = "trajectory_filter.ate_rmse_m"
 """The measure whose usual size is known before anything is computed."""
 
@@ -139,7 +139,7 @@ def _expected(work: Work, times: JobTimes | None, execution: Execution) -> str:
         return "unknown, since recorded logs are not measured beforehand; it is shown as soon as a job is done."
     workers = execution.worker_count
     first, most = (duration_words(times.total(cells, workers)) for cells in (work.cells, work.all_cells))
-    by = f"with {workers} worker{'s' if workers > 1 else ''}, {times.source}"
+    by = f"with {workers} worker{'s' if workers > 1 else ''}, {times.source}, if the machine stays as busy as it is"
     if not work.spec.until or len(work.cells) == len(work.all_cells):
         said = f"about {first} {by}."
         return "\n  ".join(
@@ -154,13 +154,22 @@ def _expected(work: Work, times: JobTimes | None, execution: Execution) -> str:
 
 
 def _by_place(work: Work, times: JobTimes, workers: int) -> str:
-    """How long each of a few worlds or logs takes: `By world: loop about 18 minutes, apartment about 11 minutes.`"""
+    """How long each of a few worlds or logs takes: `By world: loop about 18 minutes, apartment about 11 minutes.`, or
+    `By world: loop about 3 minutes to that look, 18 minutes at most, …`"""
     places = list(dict.fromkeys(cell.place for cell in work.all_cells))
     if not 1 < len(places) <= MAX_PLACES:
         return ""
-    shares = {place: [cell for cell in work.all_cells if cell.place == place] for place in places}
-    words = [f"{place} about {duration_words(times.total(cells, workers))}" for place, cells in shares.items()]
-    return f"{'At most by' if work.spec.until else 'By'} world: {', '.join(words)}."
+
+    def of(cells: Sequence[Cell], place: str) -> str:
+        return duration_words(times.total([cell for cell in cells if cell.place == place], workers))
+
+    words = [f"{place} about {of(work.all_cells, place)}" for place in places]
+    if len(work.cells) < len(work.all_cells):  # there is a look before the end
+        words = [
+            f"{place} about {of(work.cells, place)} to that look, {of(work.all_cells, place)} at most"
+            for place in places
+        ]
+    return f"By world: {', '.join(words)}."
 
 
 def _margin(work: Work) -> str:
@@ -172,7 +181,7 @@ def _margin(work: Work) -> str:
     usual = ""
     if key == USUAL_MEASURE:
         share = share_words(margin.of(TYPICAL_ERROR), TYPICAL_ERROR)
-        size = f"about {100.0 * TYPICAL_ERROR:.1f} cm; after some seeds it is said of your worlds"
+        size = f"about {100.0 * TYPICAL_ERROR:.1f} cm; after {SIZE_SEEDS} seeds it is said of your worlds"
         usual = f" That is {share} of a usual error, {size}."
     words = margin.words(is_length=key.endswith("_m"))
     return f"{said.format(words)}{usual}\n  Choose it before you see results: --margin 2mm, 5% or 5%,2mm."

@@ -14,6 +14,8 @@ from testbed.sweep.looks import statuses
 from testbed.sweep.spec.cell import Cell
 from testbed.sweep.store import SweepDirectory
 
+MAX_PLACES = 4
+"""The time of each world is said for at most so many."""
 Duration = Callable[[Sequence[Cell]], str]
 """How long jobs take, in words; empty if it is unknown."""
 
@@ -30,7 +32,10 @@ def say_look(
     console.print(f"Looked at the results; the page is written: {page}", soft_wrap=True, markup=False)
     say_answers(directory.path, partial(console.print, soft_wrap=True, markup=False))
     soon, most = duration(cells), duration(rest)
-    soon, most = f", in about {soon}" if soon else "", f" and about {most}" if most else ""
+    places = list(dict.fromkeys(cell.place for cell in cells))
+    each = ", ".join(f"{place} {duration([cell for cell in cells if cell.place == place])}" for place in places)
+    each = f" ({each})" if 1 < len(places) <= MAX_PLACES else ""
+    soon, most = f", in about {soon}{each}" if soon else "", f" and about {most}" if most else ""
     console.print(
         f"Next look with {next_look} seeds, {len(cells)} jobs{soon}; at most {len(rest)} jobs{most} in all. "
         "Ctrl-C ends the sweep here, keeps the page, and says how to go on without worlds that will stay open.",

@@ -23,6 +23,7 @@ from testbed.sweep.execution.worker_process import Limits
 from testbed.sweep.spec.plan import Shard
 from testbed.sweep.spec.spec import BASELINE, SweepSpec, parse_spec, parsed_axes, read_document, read_preset
 from testbed.sweep.store import MANIFEST, SweepDirectory
+from testbed.systems.program import DatasetFormat
 from worlds import expand_names
 
 MAX_WORKERS_PER_CORE = 4
@@ -78,6 +79,8 @@ class SweepOptions:
     --particles is then one count, which only the filter of this package takes. Default: 30."""
     system_command: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """A program as a system, such as 'my_slam {dataset} {out}', see docs/systems.md. May be repeated."""
+    system_format: DatasetFormat | None = None
+    """Format of the recording that programs get. Default: rosbag2."""
     axis: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
     """NAME=VALUE,VALUE: a setting with several values; each adds a curve to the plots. May be repeated."""
     set: Annotated[tuple[str, ...], Parameter(show_default=False)] = ()
@@ -134,8 +137,10 @@ class SweepOptions:
         return self._with_flags({}, "command line", Path())
 
     def own_settings(self) -> dict[str, Any]:
-        """The settings of --set and --route."""
+        """The settings of --set, --route and --system-format."""
         settings = {name: values[0] for name, values in parsed_axes(self.set).items() if values}
+        if self.system_format is not None:
+            settings["system_format"] = self.system_format
         return settings if self.route is None else settings | {"route": self.route}
 
     def _with_flags(self, document: dict[str, Any], source: str, folder: Path, *, is_new: bool = True) -> SweepSpec:

@@ -18,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from eval.sweep.job_times import REPORT_SECONDS, duration_words
+from eval.sweep.margin import Margin, share_words
 from eval.sweep.measure import Measure, Unit
 from eval.sweep.results import SweepTable
 from testbed.cli.shared.at_work import AT_WORK
@@ -31,6 +32,8 @@ REPORT_EVERY = 0.1
 """Without a terminal a line is printed each time this share of the work is done."""
 MEDIANS_EVERY = 0.25
 """Without a terminal the medians are printed each time a further part of this size is done."""
+SIZE_SEEDS = 2
+"""After so many seeds of a world it is said which share of its error the margin is."""
 MAX_SHOWN_PLACES = 12
 """The live table of medians has at most this many rows."""
 
@@ -45,6 +48,8 @@ class Stage:
     """Whether runs that failed are repeated then, which takes time too."""
     groups: tuple[tuple[str, str], ...] = ()
     """Places and lines in the order of the tables, in which the medians are shown too."""
+    margin: Margin | None = None
+    """Up to which a larger error counts as equal, where particle counts are compared."""
 
 
 class SweepProgress:
@@ -58,6 +63,7 @@ class SweepProgress:
         self._measure = measure
         self._errors: dict[tuple[str, str], dict[int, dict[int, float]]] = {}
         self._counts = {cell.particles for cell in cells}
+        self._sized: set[tuple[str, str]] = set()
         self._computed = {(cell.place, cell.line) for cell in cells}
 
     def note_table(self, table: SweepTable) -> None:
@@ -66,6 +72,10 @@ class SweepProgress:
         for p, k, c, number in np.argwhere(np.isfinite(table.error)):
             group = self._errors.setdefault((table.places[p], table.lines[k]), {})
             group.setdefault(table.counts[c], {})[table.seeds[number]] = float(table.error[p, k, c, number])
+        counts = sorted(self._counts)
+        self._sized = {
+            name for name, group in self._errors.items() if len(_complete_seeds(group, counts)) >= SIZE_SEEDS
+        }
 
     def begin(self) -> None:
         """Say where no live table is shown that the jobs begin, and how long they will take."""
@@ -145,6 +155,29 @@ class SweepProgress:
         if isinstance(error, int | float):
             group = self._errors.setdefault((cell.place, cell.line), {})
             group.setdefault(cell.particles, {})[cell.seed] = float(error)  # a run that is repeated counts once
+            self._say_size((cell.place, cell.line))
+
+    def _say_size(self, group: tuple[str, str]) -> None:
+        """Say which share of the error the margin is, once a world has enough seeds to tell how large that is.
+
+        The error of the largest count alone says it: by the differences to it nobody may choose a margin.
+        """
+        errors, largest = self._errors[group], max(self._counts)
+        seeds = _complete_seeds(errors, sorted(self._counts))
+        if self._stage.margin is None or len(seeds) != SIZE_SEEDS or group in self._sized:
+            return
+        self._sized.add(group)
+        error = median(value for seed, value in errors[largest].items() if seed in seeds)
+        unit, margin = self._measure.unit(error), self._stage.margin.of(error)
+        size, limit = (f"{unit.factor * value:.2g} {unit.name}".rstrip() for value in (error, margin))
+        name = group[0] if group[1] == "default" else ", ".join(group)
+        console.print(
+            f"margin: {name}: the error with {largest} is about {size} in "
+            f"the first {SIZE_SEEDS} seeds, of which the margin of {limit} is {share_words(margin, error)}. If that is "
+            "too much or too little, end this sweep now (Ctrl-C) and begin another with --margin and a new --out",
+            soft_wrap=True,
+            markup=False,
+        )
 
     def _line(self) -> str:
         extra = REPORT_SECONDS

@@ -4,17 +4,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
 from eval.limits import check
 from eval.report.comparison import write_comparison
 from eval.report.run_report import write_report
+from eval.wording import up_to_a_tenth
 from testbed.cli.shared.console import announce_compilation, console, progress_line, results
 from testbed.cli.shared.output import OutputOptions
 from testbed.cli.shared.status import GATE_FAILED, USAGE_ERROR
@@ -29,7 +32,7 @@ from testbed.systems.finding import BUILT_IN_PROGRAMS, check_names, make_system,
 from testbed.systems.layers import layers_of
 from testbed.systems.particles import KeptParticles
 from testbed.systems.program import DatasetFormat, Program
-from testbed.views import Scene, record_systems
+from testbed.views import Scene, SystemLayer, record_systems
 from testbed.views.opening import RECORDING
 
 SYSTEM_GROUP = Group("SLAM systems (instead of the filter of this package)", sort_key=12)
@@ -51,7 +54,7 @@ class SystemOptions:
     system_format: DatasetFormat = "rosbag2"
     """Format of the recording that programs get."""
     system_time_limit: float = 3600.0
-    """Time limit of a program [s]."""
+    """Time limit of a program, or of one call of a class [s]."""
     system_memory_limit: float | None = None
     """Limit of the memory of a program with all its processes [MB]."""
 
@@ -68,6 +71,8 @@ class SystemOptions:
     def __post_init__(self) -> None:
         if self.system_set and not self.requested:
             raise ValueError(f"--system-set {self.system_set[0]}: expected --system as well")
+        if not self.system_time_limit > 0.0:
+            raise ValueError(f"--system-time-limit {self.system_time_limit:g}: expected a positive time [s]")
         if self.system is not None and not self.texts:
             raise ValueError(f"--system {self.system!r}: expected names, separated by commas")
 
@@ -81,7 +86,8 @@ class SystemOptions:
             for text in self.texts
             if text not in BUILT_IN_PROGRAMS
         ]
-        made: dict[str, Entrant] = {entrant.text: entrant for entrant in _with_values(classes, self.system_set)}
+        classes = [replace(e, seconds=self.system_time_limit) for e in _with_values(classes, self.system_set)]
+        made: dict[str, Entrant] = {entrant.text: entrant for entrant in classes}
         made |= {text: self._limited(built_in_program(text)) for text in self.texts if text in BUILT_IN_PROGRAMS}
         found = [made[text] for text in self.texts]
         found += [
@@ -161,8 +167,7 @@ def compare_systems(
     for system, metrics in found.items():
         for note in metrics["notes"]:
             console.print(f"note: {system}: {note}", soft_wrap=True, markup=False)
-    if recording := _record(particles, recorded, document, root):
-        results.print(f"recording: {recording.resolve()}")
+    _record(particles, recorded, document, root)
     if found and len(entrants) > 1:
         shown = [root / entrant.name for entrant in entrants]
         results.print(f"comparison: {write_comparison(shown, root / 'comparison.html').resolve()}")
@@ -171,23 +176,35 @@ def compare_systems(
     return USAGE_ERROR if failed else GATE_FAILED if broken else 0
 
 
-def _record(
-    found: Mapping[str, KeptParticles], recorded: Recorded, document: Mapping[str, Any], root: Path
-) -> Path | None:
-    """Write what all systems made of the drive as one recording; None where none has a path that can be drawn.
+def _record(found: Mapping[str, KeptParticles], recorded: Recorded, document: Mapping[str, Any], root: Path) -> None:
+    """Write what all systems made of the drive as one recording, and say where; nothing where none has a path.
 
     found: particles of the systems that have a result, by name
     """
     layers = layers_of([root / system for system in found], recorded.frames, found)
     if not layers:
-        return None
+        return
     settings = document["settings"]
     title = f"{Path(str(settings.get('world', settings.get('log', root)))).name}: {', '.join(found)}"
     with progress_line() as line:
         line.stage("recording")
         scene = Scene(title=title, true_map=recorded.reference.grid)
         record_systems(root / RECORDING, recorded.frames, layers, scene)
-    return root / RECORDING
+    results.print(f"recording: {(root / RECORDING).resolve()}")
+    if words := _farthest_off(layers, recorded.frames, root):
+        results.print(words)
+
+
+def _farthest_off(layers: Sequence[SystemLayer], frames: Sequence[Frame], root: Path) -> str:
+    """The command that draws the moment at which a system is farthest from the truth; empty where that is unknown."""
+    stamps = np.array([frame.stamp for frame in frames if frame.scan is not None])
+    known = [(layer, layer.errors) for layer in layers if layer.errors is not None and np.isfinite(layer.errors).any()]
+    if not known:
+        return ""
+    worst, errors = max(known, key=lambda pair: float(np.nanmax(pair[1])))
+    at = stamps[worst.rows[int(np.nanargmax(errors))]] - stamps[0]
+    command = f"testbed view {shlex.quote(str(root))} --time {up_to_a_tenth(float(at)):.1f} --save moment.png"
+    return f"moment: {command} (where {worst.name} is farthest off)"
 
 
 def _run_one(

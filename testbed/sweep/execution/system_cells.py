@@ -64,6 +64,7 @@ def compute_system(cell: Cell, entrant: Entrant, recording: Recording, started: 
     metrics["particles"] = cell.particles
     for name in ("wall_s", *COSTS):
         metrics["system"].pop(name)
-    timing = {name: metrics.pop(name, None) for name in MEASURED} | {"cell_s": time.perf_counter() - started}
+    timing = {name: metrics.pop(name, None) for name in MEASURED}
+    timing |= {"cpu_s": cost.cpu_s, "cell_s": time.perf_counter() - started}
     del timing["peak_rss_mb"]  # this process has computed other cells, whose memory would count too
     return CellResult(metrics, {"share": [], "ess": [], "unique_ancestors": [], "nees": []}, timing)

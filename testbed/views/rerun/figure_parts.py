@@ -6,14 +6,14 @@ from __future__ import annotations
 import io
 import itertools
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
 from slam.se2 import Pose
-from testbed.views.rerun.recorded import Ellipse
+from testbed.views.rerun.recorded import Ellipse, GridImage, Recorded, strips
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +28,13 @@ WIDE = 1.6
 """Width of a view around a place as part of its height, unless said otherwise."""
 BAR = 0.02
 """Height of the scale's bar as part of that."""
+LOOK: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+"""Settings for `rc_context`."""
 
 
 def as_png(figure: Figure) -> bytes:
@@ -90,6 +97,26 @@ def draw_dots(
 ) -> None:
     """Draw places (n, 2) as dots; size: of a dot [pt]."""
     axes.plot(*places.T, ".", ms=size, color=rgb(colour), label=label, zorder=5)
+
+
+def draw_grid(axes: Axes, shown: GridImage, T_world_grid: Pose) -> None:
+    """Draw a map whose lower left corner has a pose (3,)."""
+    from matplotlib.transforms import Affine2D
+
+    x, y, theta = T_world_grid.tolist()
+    rows, columns = shown.image.shape
+    extent = (0.0, columns * shown.cell, 0.0, rows * shown.cell)
+    image = axes.imshow(shown.image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
+    image.set_transform(Affine2D().rotate(theta).translate(x, y) + axes.transData)
+
+
+def draw_robot(axes: Axes, recorded: Recorded, entity: str, at: Pose, colour: tuple[int, int, int]) -> None:
+    """Draw the recorded footprint of a robot at a pose (3,)."""
+    for part in ("outline", "heading"):
+        shape = recorded.fixed(f"{entity}/{part}")
+        if shape:
+            lines = [se2.transform_points(at, line) for line in strips(shape["LineStrips3D:strips"])]
+            draw_lines(axes, lines, colour, 1.6)
 
 
 def draw_ellipse(axes: Axes, shape: Ellipse, colour: tuple[int, int, int], label: str) -> None:

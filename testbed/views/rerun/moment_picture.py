@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from testbed.views.map_cells import probability_of_greys
 from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.figure_parts import (
     DOT,
+    LOOK,
     as_png,
     legend_mark,
     rgb,
@@ -50,25 +50,18 @@ PAIR_HEIGHT = 5.6
 MARGIN_HEIGHT = 1.5
 """Height of headline and legend [inch]."""
 POSITION_ERROR = "Position error"
-LOOK: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.titlesize": 10.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
-"""Settings for `rc_context`."""
 UNSEEN = tuple(part / 255.0 for part in styles.UNSEEN)
 
 
 class MomentPictures:
     """Draws moments of one run from its recording. Times are seconds since the first scan."""
 
-    def __init__(self, recording: Path) -> None:
-        """Read the recording; raises ValueError that names it where it is none of a run."""
-        self._recorded = Recorded(recording)
+    def __init__(self, recorded: Recorded) -> None:
+        """Take a recording; raises ValueError that names it where it is none of a run."""
+        self._recorded = recorded
         if self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf) is None:
             raise ValueError(
-                f"{recording}: moments are drawn of a run of the built-in filter; without --time it opens in the viewer"
+                f"{recorded.path}: moments are drawn of runs and comparisons; without --time it opens in the viewer"
             )
         self._scene, self._words = MomentScene(self._recorded), MomentWords(self._recorded)
         self.end = float(self._recorded.latest(entities.ESTIMATED_ROBOT, math.inf)[TIME])  # type: ignore[index]

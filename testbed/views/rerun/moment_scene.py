@@ -19,7 +19,9 @@ from testbed.views.rerun.figure_parts import (
     DOT,
     draw_dots,
     draw_ellipse,
+    draw_grid,
     draw_lines,
+    draw_robot,
     passes_through,
     rgb,
     seen_from,
@@ -71,14 +73,8 @@ class MomentScene:
 
     def draw_map(self, axes: Axes, shown: GridImage | None) -> None:
         """Draw the map in the world's frame, and the true walls."""
-        from matplotlib.transforms import Affine2D
-
         if shown is not None:
-            x, y, theta = se2.compose(self.T_world_map, shown.pose).tolist()
-            rows, columns = shown.image.shape
-            extent = (0.0, columns * shown.cell, 0.0, rows * shown.cell)
-            image = axes.imshow(shown.image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
-            image.set_transform(Affine2D().rotate(theta).translate(x, y) + axes.transData)
+            draw_grid(axes, shown, se2.compose(self.T_world_map, shown.pose))
         walls = self._recorded.fixed(entities.TRUE_WALLS)
         if walls:
             draw_lines(axes, strips(walls["LineStrips3D:strips"]), styles.TRUTH, 0.6)
@@ -103,21 +99,13 @@ class MomentScene:
                 draw_lines(axes, parts, styles.PATHS[entity][0], width, label)
         true = self._recorded.latest(entities.TRUE_ROBOT, time)
         if true is not None:
-            self._draw_robot(axes, entities.TRUE_ROBOT, pose(true), styles.TRUTH)
-        self._draw_robot(axes, entities.ESTIMATED_ROBOT, robot, styles.ESTIMATE)
+            draw_robot(axes, self._recorded, entities.TRUE_ROBOT, pose(true), styles.TRUTH)
+        draw_robot(axes, self._recorded, entities.ESTIMATED_ROBOT, robot, styles.ESTIMATE)
         scan = self._recorded.latest(entities.SCAN, time)
         if scan is not None:
             ends = se2.transform_points(robot, points(scan["Points3D:positions"]))
             near = np.hypot(*(ends - robot[:2]).T) <= 2.0 * reach
             draw_dots(axes, ends[near], styles.SCAN, "scan, from the estimated pose", dot)
-
-    def _draw_robot(self, axes: Axes, entity: str, at: Pose, colour: tuple[int, int, int]) -> None:
-        """Draw the footprint of a robot at a pose (3,)."""
-        for part in ("outline", "heading"):
-            shape = self._recorded.fixed(f"{entity}/{part}")
-            if shape:
-                lines = [se2.transform_points(at, line) for line in strips(shape["LineStrips3D:strips"])]
-                draw_lines(axes, lines, colour, 1.6)
 
     def robot(self, time: float) -> Pose:
         """The estimated pose of the robot in the world's frame, (3,)."""

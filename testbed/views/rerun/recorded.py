@@ -35,6 +35,7 @@ class Recorded:
 
     def __init__(self, recording: Path) -> None:
         """Read the file; raises ValueError that names it where it is no recording."""
+        self.path = recording
         self._chunks: dict[tuple[str, bool], list[Any]] = defaultdict(list)
         try:
             with warnings.catch_warnings():

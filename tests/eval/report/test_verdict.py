@@ -10,9 +10,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from eval.failure_cause import RECOVERED
 from eval.files.run_reader import read_run
+from eval.loss_watch import spells
 from eval.report.report_context import ReportContext
+from eval.report.run_report import write_report
 from eval.report.verdict import _loop, verdict
+from eval.wording import at_time
 from tests.eval.synthetic_run import write_run
 
 
@@ -56,9 +60,12 @@ def test_the_largest_loop_is_said_with_what_the_particles_did(tmp_path):
     spread[390:420], spread[[120, 410]] = 0.02, (0.001, 0.016)
     loop = verdict(with_steps(run, loop_length=lengths, particles_died=died, spread_m=spread)).loop
     assert loop.sentence.startswith(
-        "The largest loop: 64 m of driving, old walls in view again from 30.0 s to 35.0 s. 11 of "
-        "30 particles died at 32.0 s (13 in 2 resamplings), and their spread went from 5.0\u00a0cm to 1.6\u00a0cm (at "
-        "41.0 s)."
+        "The largest loop, at 32.0 s: 64 m of driving. 11 of 30 particles died at 32.0 s (13 in 2 resamplings), and "
+        "their spread went from 5.0\u00a0cm to 1.6\u00a0cm."
+    )
+    assert loop.sentence.endswith(
+        " Other times of this loop: old walls come into view at 30.0 s, it has its full length at 35.0 s, the spread "
+        "is smallest at 41.0 s."
     )
     assert loop.time == pytest.approx(32.0)
 
@@ -70,7 +77,10 @@ def test_a_jump_to_another_particle_in_a_loop_is_said(tmp_path):
     lengths[300], moved[305], error[305:] = 40.0, 0.28, 0.5
     columns = {"loop_length": lengths, "particles_died": np.zeros(n, np.int64), "spread_m": np.linspace(0.9, 0.1, n)}
     said = verdict(with_steps(run, **columns, best_moved_m=moved, error_m=error)).loop.sentence
-    assert "was 26\u00a0cm at 30.0 s, and went from 26\u00a0cm to 50\u00a0cm at 30.5 s, as another particle" in said
+    assert (
+        "was 26\u00a0cm at its full length, and went from 26\u00a0cm to 50\u00a0cm at 30.5 s, as another particle"
+        in said
+    )
     assert "No particle died" in said
     assert "their spread, in which each counts by its weight, went from" in said
 
@@ -85,7 +95,7 @@ def test_what_the_headline_tells_is_not_told_again(tmp_path):
     files = with_steps(run, **columns, best_moved_m=moved, error_m=error)
     said = _loop(ReportContext.of(files), told=files.steps["stamp"][305]).sentence
     assert "another became the best at 30.5 s, and their spread" in said
-    assert said.endswith("was 26\u00a0cm before old walls came into view and was 26\u00a0cm at 30.0 s.")
+    assert "was 26\u00a0cm before old walls came into view and was 26\u00a0cm at its full length." in said
 
 
 def test_the_errors_in_a_loop_are_said_in_the_order_of_time(tmp_path):
@@ -99,7 +109,7 @@ def test_the_errors_in_a_loop_are_said_in_the_order_of_time(tmp_path):
     said = verdict(with_steps(run, **columns, best_moved_m=moved, error_m=error)).loop.sentence
     assert (
         "was 11\u00a0cm before old walls came into view, went from 22\u00a0cm to 33\u00a0cm at 32.0 s, as another "
-        "particle became the best, and was 44\u00a0cm at 34.0 s."
+        "particle became the best, and was 44\u00a0cm at its full length."
     ) in said
 
 
@@ -164,7 +174,7 @@ def test_loops_of_the_final_pass_are_said(tmp_path, last, said):
     [
         ("plausible", "none", "finds it plausible", "its first sign"),
         ("doubtful", "fair", "has doubts", "its first sign"),
-        ("lost", "bad", "lost the robot", "the sign of the lasting loss"),
+        ("lost", "bad", "lost the robot", "the first sign that stays"),
     ],
 )
 def test_an_unjudged_run_is_led_by_its_own_check(tmp_path, word, severity, lead, sign):
@@ -230,6 +240,46 @@ def test_a_sign_at_a_right_pose_is_explained_by_the_bent_map(tmp_path):
         " At 40.0 s the pose was only 4.1\u00a0cm off, but it had drifted before: a map that is bent may contradict "
         "the scans also where the pose is right."
     )
+
+
+def test_a_sign_at_the_return_from_a_loss_is_not_called_late(tmp_path):
+    """Lost from 20 s to some time after 25 s, where the pose is right again: the first sign that stays is then."""
+    run = write_run(tmp_path / "run")
+    metrics = json.loads((run / "metrics.json").read_text())
+    files = read_run(run)
+    x, off = np.array(files.steps["true_x"]), np.zeros(len(files.steps["scan"]))
+    off[200:250] = 3.0
+    files = with_steps(run, x=x + off, y=files.steps["true_y"], error_m=off)
+    (lost,) = spells(files.steps, "lost")
+    start = float(files.estimate.stamps[0])
+    check = {"verdict": "lost", "reason": "because", "stamp": lost.end, "place": [1.0, 2.0, 0.0]}
+    check["time_s"] = lost.end - start
+    for late, words in ((0.0, "as the pose comes back from where the truth shows it lost"), (9.0, "s after the truth")):
+        check["time_s"] = lost.end - start + late
+        (run / "metrics.json").write_text(json.dumps(metrics | {"outcome": "lost", "self_check": check}))
+        assert words in verdict(read_run(run)).sentences[0]
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_slips_that_were_got_over_before_are_no_cause_of_their_own(tmp_path, bent):
+    run = write_run(tmp_path / "run", broken=True)
+    finding = json.loads((run / "finding.json").read_text())
+    cause = f"the wheels slipped: by 12 degrees; they slipped in 3 intervals before this one too, and {RECOVERED}"
+    finding |= {"cause": cause, "back": finding["stamp"] + 4.0}
+    (run / "finding.json").write_text(json.dumps(finding))
+    files = read_run(run)
+    moment, start = files.failure.failure.stamp, float(files.estimate.stamps[0])
+    if bent:
+        stamps, x = np.array(files.steps["stamp"]), np.array(files.steps["x"])
+        off = 0.45 * ((stamps - start > 10.0) & (stamps - start < 20.0))
+        files = with_steps(run, x=x + off, error_m=off)
+    lead = verdict(files).lead
+    words = "the map was bent, and the wheels slipped" if bent else "the wheels slipped"
+    assert f" It is wrong from {at_time(moment - start)} to {at_time(moment - start + 4.0)}, of" in lead
+    assert lead.endswith(f", and comes back: {words}.")
+    page = write_report(run).read_text()
+    assert f"<strong>Cause:</strong> {words}." in page
+    assert f"At {moment - start + 4.0:.1f} s it is back" in page
 
 
 def test_a_doubt_has_the_time_of_its_first_sign_too(tmp_path):

@@ -25,7 +25,12 @@ def test_the_forecast_of_a_count_needs_features_and_the_default_filter(tmp_path,
     model = shipped_model()
     start = model.start(predictors_of(FEATURES))
     words = f"start with about {start} in hall_a and about {start} in cave; each is enough in 9 of 10 worlds like it"
-    assert suggested_counts(table) == Forecast(words)
+    low, high = model.interval(predictors_of(FEATURES))
+    assert 1 <= low < start < high
+    needs = f"{low} to {high}"
+    assert suggested_counts(table) == Forecast(
+        f"{words}; of such worlds 95 % need {needs} in hall_a and {needs} in cave"
+    )
 
 
 def test_drives_unlike_those_of_the_experiment_are_told(tmp_path, monkeypatch):

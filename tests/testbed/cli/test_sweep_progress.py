@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from eval.sweep.job_times import REPORT_SECONDS, duration_words
+from eval.sweep.margin import parse_margin
 from eval.sweep.measure import Measure
 from eval.sweep.results import read_sweep
 from testbed.cli.shared import sweep_progress, time_left
@@ -190,3 +191,30 @@ def test_runs_that_were_there_before_count_among_the_medians(cells, tmp_path):
     assert list(rows) == ["cave, improved", "cave, motion", "hall_a, improved", "hall_a, motion"]
     errors = [*(errors_of(1, 0, 1, s) for s in range(10)), 1.0]
     assert rows["cave, improved"][2:4] == [f"{100 * np.median(errors):.1f}", "(11)"]
+
+
+def test_after_two_seeds_the_margin_is_said_as_a_share_of_the_error(cells, clock, capsys):
+    """Of the error with the largest count alone, once a world; runs of a sweep that goes on count too."""
+    stage = Stage("", worst=False, margin=parse_margin("5mm"))
+    seeds = [replace(cell, seed=seed) for seed in range(4) for cell in cells]
+    progress = SweepProgress(seeds, TimeLeft(seeds, lambda cell: 1.0, 2, is_in_seconds=True), MEASURE, stage)
+    said = []
+    for cell in seeds:
+        progress.event(Started(cell))
+        progress.event(Finished(cell, result({91: 0.01 + 0.002 * cell.seed, 41: 0.3, 1: 0.3}[cell.particles])))
+        said.append(capsys.readouterr().err)
+    assert [number for number, text in enumerate(said) if "margin: " in text] == [5]
+    assert "the error with 91 is about 1.1 cm in the first 2 seeds, of which the margin of 0.5 cm is 45 %" in said[5]
+
+
+def test_what_is_known_of_a_margin_is_not_said_again(cells, clock, capsys, tmp_path):
+    table = read_sweep(write_sweep(tmp_path, seeds=2))
+    place, line = table.places[0], table.lines[0]
+    own = [replace(cells[0], place=place, line=line, particles=count, seed=2) for count in COUNTS]
+    stage = Stage("", worst=False, margin=parse_margin("5mm"))
+    progress = SweepProgress(own, TimeLeft(own, lambda cell: 1.0, 2, is_in_seconds=True), MEASURE, stage)
+    progress.note_table(table)
+    for cell in own:
+        progress.event(Started(cell))
+        progress.event(Finished(cell, result(0.01)))
+    assert "margin: " not in capsys.readouterr().err

@@ -127,6 +127,17 @@ def test_a_failing_system_leaves_the_others_alone(tmp_path, capsys):
     np.testing.assert_array_equal(read_tum(out / "Base" / "estimate.tum").stamps, range(5))
 
 
+def test_a_class_that_hangs_is_a_failed_run(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(
+        f"{SYSTEM}\nclass Hanging(Base):\n    def start(self, lidars, seed):\n        while True: pass"
+    )
+    log, out = room_log(tmp_path / "room.log"), tmp_path / "out"
+    limited = ("--system", f"{tmp_path / 'mine.py'}:Hanging", "--system-time-limit", "0.5")
+    assert call("slam", log, *limited, "--out", out) == 2
+    assert "testbed: Hanging: start did not return within the time limit of 0.5 s" in capsys.readouterr().err
+    assert "did not return within" in metrics_of(out / "Hanging")["reason"]
+
+
 def test_a_setting_reaches_its_system(tmp_path):
     log, out = room_log(tmp_path / "room.log"), tmp_path / "out"
     options = ("--system-set", "gmapping.filter.map.cell=0.2", "--particles", "2")
@@ -162,6 +173,7 @@ def test_localization_is_a_system_in_a_given_map(compared, tmp_path):
             "expected NAME.FIELD=VALUE with NAME one of gmapping",
         ),
         (["--system-set", "gmapping.refine=false"], "expected --system as well"),
+        (["--system", "odometry", "--system-time-limit", "0"], "--system-time-limit 0: expected a positive time"),
     ],
 )
 def test_wrong_options_are_refused_before_the_drive(tmp_path, capsys, arguments, complaint):

@@ -94,7 +94,7 @@ def test_a_moment_of_a_run_is_a_picture(tmp_path: Path, monkeypatch: pytest.Monk
     assert estimate is not None
     assert asked == [12.5, found.failure.time_to_watch(estimate.stamps)]
     assert (tmp_path / "one.png").read_bytes() == b"picture"
-    with pytest.raises(ValueError, match="one run, dataset or log"):
+    with pytest.raises(ValueError, match="one run, comparison, dataset or log"):
         command.view([run, run], save=tmp_path / "three.png")
 
 

@@ -15,6 +15,8 @@ from testbed.frame import Frame
 from testbed.library import notebook
 from testbed.library.html import Table
 from testbed.library.notebook import SHOWN, html_of
+from testbed.systems.feeding import feed
+from testbed.systems.odometry import OdometrySystem
 from tests.shell import call
 from tests.slam.rooms import drive, scan_at
 
@@ -46,6 +48,14 @@ def test_the_hits_of_a_scan_are_drawn_where_the_robot_sees_them(monkeypatch: pyt
     monkeypatch.setattr(notebook.plots, "scan_over_map", lambda scans, *_, **__: seen.append(scans[0].points) or "")
     html_of(scan)
     np.testing.assert_allclose(seen[0], [[-1.5, 0.0]], atol=1e-12)
+
+
+def test_what_a_system_estimated_is_drawn() -> None:
+    frames = [Frame(stamp=0.5 * k, odometry=pose, scan=scan_at(pose, stamp=0.5 * k)) for k, pose in enumerate(drive(3))]
+    estimated, _ = feed(OdometrySystem(), "odometry", frames, seed=0)
+    shown = html_of(estimated)
+    assert "Estimated: poses at 4 scans" in shown
+    assert "<img" in shown
 
 
 def test_what_is_empty_is_a_line_without_a_picture() -> None:

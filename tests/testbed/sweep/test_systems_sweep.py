@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Sweeps over SLAM systems: the same frames for all, failures that stay alone, resumption, the page."""
 
+import html
 import json
+import re
 import shlex
 import sys
 from dataclasses import replace
@@ -13,7 +15,7 @@ import pytest
 
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
-from eval.sweep.systems_page import place_tables
+from eval.sweep.systems_page import failed_runs, place_tables
 from testbed.sweep.execution.compute import compute
 from testbed.sweep.spec.plan import file_digest
 from testbed.sweep.spec.spec import SweepSpec, parse_spec
@@ -67,6 +69,14 @@ def test_all_systems_of_a_seed_see_one_drive(swept):
     assert len({row["trajectory.odometry.ate_rmse_m"] for row in rows if row["status"] == "done"}) == 3
 
 
+def test_cpu_time_is_measured_of_systems_that_are_followed_and_of_others(swept):
+    """It does not grow where other work delays the runs, as the time by the clock does."""
+    seconds = read_sweep(swept).cube("cpu_s")[0, :, 0]
+    done = np.isfinite(read_sweep(swept).error[0, :, 0])
+    assert (seconds[done] > 0.0).all()
+    assert np.nanmedian(seconds[1]) > 10.0 * np.nanmedian(seconds[0])  # the filter and the odometry
+
+
 def test_a_failing_system_is_a_failed_job_with_its_reason(swept):
     rows = pq.read_table(swept / "sweep.parquet").to_pylist()
     (failed,) = [row for row in rows if row["status"] == "failed"]
@@ -89,6 +99,35 @@ def test_the_page_compares_systems_with_the_first(swept):
     assert "SLAM systems on the same data" in page
     assert "How many particles" not in page
     assert "| Moody | 1 of 3" in (swept / "table.md").read_text()
+
+
+def test_of_few_runs_the_range_stands_where_others_have_an_interval(swept):
+    table = read_sweep(swept).judged()
+    rows = place_tables(summarise(table))[0].rows
+    low, high = (100.0 * value for value in (table.error[0, 0, 0].min(), table.error[0, 0, 0].max()))
+    assert re.fullmatch(rf".* \(all 3 runs: {low:.1f}\d* to {high:.1f}\d*\)", rows[0][2])
+    assert "(all 2 runs: " in rows[2][2]  # the third has no result
+
+
+def test_the_page_says_why_runs_failed(swept):
+    table = read_sweep(swept).judged()
+    ((place, system, seeds, reason),) = failed_runs(table)
+    assert (place, system, seeds) == (table.places[0], "Moody", "1")
+    assert "start raised RuntimeError: not today" in reason
+    assert "start raised RuntimeError: not today" in html.unescape((swept / "sweep.html").read_text())
+
+
+def test_a_run_that_ended_badly_has_the_reason_of_its_outcome(swept):
+    """Seeds with the same reason share a row; without one the outcome stands there."""
+    table = read_sweep(swept).judged()
+    outcome, why = (table.columns[name].copy() for name in ("outcome", "outcome_reason"))
+    outcome[0, 0, 0, 1:], why[0, 0, 0, 1:] = "lost", "spans only 32% of the path"
+    outcome[0, 1, 0, 0], why[0, 1, 0, 0] = "collided", None
+    changed = replace(table, columns={**table.columns, "outcome": outcome, "outcome_reason": why})
+    assert [row[1:] for row in failed_runs(changed)[:2]] == [
+        ("odometry", "1, 2", "spans only 32% of the path"),
+        ("gmapping", "0", "ended collided"),
+    ]
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -127,17 +166,17 @@ def test_a_system_of_a_file_counts_by_content(folder, tmp_path):
 @pytest.mark.usefixtures("without_pictures")
 def test_a_program_is_a_line(folder, tmp_path):
     script = tmp_path / "theirs.py"
-    script.write_text("import sys; print('no licence'); sys.exit(4)")
+    script.write_text("import sys; print('no licence', sys.argv[1][-4:]); sys.exit(4)")
     command = f"{shlex.quote(sys.executable)} {script} {{dataset}} {{out}}"
     (world,) = folder.glob("*.toml")
-    fixed = ("--worlds", world, "--seeds", "1", "--no-worst", "--workers", "1", "--set", "system_format=carmen")
+    fixed = ("--worlds", world, "--seeds", "1", "--no-worst", "--workers", "1", "--system-format", "carmen")
     assert call("sweep", *fixed, "--system", "odometry", "--system-command", command, "--out", tmp_path / "out") == 1
     rows = pq.read_table(tmp_path / "out" / "sweep.parquet").to_pylist()
     assert [(row["line"], row["status"], row["particles"]) for row in rows] == [
         ("odometry", "done", 30),
         ("theirs", "failed", 30),
     ]
-    assert "theirs: ended with exit status 4, expected status 0; its last lines: no licence" in rows[1]["reason"]
+    assert "theirs: ended with exit status 4, expected status 0; its last lines: no licence .log" in rows[1]["reason"]
 
 
 @pytest.mark.usefixtures("in_this_process")

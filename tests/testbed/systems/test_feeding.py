@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What a system sees, what becomes of what it returns, and how mistakes are named."""
 
+import os
 import sys
 
 import numpy as np
@@ -11,7 +12,7 @@ from slam import GMapping, se2
 from slam.config import FilterConfig
 from slam.occupancy import OccupancyGrid
 from testbed.systems.errors import SystemFailedError
-from testbed.systems.feeding import estimated_from, feed, rows_of
+from testbed.systems.feeding import FORKED, estimated_from, feed, rows_of
 from tests.testbed.systems.room import Wheels, frames
 
 GRID = OccupancyGrid(probability=np.full((200, 200), 0.1, np.float32), resolution=0.05, origin=(-5.0, -5.0, 0.0))
@@ -128,6 +129,23 @@ def test_mistakes_are_one_line_that_names_system_and_scan(system, complaint):
     with pytest.raises(SystemFailedError, match=complaint) as caught:
         feed(system, "x", frames(), seed=0)
     assert "\n" not in str(caught.value)
+
+
+def test_a_copy_of_the_process_that_a_system_lets_return_ends():
+    """It would go on with the command as the process does, and write the same files."""
+
+    class Forking(Wheels):
+        def finish(self):
+            self.child = os.fork()
+            return None, None
+
+    system, own = Forking(), os.getpid()
+    try:
+        feed(system, "x", frames(4), seed=0)
+    finally:
+        if os.getpid() != own:
+            os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(system.child, 0)[1]) == FORKED
 
 
 def test_a_map_of_other_values_is_refused():

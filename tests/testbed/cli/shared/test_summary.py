@@ -72,7 +72,7 @@ def test_the_self_check_is_said_with_time_and_reason() -> None:
     check = {"verdict": "lost", "reason": "walls cross", "stamp": 5e8, "time_s": 12.0, "place": [1.0, 2.0, 0.0]}
     text = printed({"outcome": "unjudged", "self_check": check})
     assert (
-        "self-check, without truth  lost; the sign of the lasting loss is at 12.0 s, at (1.0, 2.0) m of the map's "
+        "self-check, without truth  lost; the first sign that stays is at 12.0 s, at (1.0, 2.0) m of the map's "
         "frame: walls cross" in text
     )
     assert "self-check" not in printed({"outcome": "ok"})
@@ -101,7 +101,7 @@ def test_the_self_check_while_driving_is_said_as_in_the_report(tmp_path: Path, w
         "while driving the check was certain from 41.0 s on",
         "Before that, while driving, it was doubtful from",
     )
-    assert said.startswith(f"lost; the sign of the lasting loss is at 40.0 s; {sure}: because. {before} 26.0 s on")
+    assert said.startswith(f"lost; the first sign that stays is at 40.0 s; {sure}: because. {before} 26.0 s on")
     assert sure in story
     assert before in story
 
@@ -114,9 +114,9 @@ def test_the_moment_and_the_cause_of_a_loss_are_named(tmp_path: Path) -> None:
     seconds = read_failure(run / "finding.json").failure.stamp - read_tum(run / "estimate.tum").stamps[0]
     row = next(line for line in printed(metrics, run).splitlines() if line.startswith("went wrong"))
     words = row.split()
-    assert words[2] == "at"
+    assert words[2] == "from"
     assert float(words[3]) == pytest.approx(seconds, abs=0.11)
-    assert row.rstrip().endswith(" s: the wheels slipped")
+    assert row.rstrip().endswith(" s on: the wheels slipped")
     assert "went wrong" not in printed(metrics | {"outcome": "ok"}, run)
     assert "went wrong" not in printed(metrics)
 

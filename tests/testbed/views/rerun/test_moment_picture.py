@@ -51,7 +51,7 @@ def test_the_map_grows_and_the_robot_moves(recorded: Recorded) -> None:
 
 def test_picture_and_viewer_say_the_same_of_both_positions(recorded: Recorded) -> None:
     rows = Reader(recorded.path)
-    pictures = MomentPictures(recorded.path)
+    pictures = MomentPictures(Reader(recorded.path))
     start, said = recorded.snapshots[0].stamp, set()
     for snapshot in recorded.snapshots[::7]:
         time = snapshot.stamp - start
@@ -67,7 +67,7 @@ def test_picture_and_viewer_say_the_same_of_both_positions(recorded: Recorded) -
 
 def test_histories_reach_the_particles_at_every_time(recorded: Recorded) -> None:
     """Also between the times at which the tree was logged: there they go on through the particles of each update."""
-    rows, pictures = Reader(recorded.path), MomentPictures(recorded.path)
+    rows, pictures = Reader(recorded.path), MomentPictures(Reader(recorded.path))
     logged, updates = rows.times(entities.PARTICLE_PATHS), rows.times(entities.PARTICLES)
     between = updates[~np.isclose(updates[:, None], logged).any(axis=1)]
     assert len(between) > 10
@@ -81,7 +81,7 @@ def test_histories_reach_the_particles_at_every_time(recorded: Recorded) -> None
 
 
 def test_two_pictures_to_compare_show_the_same_places(recorded: Recorded) -> None:
-    pictures = MomentPictures(recorded.path)
+    pictures = MomentPictures(Reader(recorded.path))
     (centre, reach), (same_centre, same_reach) = (
         pictures._scene.frame_around(time, [time, other]) for time, other in ((5.0, 6.0), (6.0, 5.0))
     )
@@ -111,7 +111,7 @@ def test_the_scale_is_seen_on_a_black_wall() -> None:
 
 def test_pictures_of_places_far_apart_have_one_scale(recorded: Recorded) -> None:
     """The robot has driven so far that one view of both places would show the particles as specks."""
-    pictures = MomentPictures(recorded.path)
+    pictures = MomentPictures(Reader(recorded.path))
     times = [1.0, 15.0]
     frames = [pictures._scene.frame_around(time, [time, *times]) for time in times]
     for time, (centre, reach) in zip(times, frames, strict=True):
@@ -120,7 +120,7 @@ def test_pictures_of_places_far_apart_have_one_scale(recorded: Recorded) -> None
 
 
 def test_two_moments_side_by_side_hold_robots_and_most_of_the_scans(recorded: Recorded) -> None:
-    rows, pictures = Reader(recorded.path), MomentPictures(recorded.path)
+    rows, pictures = Reader(recorded.path), MomentPictures(Reader(recorded.path))
     times = [5.0, 7.0]
     centre, reach = pictures._scene.frame_of_scans(times)
     for time in times:
@@ -143,7 +143,7 @@ def test_two_moments_side_by_side_hold_robots_and_most_of_the_scans(recorded: Re
 
 def test_the_sample_size_is_named_before_and_after_a_resampling(recorded: Recorded) -> None:
     """The particles that are drawn are those after it: all weigh the same, so that their number is their size."""
-    pictures, rows = MomentPictures(recorded.path), Reader(recorded.path)
+    pictures, rows = MomentPictures(Reader(recorded.path)), Reader(recorded.path)
     updates = [snapshot for snapshot in recorded.snapshots if snapshot.step is not None and snapshot.step.updated]
     said = set()
     for snapshot in updates:
@@ -160,7 +160,7 @@ def test_the_sample_size_is_named_before_and_after_a_resampling(recorded: Record
 
 
 def test_the_map_of_a_moment_is_the_one_that_is_drawn(recorded: Recorded) -> None:
-    grid, last = MomentPictures(recorded.path).map_at(np.inf), recorded.snapshots[-1]
+    grid, last = MomentPictures(Reader(recorded.path)).map_at(np.inf), recorded.snapshots[-1]
     assert grid is not None
     assert last.map is not None
     true = last.map(None)
