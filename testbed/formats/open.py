@@ -19,6 +19,7 @@ from testbed.formats.ros.reading.content import Selection
 from testbed.formats.ros.reading.reader import read_bag
 from testbed.formats.ros.salvage import bag_files, is_packed
 from testbed.formats.tum import ODOMETRY, read_trajectories
+from worlds.regular_file import refuse_devices
 
 MAX_SNIFFED = 1 << 20
 """Number of bytes that are searched to recognise a text format."""
@@ -68,6 +69,10 @@ def _check_mounts(path: Path, log: Log) -> None:
 def _read(path: Path, laser_offset: float | None, range_max: float | None, selection: Selection) -> Log:
     if not path.exists():
         raise LogError(f"{path}: no such file")
+    try:
+        refuse_devices(path)
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from None
     if within := _recordings_below(path):
         if len(within) > 1:
             raise LogError(f"{path}: holds {len(within)} recordings; name one, such as {within[0]}")
