@@ -24,6 +24,8 @@ from worlds.regular_file import refuse_devices
 MAX_SNIFFED = 1 << 20
 """Number of bytes that are searched to recognise a text format."""
 
+FARTHEST = 1e8
+"""Largest number of a pose [m, rad]; the earth's circumference is 4e7 m."""
 BAG_BEGINNINGS = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\x00")
 """First bytes of ROS 1 bags, MCAP files and SQLite data bases."""
 PARQUET_BEGINNING = b"PAR1"
@@ -48,6 +50,7 @@ def open_log(
     """
     log = _read(Path(path), laser_offset, range_max, Selection(heights, namespace, topics))
     _check_mounts(Path(path), log)
+    _check_poses(Path(path), log)
     if scans_needed and not log.scan_count:
         raise LogError("; ".join([f"{path}: no scans in this {log.format}", *log.notes]))
     return log
@@ -64,6 +67,17 @@ def _check_mounts(path: Path, log: Log) -> None:
             f"{path}: scan {far[0] + 1}: lidar {name or 'laser'} is mounted at {at} m, expected within {MAX_MOUNT:g} m "
             "of the robot"
         )
+
+
+def _check_poses(path: Path, log: Log) -> None:
+    """Raise LogError for a pose whose squares would overflow: distances, errors and pictures would be infinite."""
+    for name, poses in (("odometry", log.table.odometry), ("truth", log.table.truth)):
+        far = np.flatnonzero((np.abs(poses) > FARTHEST).any(axis=1))
+        if len(far):
+            at = ", ".join(f"{value:g}" for value in poses[far[0]])
+            raise LogError(
+                f"{path}: frame {far[0] + 1}: {name} {at} (m, m, rad), expected numbers of at most {FARTHEST:g}"
+            )
 
 
 def _read(path: Path, laser_offset: float | None, range_max: float | None, selection: Selection) -> Log:

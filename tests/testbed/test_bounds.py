@@ -63,6 +63,17 @@ def test_walls_may_be_used_at_any_range():
         MapConfig(usable_range=0.0)
 
 
+@pytest.mark.parametrize("name", ["odometry", "truth"])
+@pytest.mark.parametrize("column", range(3))
+def test_a_pose_is_on_earth(tmp_path, name, column):
+    log = two_lidar_drive()
+    poses = getattr(log.table, name).copy()
+    poses[2, column] = -1e300
+    write_log(tmp_path / "drive", replace(log, table=replace(log.table, **{name: poses})), "parquet")
+    with pytest.raises(LogError, match=rf"drive: frame 3: {name} .*-1e\+300.*expected numbers of at most 1e\+08"):
+        open_log(tmp_path / "drive")
+
+
 def test_a_tour_is_bounded_with_all_its_laps():
     points = [(0.001 * k, 0.0) for k in range(99_000)]
     Tour(points=points, closed=True)
