@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from slam.config._checks import require_at_least, require_at_most, require_one_of, require_positive
+from slam.config._checks import LARGEST, require_at_least, require_at_most, require_one_of, require_positive
 from slam.config.motion import MotionConfig
 from slam.config.refinement import RefineConfig
 
@@ -34,8 +34,12 @@ class MapConfig:
     """The matcher takes walls up to this distance from an end point into account [m]."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "cell", "occupied_share", "wall_share", "usable_range", "field_radius")
+        require_positive(self, "cell", "occupied_share", "wall_share", "field_radius")
         require_at_least(self, 0.0, "free_range")
+        if not self.occupied_share < 1.0:
+            raise ValueError(f"MapConfig.occupied_share must be below 1, got {self.occupied_share:g}")
+        if not self.usable_range > 0.0:  # may be infinite
+            raise ValueError(f"MapConfig.usable_range must be positive, got {self.usable_range:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +74,7 @@ class MatchConfig:
         require_at_least(self, 0.0, "search_reach", "coarse_share", "weight_share", "min_matched_share")
         require_at_least(self, 1, "iterations", "coarse_beams")
         require_at_most(self, MAX_SAMPLES, "iterations", "coarse_beams")
+        require_at_most(self, LARGEST, "weight_share")
         if not self.search_reach / self.search_step <= MAX_SAMPLES:
             raise ValueError(
                 f"MatchConfig.search_reach {self.search_reach:g} m holds more than {MAX_SAMPLES:,} steps of "

@@ -19,10 +19,13 @@ from testbed.formats.ros.reading.content import Selection
 from testbed.formats.ros.reading.reader import read_bag
 from testbed.formats.ros.salvage import bag_files, is_packed
 from testbed.formats.tum import ODOMETRY, read_trajectories
+from worlds.regular_file import refuse_devices
 
 MAX_SNIFFED = 1 << 20
 """Number of bytes that are searched to recognise a text format."""
 
+FARTHEST = 1e8
+"""Largest number of a pose [m, rad]; the earth's circumference is 4e7 m."""
 BAG_BEGINNINGS = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\x00")
 """First bytes of ROS 1 bags, MCAP files and SQLite data bases."""
 PARQUET_BEGINNING = b"PAR1"
@@ -47,6 +50,7 @@ def open_log(
     """
     log = _read(Path(path), laser_offset, range_max, Selection(heights, namespace, topics))
     _check_mounts(Path(path), log)
+    _check_poses(Path(path), log)
     if scans_needed and not log.scan_count:
         raise LogError("; ".join([f"{path}: no scans in this {log.format}", *log.notes]))
     return log
@@ -65,9 +69,24 @@ def _check_mounts(path: Path, log: Log) -> None:
         )
 
 
+def _check_poses(path: Path, log: Log) -> None:
+    """Raise LogError for a pose whose squares would overflow: distances, errors and pictures would be infinite."""
+    for name, poses in (("odometry", log.table.odometry), ("truth", log.table.truth)):
+        far = np.flatnonzero((np.abs(poses) > FARTHEST).any(axis=1))
+        if len(far):
+            at = ", ".join(f"{value:g}" for value in poses[far[0]])
+            raise LogError(
+                f"{path}: frame {far[0] + 1}: {name} {at} (m, m, rad), expected numbers of at most {FARTHEST:g}"
+            )
+
+
 def _read(path: Path, laser_offset: float | None, range_max: float | None, selection: Selection) -> Log:
     if not path.exists():
         raise LogError(f"{path}: no such file")
+    try:
+        refuse_devices(path)
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from None
     if within := _recordings_below(path):
         if len(within) > 1:
             raise LogError(f"{path}: holds {len(within)} recordings; name one, such as {within[0]}")

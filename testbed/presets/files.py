@@ -13,6 +13,8 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from testbed.presets.models import LidarPreset, RobotPreset
+from worlds.errors import shown
+from worlds.regular_file import refuse_devices
 
 MAX_FILE_BYTES = 100_000
 """Largest size of a preset file."""
@@ -84,7 +86,7 @@ def _load(model: type[_Preset], kind: str, name: str) -> _Preset:
         if problem["type"] == "missing":
             raise PresetError(f"{place}: {key} is missing") from None
         what = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-        given = f"{key} = {problem['input']!r}: " if key else ""
+        given = f"{key} = {shown(problem['input'])}: " if key else ""
         raise PresetError(f"{place}: {given}{what}") from None
 
 
@@ -98,6 +100,7 @@ def _read(kind: str, name: str) -> tuple[str, str]:
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known
         raise PresetError(f"unknown {kind} {name!r}, expected a TOML file or a name such as {', '.join(near)}")
     try:
+        refuse_devices(path)
         if path.stat().st_size > MAX_FILE_BYTES:
             raise PresetError(f"{path}: {path.stat().st_size} bytes, expected at most {MAX_FILE_BYTES}")
         return path.read_text(encoding="utf-8"), str(path)

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from slam.config import FilterConfig, LocalizationConfig
-from slam.config.filter import AdaptConfig, MatchConfig, ProposalConfig
+from slam.config import FilterConfig, LocalizationConfig, MotionConfig
+from slam.config.filter import AdaptConfig, MapConfig, MatchConfig, ProposalConfig
 from slam.config.refinement import RefineConfig
 from testbed.cli import main
 from testbed.formats import Log, LogError, open_log
@@ -27,8 +27,14 @@ from worlds.world import Tour
         (ProposalConfig, "samples", 10**9, "100,000"),
         (MatchConfig, "iterations", 10**9, "100,000"),
         (MatchConfig, "coarse_beams", 10**9, "100,000"),
-        (MatchConfig, "search_step", 1e-12, "100,000 steps"),
+        (MatchConfig, "search_step", 1e-8, "100,000 steps"),
         (MatchConfig, "search_reach", 1e12, "100,000 steps"),
+        (MatchConfig, "hit_sigma", 1e-300, "1e-09"),
+        (MatchConfig, "beam_weight", 1e308, "1e+09"),
+        (MatchConfig, "weight_share", float("inf"), "1,000,000,000"),
+        (MapConfig, "field_radius", float("inf"), "1e+09"),
+        (MapConfig, "occupied_share", 1.0, "below 1"),
+        (MotionConfig, "jump_along", 1e-300, "1e-09"),
         (LocalizationConfig, "max_search_poses", 10**9, "10,000,000"),
         (LocalizationConfig, "max_candidates", 10**9, "10,000,000"),
         (RefineConfig, "rounds", 10**9, "1,000"),
@@ -44,6 +50,28 @@ def test_a_setting_has_a_largest_value(kind, name, value, limit):
     assert limit in message
     assert any(text in message for text in (f"{value:g}", f"{value}"))
     assert "\n" not in message
+
+
+def test_a_number_of_400_digits_is_refused_with_its_first_ones():
+    with pytest.raises(ValueError, match=r"particles must be at most 1,000,000, got 10{29}… \(401 digits\)$"):
+        FilterConfig(particles=10**400)
+
+
+def test_walls_may_be_used_at_any_range():
+    assert MapConfig(usable_range=float("inf")).usable_range > 0.0
+    with pytest.raises(ValueError, match="usable_range must be positive"):
+        MapConfig(usable_range=0.0)
+
+
+@pytest.mark.parametrize("name", ["odometry", "truth"])
+@pytest.mark.parametrize("column", range(3))
+def test_a_pose_is_on_earth(tmp_path, name, column):
+    log = two_lidar_drive()
+    poses = getattr(log.table, name).copy()
+    poses[2, column] = -1e300
+    write_log(tmp_path / "drive", replace(log, table=replace(log.table, **{name: poses})), "parquet")
+    with pytest.raises(LogError, match=rf"drive: frame 3: {name} .*-1e\+300.*expected numbers of at most 1e\+08"):
+        open_log(tmp_path / "drive")
 
 
 def test_a_tour_is_bounded_with_all_its_laps():

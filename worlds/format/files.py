@@ -18,6 +18,7 @@ from worlds.elements import MAX_COORDINATE, Block, Box, Disc, Model, Opening, Wa
 from worlds.errors import WorldError, shown
 from worlds.format.map_file import is_map
 from worlds.movers import Door, Person
+from worlds.regular_file import refuse_devices
 from worlds.world import Difficulty, Start, Tour, World
 
 MAX_FILE_BYTES = 8_000_000
@@ -92,6 +93,7 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
             f"unknown world {name!r}, expected a TOML file, a ROS map (.yaml) or a name such as {', '.join(near)}"
         )
     try:
+        refuse_devices(path)
         if path.stat().st_size > MAX_FILE_BYTES:
             raise WorldError(f"{path}: {path.stat().st_size} bytes, expected at most {MAX_FILE_BYTES}")
         return path.read_text(encoding="utf-8"), str(path)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from worlds.errors import MAX_QUOTED, MapFileError, shown
 from worlds.format.greys import Thresholds, probabilities
 from worlds.format.pixels import read_pixels
+from worlds.regular_file import refuse_devices
 
 MAX_PIXELS = 100_000_000
 """Largest picture: 100 megapixels are 400 MB as probabilities, 500 m x 500 m at 5 cm."""
@@ -96,6 +97,7 @@ def read_map_file(path: str | Path, *, max_pixels: int = MAX_PIXELS, inside: boo
 def _read_document(path: Path) -> dict[str, Any]:
     expected = "expected a map_server .yaml file with image, resolution and origin"
     try:
+        refuse_devices(path)
         if path.stat().st_size > _MAX_YAML_BYTES:
             raise MapFileError(f"{path}: {path.stat().st_size} bytes, {expected}")
         documents = [part for part in yaml.load_all(path.read_text(encoding="utf-8"), _PlainLoader) if part is not None]

@@ -18,6 +18,9 @@ from testbed.cli.shared.help_pages import ALL, AllOptions, UsualOptions
 from testbed.cli.shared.help_texts import HELP
 from testbed.cli.shared.status import USAGE_ERROR
 
+MAX_QUOTED, MAX_MESSAGE = 200, 2000
+"""Largest numbers of characters of a word, which is no path, and of a whole complaint."""
+
 app = App(
     name="testbed",
     help="A SLAM testbed: simulate a robot or read a log, map it with a particle filter, score the result.",
@@ -84,7 +87,14 @@ def _one_line(error: Exception) -> str:
         return f"unexpected {words}; several worlds or values are separated by commas, without spaces: office,lab"
     if isinstance(error, MissingArgumentError) and error.command_chain and error.keyword is None:
         return _what_is_missing(error)
-    return " ".join(str(error).split())
+    return " ".join(_without_long_words(str(error)).split())
+
+
+def _without_long_words(text: str) -> str:
+    """A message without the most of what it quotes, which may be as long as a file; paths are left as they are."""
+    short = (word if len(word) <= MAX_QUOTED or "/" in word else f"{word[:MAX_QUOTED]} …" for word in text.split(" "))
+    text = " ".join(short)
+    return text if len(text) <= MAX_MESSAGE else f"{text[: MAX_MESSAGE - MAX_QUOTED]} … {text[-MAX_QUOTED:]}"
 
 
 def _what_is_missing(error: MissingArgumentError) -> str:

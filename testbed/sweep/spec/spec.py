@@ -23,6 +23,7 @@ from testbed.sweep.spec.settings import FILES, Value, checked
 from testbed.systems.entrant import name_of
 from testbed.systems.finding import file_of
 from worlds import expand_names, family, label
+from worlds.regular_file import refuse_devices
 
 MAX_FILE_BYTES = 1_000_000
 """Largest file of a specification [bytes]."""
@@ -332,6 +333,7 @@ def read_document(path: Path) -> dict[str, Any]:
     if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
         raise SweepError(f"{path}: larger than {MAX_FILE_BYTES} bytes, expected the specification of a sweep")
     try:
+        refuse_devices(path)
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise SweepError(f"{path}: {str(error.strerror).lower()}, expected the specification of a sweep") from None

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import testbed.presets
 import worlds
 from slam.scan import Scan
 from testbed.cli.shared.help_texts import HELP
@@ -185,6 +186,20 @@ def test_settings_and_output_are_checked_before_the_log_is_read(here, capsys):
     Path("full", "notes.txt").write_text("mine")
     assert_refused(capsys, "particles must be at least 1, got 0", "slam", "room.log", "--particles", "0")
     assert_refused(capsys, "full: is not empty", "slam", "room.log", "--out", "full")
+
+
+@pytest.mark.parametrize("kind", ["lidar", "robot", "config"])
+def test_a_complaint_quotes_little_of_a_long_value(here, capsys, kind):
+    key, text = "particles", "[settings.filter]\nparticles = 3\n"
+    if kind != "config":
+        key, name = {"lidar": ("range_max", "lds01"), "robot": ("max_speed", "burger")}[kind]
+        text = (Path(testbed.presets.__file__).parent / f"{kind}s" / f"{name}.toml").read_text()
+    for value in ("y" * 5000, "y " * 2500):
+        Path("x.toml").write_text(re.sub(rf"^{key} = .*", f'{key} = "{value}"', text, count=1, flags=re.MULTILINE))
+        assert call("run", "loop", f"--{kind}", "x.toml", "--out", "run") == 2
+        complaint = capsys.readouterr().err
+        assert key in complaint
+        assert len(complaint) < 2100
 
 
 def test_unknown_key_in_a_settings_file_is_named(here, capsys):
