@@ -147,7 +147,7 @@ class Estimation:
         elif (other := another_start(result, path, self.odometry, self.frames, self.config)) is not None:
             results = result, self._refine(other.path, config, watch)
             updates = estimate.scan_frames[np.asarray(self.mapper.update_scans)]
-            chosen = likelier(results, self.frames, updates, self.config)
+            chosen = likelier(results, self.odometry, self.frames, updates, self.config)
             result = results[chosen]
             notes.append(other.note(chosen=chosen == 1))
         dense = Trajectory(self.stamps, result.poses)

@@ -20,12 +20,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from slam import se2
 from slam.config import FilterConfig
 from slam.config.refinement import MAX_ROUNDS
 from slam.diagnosis.path_check import left_out_score
+from slam.motion.odometry_model import MotionPrior, motion_prior
 from slam.refinement import Refined
+from slam.refinement.odometry_noise import with_variances
 from slam.scan import Scan
 from slam.se2 import Pose
 from slam.sensor.rays import make_rays
@@ -90,24 +93,46 @@ def another_start(
 
 
 def likelier(
-    results: Sequence[Refined], frames: Sequence[Frame], updates: NDArray[np.intp], config: FilterConfig
+    results: Sequence[Refined],
+    odometry: Pose,
+    frames: Sequence[Frame],
+    updates: NDArray[np.intp],
+    config: FilterConfig,
 ) -> int:
-    """Return which of several results of the final pass is the likeliest; updates: frames whose scans are compared."""
-    return int(np.argmax([_log_likelihood(result, frames, updates, config) for result in results]))
+    """Return which of several results of the final pass is the likeliest.
 
-
-def _log_likelihood(result: Refined, frames: Sequence[Frame], updates: NDArray[np.intp], config: FilterConfig) -> float:
-    """Log-likelihood of scans and odometry under a result [nats], up to a constant of the recording.
-
-    Of scans: that of beams kept out of the map, each with the weight that beams have in the filter. Of odometry: with
-    the variances that were estimated, the squares are as large as their number, and only the normalisation is left.
+    odometry (frames, 3);  updates: frames whose scans are compared. The odometry is judged with the same variances
+    under all results, the geometric mean of theirs: each alone has not yet found its own after so few rounds.
     """
+    variances = np.exp(np.mean([np.log(result.odometry_variance) for result in results], axis=0))
+    motions = se2.between(odometry[:-1], odometry[1:])
+    prior = with_variances(motion_prior(motions, config.motion), *variances.tolist())
+    logs = [
+        _log_likelihood_of_scans(result, frames, updates, config)
+        + log_likelihood_of_steps(prior, motions, result.poses)
+        for result in results
+    ]
+    return int(np.argmax(logs))
+
+
+def _log_likelihood_of_scans(
+    result: Refined, frames: Sequence[Frame], updates: NDArray[np.intp], config: FilterConfig
+) -> float:
+    """Log-likelihood [nats] of beams kept out of the map, each with the weight that beams have in the filter."""
     rays = [
         make_rays([scan], usable_range=config.map.usable_range, twist=frames[row].twist if config.deskew else None)
         for row in updates.tolist()
         if (scan := frames[row].scan) is not None
     ]
     score = left_out_score(result.poses[updates], rays, config.map)
-    of_scans = 0.0 if score is None else score * config.match.beam_weight * sum(int(ray.hit.sum()) for ray in rays)
-    position, heading = result.odometry_variance
-    return of_scans - (len(frames) - 1) * float(np.log(position) + 0.5 * np.log(heading))
+    return 0.0 if score is None else score * config.match.beam_weight * sum(int(ray.hit.sum()) for ray in rays)
+
+
+def log_likelihood_of_steps(prior: MotionPrior, motions: Pose, poses: Pose) -> float:
+    """Log-likelihood [nats] of the odometry's steps motions (steps, 3) under a path (steps + 1, 3): a mixture.
+
+    prior: of all steps. Steps in which the odometry failed, or the robot jumped, are charged what they cost.
+    """
+    error = se2.between(motions, se2.between(poses[:-1], poses[1:]))
+    squared = np.einsum("scr,sr->sc", prior.precision, error**2)
+    return float(logsumexp(prior.log_scale - 0.5 * squared, axis=1).sum())

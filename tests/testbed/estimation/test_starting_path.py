@@ -7,21 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from eval.trajectory.association import associate
 from eval.trajectory.errors import absolute_error
 from eval.trajectory.trajectory import Trajectory
-from slam.config import FilterConfig
+from slam import se2
+from slam.config import FilterConfig, MotionConfig
+from slam.motion.odometry_model import motion_prior
 from slam.scan import Scan
 from testbed.estimation import estimation as estimation_module
 from testbed.estimation.estimation import Estimation
-from testbed.estimation.starting_path import what_is_lacking
+from testbed.estimation.starting_path import log_likelihood_of_steps, what_is_lacking
 from testbed.presets import lidars, load_lidar
 from testbed.presets.models import LidarPreset
 from testbed.seeds import RunSeeds
 from testbed.simulation import SimulationConfig, simulate
 from testbed.simulation.robot.odometry import OdometryConfig
 from tests.shell import call
+from tests.slam import reference
 from worlds import load
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -145,6 +149,21 @@ def test_where_no_scan_tells_how_far_the_robot_came_the_odometry_is_followed(mon
     assert np.median(begun / driven) == pytest.approx(1.0, abs=0.1)
     (note,) = estimate.notes
     assert f"on {driven.sum():.0f} m of the way no scan tells how far the robot came: it began at" in note
+
+
+def test_steps_are_as_likely_as_the_mixture_of_three_gaussians_says():
+    config = MotionConfig()
+    motions = np.array([(0.3, 0.0, 0.1), (0.2, 0.0, 0.0)])
+    errors = np.array([(0.01, -0.005, 0.004), (0.5, 0.2, 0.6)])  # the second step is a jump
+    poses = np.zeros((3, 3))
+    for k in range(2):
+        poses[k + 1] = se2.compose(poses[k], se2.compose(motions[k], errors[k]))
+    expected = 0.0
+    for motion, error in zip(motions, errors, strict=True):
+        sigmas = reference.sigmas(motion, config)
+        expected += np.log(np.sum(reference.shares(config) * norm.pdf(error, scale=sigmas).prod(axis=1)))
+    found = log_likelihood_of_steps(motion_prior(motions, config), motions, poses)
+    assert found == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", lidars())
