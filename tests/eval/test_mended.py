@@ -70,12 +70,14 @@ def test_the_report_draws_the_moment_and_the_update_before_it(tmp_path: Path) ->
     class Drawn:
         another_best = np.zeros(0)
         times: ClassVar[list[float]] = []
+        pairs: ClassVar[list[tuple[float, float]]] = []
 
         def png(self, time: float, compared_with: Sequence[float] = ()) -> bytes:
             self.times.append(time)
             return b"picture"
 
         def side_by_side(self, before: float, at: float) -> bytes:
+            self.pairs.append((before, at))
             return b"pair"
 
         def map_at(self, time: float) -> None:
@@ -85,9 +87,10 @@ def test_the_report_draws_the_moment_and_the_update_before_it(tmp_path: Path) ->
     assert page.count(base64.b64encode(b"pair").decode()) == 1
     before = max(updates[updates < found.stamp - 1000.0 - 1e-6])
     assert found.driving is not None
+    assert Drawn.pairs == [pytest.approx((before, found.time_to_watch), abs=0.1)]
     worst = found.driving.worst.worst - 1000.0
-    named = (before, "At the update before it"), (found.time_to_watch, "Where it went wrong while driving, ")
-    for time, name in (*named, (worst, "The largest error of the pose while driving")):
+    named = (found.time_to_watch, "Where it went wrong while driving, "), (worst, "The largest error of the pose while")
+    for time, name in named:
         assert any(drawn == pytest.approx(time, abs=0.1) for drawn in Drawn.times)
         assert name in page
 

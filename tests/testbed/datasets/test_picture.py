@@ -35,5 +35,5 @@ def test_the_command_writes_a_picture(made, tmp_path, capsys):
     assert (tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")
     assert_refused(capsys, "exists", "view", made / "office-0001", "--save", tmp_path / "one.png")
     two = (made / "office-0001", made / "office-0002")
-    assert_refused(capsys, "one run, dataset or log", "view", *two, "--save", tmp_path / "two.png")
+    assert_refused(capsys, "one run, comparison, dataset or log", "view", *two, "--save", tmp_path / "two.png")
     assert not (tmp_path / "two.png").exists()
