@@ -216,4 +216,6 @@ def _moments(context: ReportContext) -> list[float]:
 
 def _lead(seconds: float, moment: float) -> str:
     """How a first sign lies to a moment of failure [s]."""
+    if abs(seconds) < 0.05:
+        return f"when the truth shows a loss too ({at_time(moment)})"
     return f"{abs(seconds):.1f} s {'before' if seconds >= 0.0 else 'after'} the truth shows a loss ({at_time(moment)})"

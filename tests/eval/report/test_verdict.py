@@ -224,6 +224,18 @@ def test_the_check_and_the_headline_tell_one_story(tmp_path):
     assert sentence.endswith("it said lost from 10.0 s to 15.0 s and was doubtful from 15.0 s on.")
 
 
+def test_a_first_sign_at_the_loss_is_not_said_to_be_0_s_away(tmp_path):
+    run = write_run(tmp_path / "run", broken=True)
+    files = read_run(run)
+    metrics, moment = json.loads((run / "metrics.json").read_text()), files.failure.failure.stamp
+    check = {"verdict": "lost", "reason": "because", "stamp": moment, "place": [50.0, 60.0, 0.0]}
+    check["time_s"] = moment - float(files.estimate.stamps[0])
+    (run / "metrics.json").write_text(json.dumps(metrics | {"outcome": "lost", "self_check": check}))
+    sentence = verdict(read_run(run)).sentences[0]
+    assert "when the truth shows a loss too" in sentence
+    assert " 0.0 s " not in sentence
+
+
 def test_a_sign_at_a_right_pose_is_explained_by_the_bent_map(tmp_path):
     """The pose is 45 cm off from 20 s to 25 s, and right at the sign at 40 s; without the drift nothing is said."""
     run = write_run(tmp_path / "run")
