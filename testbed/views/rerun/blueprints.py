@@ -119,9 +119,9 @@ def top_view(
     )
 
 
-def legend_view(name: str) -> rrb.Spatial2DView:
-    """The meaning of the colours."""
-    return rrb.Spatial2DView(origin=f"{entities.LEGEND}/{name}", name="Legend", background=[245, 246, 248])
+def legend_view(name: str, root: str = "", title: str = "Legend") -> rrb.Spatial2DView:
+    """The meaning of the colours; root: parent of all that belongs to one of several runs."""
+    return rrb.Spatial2DView(origin=f"{root}{entities.LEGEND}/{name}", name=title, background=[245, 246, 248])
 
 
 def compare_particles(extent: Extent | None) -> rrb.Vertical:
@@ -169,7 +169,7 @@ def final_pass(extent: Extent | None) -> rrb.Vertical:
     return rrb.Vertical(tabs, legend_view("final"), row_shares=[12, 1], name="Final pass")
 
 
-def eye(extent: Extent | None, follow: str, landscape: float = LANDSCAPE) -> rrb.EyeControls3D:
+def eye(extent: Extent | None, follow: str | None, landscape: float = LANDSCAPE) -> rrb.EyeControls3D:
     """An eye above the middle of the extent that sees all of it, or one that follows an entity.
 
     landscape: width of the view divided by its height

@@ -25,8 +25,7 @@ from testbed.views.rerun.scene.legend import Entry, legend_image
 from testbed.views.rerun.scene.robot_model import log_robot
 from testbed.views.view import Scene
 
-ODOMETRY_ROBOT = f"{entities.ODOMETRY}/robot"
-ODOMETRY_SCAN = f"{ODOMETRY_ROBOT}/scan"
+ODOMETRY_SCAN = f"{entities.ODOMETRY_ROBOT}/scan"
 TRUE_SCAN = f"{entities.TRUE_ROBOT}/scan"
 MAX_POINTS = 240
 """Beams of a scan that are drawn."""
@@ -69,7 +68,7 @@ def _add_frames(rec: rr.RecordingStream, frames: Iterable[Frame], scene: Scene, 
         seen = drawing.thinned_hits(frame.scan, MAX_POINTS)
         drawn: list[tuple[str, str, str, Pose | None]] = [
             (entities.TRUE_ROBOT, TRUE_SCAN, entities.TRUE_PATH, frame.truth),
-            (ODOMETRY_ROBOT, ODOMETRY_SCAN, entities.ODOMETRY_PATH, frame.odometry),
+            (entities.ODOMETRY_ROBOT, ODOMETRY_SCAN, entities.ODOMETRY_PATH, frame.odometry),
         ]
         for robot, scan, path, pose in drawn:
             if pose is not None:
@@ -94,7 +93,7 @@ def _log_static(rec: rr.RecordingStream, scene: Scene, truth: bool) -> None:
     if scene.true_map is not None:
         styles.log_true_walls(rec, scene)
         rec.log(entities.TRUE_MAP, grid_map(scene.true_map), static=True)  # floor is white, what is solid grey
-    log_robot(rec, ODOMETRY_ROBOT, scene.robot_radius, styles.ODOMETRY)
+    log_robot(rec, entities.ODOMETRY_ROBOT, scene.robot_radius, styles.ODOMETRY)
     if truth:
         log_robot(rec, entities.TRUE_ROBOT, scene.robot_radius, styles.TRUTH)
     for scan, colour in ((TRUE_SCAN, styles.SCAN), (ODOMETRY_SCAN, styles.ODOMETRY)):
@@ -117,7 +116,9 @@ def _add_blocks(rec: rr.RecordingStream, columns: Columns, path: str, grown: Gro
 def _blueprint(scene: Scene) -> rrb.Blueprint:
     extent = None if scene.true_map is None else drawing.extent_of(scene.true_map, np.zeros(3))
     return rrb.Blueprint(
-        rrb.Vertical(map_view(scene.title, extent, follow=ODOMETRY_ROBOT), legend_view("map"), row_shares=[14, 1]),
+        rrb.Vertical(
+            map_view(scene.title, extent, follow=entities.ODOMETRY_ROBOT), legend_view("map"), row_shares=[14, 1]
+        ),
         rrb.TimePanel(state="collapsed", timeline=entities.TIMELINE),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

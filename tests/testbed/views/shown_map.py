@@ -34,6 +34,20 @@ def rows(
     return sorted(found, key=lambda row: row[0])
 
 
+def views(path: Path, component: str) -> dict[str, Any]:
+    """A component of each view of a recording by the view's name; None where the view has none."""
+    reader = rr.chunk.RrdReader(path)
+    (store,) = reader.blueprints()
+    names, values = {}, {}
+    for chunk in reader.stream(store=store):
+        row, view = chunk.to_record_batch().to_pydict(), str(chunk.entity_path).split("/")[2:3]
+        if "ViewBlueprint:display_name" in row:
+            names[view[0]] = row["ViewBlueprint:display_name"][0][0]
+        if row.get(component):
+            values[view[0]] = row[component][0][0]
+    return {name: values.get(view) for view, name in names.items()}
+
+
 class ShownPath:
     """All blocks of one path in a recording."""
 

@@ -84,11 +84,6 @@ def legend(truth: bool, particles: int) -> tuple[tuple[Entry, ...], ...]:
     return (on_all, (*of_particles, *jumps))
 
 
-def legend_of_maps() -> bytes:
-    """A PNG of the legend of a map, with the truth and with particles."""
-    return legend_image(legend(truth=True, particles=2))
-
-
 def legend_of_final_pass(truth: bool) -> tuple[tuple[Entry, ...], ...]:
     """The rows of the legend of the final pass."""
     known: tuple[Entry, ...] = (("band", (TRUTH,), "truth"),) if truth else ()

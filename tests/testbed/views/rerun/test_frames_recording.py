@@ -13,7 +13,7 @@ from slam import se2
 from testbed.frame import Frame
 from testbed.views import record_frames, recording_of
 from testbed.views.rerun import entities
-from testbed.views.rerun.frames_recording import ODOMETRY_ROBOT, ODOMETRY_SCAN, TRUE_SCAN
+from testbed.views.rerun.frames_recording import ODOMETRY_SCAN, TRUE_SCAN
 from tests.testbed.views.shown_map import rows
 from tests.testbed.views.synthetic import scan_at, scene, truth_at
 
@@ -34,7 +34,7 @@ def test_robot_and_scans_are_where_truth_and_odometry_put_them(tmp_path: Path) -
     assert recording_of(path) == path
     for entity, poses in (
         (entities.TRUE_ROBOT, [f.truth for f in shown]),
-        (ODOMETRY_ROBOT, [f.odometry for f in shown]),
+        (entities.ODOMETRY_ROBOT, [f.odometry for f in shown]),
     ):
         found = rows(path, entity, "Transform3D:translation")
         assert [time for time, _ in found] == pytest.approx(0.1 * np.arange(21))

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from testbed.views import open_view, record_side_by_side
+from testbed.views import open_view, record_frames, record_side_by_side
 from testbed.views.rerun import entities
+from testbed.views.rerun.blueprints import HALF_VIEW, HEIGHT_PER_METRE
+from testbed.views.rerun.drawing import extent_of
 from testbed.views.rerun.side_by_side import MAX_RUNS
 from tests.testbed.views.conftest import Recorded
-from tests.testbed.views.shown_map import ShownMap, rows
+from tests.testbed.views.rerun.test_frames_recording import frames
+from tests.testbed.views.shown_map import ShownMap, rows, views
 from tests.testbed.views.synthetic import scene, snapshots
 from tests.viewer import viewer_or_skip
 
@@ -56,6 +59,56 @@ def test_the_curves_are_named_after_the_runs(both: Path) -> None:
     for number, title in enumerate(("one", "other"), start=1):
         ((_, names),) = rows(both, f"/run_{number}{entities.POSITION_ERROR}", "SeriesLines:names", static=True)
         assert names == [f"{number}: {title}", f"{number}: odometry"]
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording of a drive without an estimate, over its true map."""
+    path = tmp_path_factory.mktemp("drive") / "drive.rrd"
+    record_frames(path, frames(), scene())
+    return path
+
+
+def test_the_view_of_a_drive_is_fitted_to_its_map(drive: Path, tmp_path: Path) -> None:
+    path, true_map = tmp_path / "two.rrd", scene().true_map
+    assert true_map is not None
+    record_side_by_side(path, [("one", drive), ("other", drive)])
+    extent = extent_of(true_map, np.zeros(3))
+    side = max((extent.x_max - extent.x_min) / HALF_VIEW, extent.y_max - extent.y_min)
+    targets, eyes, followed = (
+        views(path, f"EyeControls3D:{name}") for name in ("look_target", "position", "tracking_entity")
+    )
+    for name in ("1: one", "2: other"):
+        assert targets[name][:2] == pytest.approx(extent.centre, abs=1e-3)
+        assert eyes[name][2] == pytest.approx(HEIGHT_PER_METRE * side, rel=1e-4)
+        assert followed[name] is None
+
+
+def test_a_drive_of_unknown_size_is_followed_by_its_odometry(tmp_path: Path) -> None:
+    log, both = tmp_path / "log.rrd", tmp_path / "two.rrd"
+    record_frames(log, [replace(frame, truth=None) for frame in frames()], replace(scene(), true_map=None))
+    record_side_by_side(both, [("one", log), ("other", log)])
+    followed = views(both, "EyeControls3D:tracking_entity")
+    assert followed["1: one"] == f"/run_1{entities.ODOMETRY_ROBOT}"
+    assert followed["2: other"] == f"/run_2{entities.ODOMETRY_ROBOT}"
+
+
+def test_the_legends_are_those_of_what_is_shown(drive: Path, recorded: Recorded, tmp_path: Path) -> None:
+    """One where it is the same for all; drives and runs have two."""
+    same, mixed = tmp_path / "same.rrd", tmp_path / "mixed.rrd"
+    record_side_by_side(same, [("one", drive), ("other", drive)])
+    record_side_by_side(mixed, [("drive", drive), ("run", recorded.path), ("again", drive)])
+    for path, legends in (
+        (same, {"Legend": (1, drive)}),
+        (mixed, {"Legend of 1, 3": (1, drive), "Legend of 2": (2, recorded.path)}),
+    ):
+        origins = views(path, "ViewBlueprint:space_origin")
+        entity = f"{entities.LEGEND}/map"
+        assert {name for name in origins if name.startswith("Legend")} == set(legends)
+        for name, (number, own) in legends.items():
+            assert origins[name] == f"/run_{number}{entity}"
+            blob = "EncodedImage:blob"
+            assert rows(path, origins[name], blob, static=True) == rows(own, entity, blob, static=True)
 
 
 def test_too_many_runs_and_files_that_hold_none_are_refused(recorded: Recorded, tmp_path: Path) -> None:
