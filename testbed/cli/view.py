@@ -17,7 +17,9 @@ from eval.files.tum import read_tum
 from eval.wording import at_time, up_to_a_tenth
 from testbed.cli.shared.console import console, results
 from testbed.datasets import open_dataset
+from testbed.datasets.index import datasets_in
 from testbed.formats import open_log
+from testbed.formats.checksums import CONFIG
 from testbed.views import (
     DEMO,
     NoDisplayError,
@@ -76,6 +78,7 @@ def view(
     times = [] if time is None else _times(time)
     for path in paths:
         _say_unfinished(path)
+        _refuse_collection(path)
     if events:
         if times or serve or save is not None:
             raise ValueError("--events: prints the whole event log; expected no other option with it")
@@ -132,6 +135,18 @@ def _say_unfinished(path: Path) -> None:
             f"{path}: nothing is recorded yet; if this run has just begun, try again in a moment, or begin it with "
             "--view to watch it live"
         )
+
+
+def _refuse_collection(path: Path) -> None:
+    """Raise ValueError for several datasets, and name the picture of all of them where it is there."""
+    if (path / "sweep.toml").is_file() or (path / CONFIG).is_file() or len(there := datasets_in(path)) < 2:
+        return
+    from testbed.datasets.card import SHEET  # here, for a window to open without what draws it
+
+    sheet = f"; {path / SHEET} is a picture of all" if (path / SHEET).is_file() else ""
+    raise ValueError(
+        f"{path}: holds {len(there)} datasets; name one, such as {there[0]}, or several to see them side by side{sheet}"
+    )
 
 
 def _times(text: str) -> list[float]:

@@ -62,7 +62,8 @@ def run_app(arguments: Sequence[str] | None) -> int:
 
 def _with_whole_help(tokens: list[str]) -> list[str]:
     """The arguments with `--help` for `--help-all`, which is prepared."""
-    app.help_formatter = AllOptions() if ALL in tokens else UsualOptions()
+    command = next((token for token in tokens if not token.startswith("-")), "")
+    app.help_formatter = AllOptions() if ALL in tokens else UsualOptions(command)
     return ["--help" if token == ALL else token for token in tokens]
 
 

@@ -36,6 +36,8 @@ SELDOM_USED = frozenset(
     }
 )  # fmt: skip
 """Options without a group that the short pages leave out."""
+USUAL_OF_COMMAND = {"view": frozenset({"--serve"})}
+"""Those of them that a command's short page shows all the same: a machine without a display has no other way."""
 SHORT_NAMES = {"--driver.kind": "--driver"}
 """What users type instead of the name that the settings have."""
 
@@ -51,9 +53,14 @@ class AllOptions(DefaultFormatter):
 class UsualOptions(AllOptions):
     """Shows of each panel what is usually set, and how many further settings there are."""
 
+    def __init__(self, command: str = "") -> None:
+        """Of the page of this command."""
+        super().__init__()
+        self._seldom_used = SELDOM_USED - USUAL_OF_COMMAND.get(command, frozenset())
+
     def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
         """Draw a panel without the settings that few touch."""
-        usual = [entry for entry in panel.entries if _is_usual(entry)]
+        usual = [entry for entry in panel.entries if self._is_usual(entry)]
         hidden = len(panel.entries) - len(usual)
         if hidden:
             number = f"{hidden} more" if usual else f"the {hidden}"
@@ -61,12 +68,11 @@ class UsualOptions(AllOptions):
             usual.append(HelpEntry(positive_names=(ALL,), description=f"Shows {words}."))
         super().__call__(console, options, panel.copy(entries=usual))
 
-
-def _is_usual(entry: HelpEntry) -> bool:
-    names = entry.positive_names
-    if not names or not USUAL_SETTINGS.isdisjoint(names):
-        return True
-    return SELDOM_USED.isdisjoint(names) and not all("." in name for name in names)
+    def _is_usual(self, entry: HelpEntry) -> bool:
+        names = entry.positive_names
+        if not names or not USUAL_SETTINGS.isdisjoint(names):
+            return True
+        return self._seldom_used.isdisjoint(names) and not all("." in name for name in names)
 
 
 def _plain(entry: HelpEntry) -> HelpEntry:

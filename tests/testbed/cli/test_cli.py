@@ -415,6 +415,13 @@ def test_the_help_has_the_names_that_users_type_and_ends_with_no_other_command(c
     assert "[default: ()]" not in simulate + run
 
 
+def test_the_help_of_view_shows_how_to_do_without_a_display(capsys):
+    """The page of `run` leaves it out, as what few need."""
+    for command, shown in (("view", True), ("run", False)):
+        call(command, "--help")
+        assert ("│ --serve" in capsys.readouterr().out) is shown
+
+
 @pytest.mark.parametrize("command", HELP)
 def test_each_help_begins_with_what_a_person_wants_and_an_example(command, capsys):
     """On a terminal of 80 columns the example is among the first lines."""

@@ -147,6 +147,21 @@ def test_without_a_display_the_ready_commands_are_named(tmp_path: Path, monkeypa
     assert shlex.split(page.removeprefix("for a browser: ")) == [*words, "--serve"]
 
 
+def test_of_a_collection_the_picture_of_all_is_named(tmp_path: Path) -> None:
+    for name in ("loop-0000", "loop-0001"):
+        (tmp_path / "data" / name).mkdir(parents=True)
+        for file in ("config.toml", "world.toml"):
+            (tmp_path / "data" / name / file).touch()
+    sheet = tmp_path / "data" / "contact_sheet.png"
+    for drawn in (False, True):
+        if drawn:
+            sheet.touch()
+        for save in (tmp_path / "all.png", tmp_path / "all.rrd", None):
+            with pytest.raises(ValueError, match=r"holds 2 datasets; name one, such as .*loop-0000") as caught:
+                command.view([tmp_path / "data"], save=save)
+            assert f"{caught.value}".endswith(f"; {sheet} is a picture of all") is drawn
+
+
 def test_the_event_log_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
