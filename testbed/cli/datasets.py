@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated
 
@@ -17,8 +19,8 @@ from testbed.cli.shared.help_texts import HELP
 app = App(name="datasets", help=HELP["datasets"], help_epilogue="")
 
 LICENCE = "CC-BY-4.0"
-MAX_NAMES = 12
-"""Names in a line of `info`."""
+MAX_NAMES = 60
+"""Names, and ranges of numbers, in a line of `info`."""
 
 
 @app.command
@@ -44,21 +46,23 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
         results.print(json.dumps(totals | more), highlight=False)
         return
     table = Table(box=None, pad_edge=False)
-    for name in ("split", "datasets", "worlds", "hours", "km", "scans", "MB", "names of the worlds"):
-        table.add_column(name, justify="left" if name in ("split", "names of the worlds") else "right")
+    for name in ("split", "datasets", "worlds", "hours", "km", "scans", "MB"):
+        table.add_column(name, justify="left" if name == "split" else "right")
     for split in (*SPLITS, "all"):
         rows = [row for row in collection.rows if split in ("all", row["split"])]
         part = Collection(directory, rows).totals()
         numbers = (part["datasets"], part["worlds"], f"{part['seconds'] / 3600:.2f}", f"{part['metres'] / 1000:.2f}")
-        named = "" if split == "all" else _first_of({row["world"] for row in rows})
-        table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}", named)))
+        table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}")))
     results.print(table)
+    for split, worlds in totals["split_worlds"].items():
+        if worlds:
+            results.print(f"worlds of {split}: {_named(worlds)}")
     if advice := collection.split_advice():
         results.print(advice)
     decided = "were chosen by hand" if chosen_splits(directory) else "come from a hash of the worlds' names"
     results.print(f"the splits {decided}")
     for name, values in (("robot", totals["robots"]), ("format", totals["formats"])):
-        results.print(f"{name}{'' if len(values) == 1 else 's'}: {_first_of(values)}")
+        results.print(f"{name}{'' if len(values) == 1 else 's'}: {', '.join(values)}")
     lidars = Table(box=None, pad_edge=False)
     for name in ("lidar", *SPLITS):
         lidars.add_column(name, justify="left" if name == "lidar" else "right")
@@ -77,12 +81,30 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     results.print(f"licence: {LICENCE}{' (see README.md)' if (directory / 'README.md').is_file() else ''}")
 
 
-def _first_of(names: Iterable[str]) -> str:
-    """The names in natural order, at most `MAX_NAMES` of them."""
-    from testbed.datasets.index import natural_order
+def _named(worlds: Iterable[str]) -> str:
+    """The worlds, those of one kind by their numbers, as in `office, rooms-0 to 13, 17`; at most `MAX_NAMES` parts.
 
-    ordered = sorted(names, key=natural_order)
-    return ", ".join(ordered[:MAX_NAMES]) + (f" and {len(ordered) - MAX_NAMES} others" if ordered[MAX_NAMES:] else "")
+    worlds: names in natural order
+    """
+    kinds: dict[str, list[int]] = {}
+    for world in worlds:
+        numbered = re.fullmatch(r"(.*-)(0|[1-9]\d*)", world)
+        numbers = kinds.setdefault(numbered[1] if numbered else world, [])
+        numbers += [int(numbered[2])] if numbered else []
+    parts = [part for kind, numbers in kinds.items() for part in _ranges(kind, numbers)]
+    hidden = sum(count for count, _ in parts[MAX_NAMES:])
+    more = f" and {hidden} others (`--json` names all)" if hidden else ""
+    return ", ".join(text for _, text in parts[:MAX_NAMES]) + more
+
+
+def _ranges(kind: str, numbers: Sequence[int]) -> Iterator[tuple[int, str]]:
+    """Yield how many worlds follow each other without a gap, and their text; the kind is named before the first."""
+    if not numbers:
+        yield 1, kind
+    for _, together in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0]):
+        run = [number for _, number in together]
+        yield len(run), f"{kind}{run[0]} to {run[-1]}" if run[1:] else f"{kind}{run[0]}"
+        kind = ""
 
 
 @app.command

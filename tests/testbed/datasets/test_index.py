@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from testbed.datasets import open_collection
+from testbed.datasets import Collection, open_collection
 from testbed.datasets.index import SPLITS, datasets_in, splits, write_index
 from tests.shell import assert_refused, call
 
@@ -94,6 +94,21 @@ def test_the_index_is_the_same_again(made):
     assert (made / "datasets.parquet").read_bytes() == before
 
 
+def test_info_names_many_worlds_in_a_line(tmp_path, capsys, monkeypatch):
+    """Worlds of one kind by ranges of their numbers; a name with a leading zero is no number."""
+    worlds = ["office", *(f"rooms-{k}" for k in (*range(14), 15, 17, 18, 19)), "hall-2", "floor-007", "lab"]
+    row = {"seconds": 1.0, "metres": 1.0, "scans": 10, "bytes": 100, "lidar": "lds01", "split": "train"}
+    rows = [row | {"world": world, "collided": False, "stuck": False, "same_places": None} for world in worlds]
+    monkeypatch.setattr("testbed.datasets.open_collection", lambda directory: Collection(directory, rows))
+    assert call("datasets", "info", tmp_path) == 0
+    output = capsys.readouterr().out
+    assert "\nworlds of train: floor-007, hall-2, lab, office, rooms-0 to 13, 15, 17 to 19\n" in output
+    assert "worlds of test" not in output
+    monkeypatch.setattr("testbed.cli.datasets.MAX_NAMES", 4)
+    assert call("datasets", "info", tmp_path) == 0
+    assert "lab, office and 18 others (`--json` names all)\n" in capsys.readouterr().out
+
+
 def test_info_prints_the_totals(made, capsys):
     assert call("datasets", "info", made, "--json") == 0
     totals = json.loads(capsys.readouterr().out)
@@ -107,5 +122,5 @@ def test_info_prints_the_totals(made, capsys):
     assert re.search(r"lds01 +\d +\d +\d\nrplidar_a2 +\d +\d +\d\n", output)
     assert "share at most" in output
     for split, worlds in named.items():
-        assert re.search(rf"^{split} .* {', '.join(sorted(worlds))} *$", output, re.MULTILINE)
+        assert f"\nworlds of {split}: {', '.join(sorted(worlds))}\n" in output
     assert "the splits come from a hash" in output
