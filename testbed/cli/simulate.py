@@ -29,6 +29,7 @@ from testbed.cli.shared.console import SlowProgress, announce_compilation, annou
 from testbed.cli.shared.dataset_plan import Kind, Measured, free_space, measure_some, plan_lines, split_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
+from testbed.cli.shared.repeated_options import WantedDrive, advice
 from testbed.cli.shared.variants import variants
 from testbed.datasets.card import CARD, Publication
 from testbed.datasets.description import describe
@@ -45,6 +46,8 @@ from worlds.file_names import RULE, is_name
 
 MAX_TOURS = 100
 """Worlds whose tours are looked at for a plan."""
+MAX_CHANGES = 4
+"""Settings that are named where a dataset was made with others."""
 MAX_COUNT = 100_000
 """Largest number of datasets of one world."""
 
@@ -258,9 +261,12 @@ def _is_kept(job: _Job) -> bool:
     # A dataset of an earlier version was made without the settings that came later, as by their defaults.
     there = {**there, "odometry": asdict(OdometryConfig()) | there.get("odometry", {})}
     # The world is in the dataset's name: relative and absolute names of one file are the same.
-    for key, found in changed_settings(there, wanted):
-        if key != "world":
-            raise ValueError(f"{job.path}: {found}; choose another --out")
+    if changes := [change for change in changed_settings(there, wanted) if change.key != "world"]:
+        found = ", ".join(change.sentence for change in changes[:MAX_CHANGES])
+        more = f", and {len(changes) - MAX_CHANGES} further settings differ" if changes[MAX_CHANGES:] else ""
+        drive = WantedDrive(job.world, job.seed, job.simulator, job.draws)
+        what_to_do = advice(job.path, drive, {change.key: change.there for change in changes})
+        raise ValueError(f"{job.path}: {found}{more}; {what_to_do}")
     return True
 
 

@@ -98,11 +98,10 @@ def write_card(
     command: a command that made some of the datasets; the card names it after those that it names already, and then
         leaves out those that make nothing further
     """
-    path = directory / CARD
-    old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+    path, old = directory / CARD, _text(directory)
     if old and MARK not in old:
         return False
-    commands = [*old.partition(MADE_BY)[2].partition("\n```")[0].splitlines(), *([command] if command else [])]
+    commands = [*commands_in(directory), *([command] if command else [])]
     name, chosen = directory.resolve().name, chosen_splits(directory)
     commands = shortest_commands(commands, name, chosen)
     publication = Publication(
@@ -120,6 +119,17 @@ def _rest_of_line(card: str, begin: str) -> str | None:
     """The rest of the first line that begins so, which the owner may have edited; None where nothing is given."""
     found = next((line.removeprefix(begin).strip() for line in card.splitlines() if line.startswith(begin)), "")
     return None if not found or found.startswith(NOT_GIVEN) else found
+
+
+def commands_in(directory: Path) -> list[str]:
+    """The commands that made the datasets of a collection, by its card; none where there is no card."""
+    return _text(directory).partition(MADE_BY)[2].partition("\n```")[0].splitlines()
+
+
+def _text(directory: Path) -> str:
+    """The card of a collection; empty where there is none."""
+    path = directory / CARD
+    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
 
 
 def write_contact_sheet(directory: Path, rows: Sequence[dict[str, Any]]) -> None:

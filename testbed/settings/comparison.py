@@ -4,15 +4,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 
-def changed_settings(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield each key that differs, such as `odometry.grade`, with a sentence that names both values."""
+class Change(NamedTuple):
+    """A setting that differs."""
+
+    key: str
+    """Such as `odometry.grade`."""
+    there: Any
+    """The value that it has; None where it has none."""
+    sentence: str
+    """Names both values."""
+
+
+def changed_settings(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[Change]:
+    """Yield each setting that differs."""
     found, asked = dict(_flat(there)), dict(_flat(wanted))
     for key in dict.fromkeys([*asked, *found]):
         if found.get(key) != asked.get(key):
-            yield key, f"has {_named(key, found)}, this command wants {_named(key, asked)}"
+            sentence = f"has {_named(key, found)}, this command wants {_named(key, asked)}"
+            yield Change(key, found.get(key), sentence)
 
 
 def _flat(settings: Mapping[str, Any], group: str = "") -> Iterator[tuple[str, Any]]:

@@ -2,6 +2,7 @@
 """Collections from the command on: drives that differ, values that are drawn, shards, refusals."""
 
 import re
+import shlex
 import shutil
 import tomllib
 
@@ -10,6 +11,7 @@ import pytest
 
 from testbed.cli.shared.draws import Draw
 from testbed.datasets import open_collection, open_dataset
+from testbed.datasets.card import MADE_BY
 from testbed.datasets.index import datasets_in
 from tests.shell import assert_refused, call
 from tests.testbed.datasets.small_collection import DRAWS
@@ -101,14 +103,38 @@ def test_a_dataset_of_other_settings_is_not_kept_silently(made, tmp_path, capsys
     before = {file: file.read_bytes() for file in out.iterdir() if file.is_file()}
     common = ("office", "--out", out, "--duration", "6", "--seed", "1")
     for options, complaint in (
-        (("--format", "parquet", "--lidar", "lds02"), "this command wants lidar lds02; choose another --out"),
-        (("--format", "rosbag2", *DRAWS), "office-0001: has format parquet, this command wants format rosbag2"),
-        (("--format", "parquet", *DRAWS, "--odometry.grade", "poor"), "has odometry.grade typical, this command wants"),
+        (("--format", "parquet", "--lidar", "lds02"), "this command wants lidar lds02, has noise "),
+        (("--format", "rosbag2", *DRAWS), "wants format rosbag2; repeat --format parquet, or choose another --out"),
+        (
+            ("--format", "parquet", *DRAWS, "--odometry.grade", "poor"),
+            "has odometry.grade typical, this command wants odometry.grade poor; repeat --odometry.grade typical, or",
+        ),
+        (("--format", "parquet", *DRAWS, "--compress"), "wants compress True; choose another --out"),
     ):
         assert_refused(capsys, complaint, "simulate", *common, *options)
     assert {file: file.read_bytes() for file in out.iterdir() if file.is_file()} == before
     assert call("simulate", *common, "--format", "parquet", *DRAWS) == 0
     assert "1 existed already" in capsys.readouterr().out
+
+
+def test_the_draws_of_the_card_are_to_be_repeated(made, tmp_path, capsys):
+    """Where they give the value that is there: another command of the card, or somebody's edit, may give another."""
+    out = tmp_path / "data"
+    shutil.copytree(made, out)
+    begin = (out / "README.md").read_text().partition(MADE_BY)[0]
+    common = ("office", "--out", out, "--duration", "6", "--seed", "1", "--format", "parquet", "--lidar", "lds02")
+    for noise, shown in (("0.5..2", "0.5..2"), ("1..2", "…"), ("much", "…"), ("0.5..2 --draw noise=1..2", "0.5..2")):
+        commands = f"testbed simulate 'office\ntestbed simulate office {DRAWS[0]} {DRAWS[1]} --draw noise={noise}"
+        (out / "README.md").write_text(f"{begin}{MADE_BY}{commands}\n```\n")
+        complaint = f"this command wants noise 1.0; repeat {shlex.join(DRAWS[:2])} --draw noise={shown}, or choose"
+        assert_refused(capsys, complaint, "simulate", *common)
+
+
+def test_what_was_not_drawn_is_to_be_given_again_instead_of_drawn(tmp_path, capsys):
+    common = ("loop", "--out", tmp_path, "--duration", "0.5", "--format", "parquet")
+    assert call("simulate", *common, "--lidar", "lds02") == 0
+    complaint = "has lidar lds02, this command wants lidar lds01; repeat --lidar lds02 and leave out --draw lidar, or"
+    assert_refused(capsys, complaint, "simulate", *common, "--draw", "lidar=lds01")
 
 
 def test_shards_make_the_same_datasets(made, tmp_path):
