@@ -25,7 +25,14 @@ from cyclopts import Parameter
 
 from eval.files.atomic_write import discard_unfinished
 from testbed.cli.shared.backend import announce_backend
-from testbed.cli.shared.console import SlowProgress, announce_compilation, announce_world, console, results
+from testbed.cli.shared.console import (
+    SlowProgress,
+    announce_compilation,
+    announce_world,
+    console,
+    counted_seconds,
+    results,
+)
 from testbed.cli.shared.dataset_plan import Kind, Measured, free_space, measure_some, plan_lines, split_lines
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
@@ -177,8 +184,8 @@ def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions, 
             return Measured(cost, drive["seconds"], drive["metres"], drive["bytes"], expected[number])
 
         kinds = [Kind(_kind_of_world(job.world), job.simulator.lidar) for job in missing]
-        with console.status("measuring some of the drives"):
-            measured = measure_some(kinds, make)
+        with counted_seconds() as say:
+            measured = measure_some(kinds, make, say=say)
     drives = list(zip(kinds, expected, strict=True))
     for line in plan_lines(measured, drives, options.workers, options.out):
         results.print(line)

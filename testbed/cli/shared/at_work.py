@@ -33,9 +33,12 @@ class AtWork:
         finally:
             self._jobs.pop()
 
-    def now_doing(self, job: str) -> None:
-        """Name what is done from now on, until the block of `doing` ends that is open."""
-        self._jobs[-1] = job, time.perf_counter()
+    def now_doing(self, job: str, since: float | None = None) -> None:
+        """Name what is done from now on, until the block of `doing` ends that is open.
+
+        since: when it began, of `time.perf_counter` [s]; None = now
+        """
+        self._jobs[-1] = job, time.perf_counter() if since is None else since
 
     @contextmanager
     def watched(self, say: Callable[[str], object], silence: float = SILENCE) -> Iterator[None]:

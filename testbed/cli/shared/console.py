@@ -70,6 +70,27 @@ def announce_compilation() -> None:
     console.print(f"The kernels were compiled in {seconds:.0f} s and are kept on disk.")
 
 
+@contextmanager
+def counted_seconds() -> Iterator[Callable[[str], None]]:
+    """Give a function that says what is done from now on, and show for how many seconds the block has run; if stderr is
+    no terminal, print a line every few seconds."""
+    started = said = time.perf_counter()
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("", total=None)
+
+        def say(job: str) -> None:
+            nonlocal said
+            now = time.perf_counter()
+            progress.update(task, description=job)
+            AT_WORK.now_doing(job, started)
+            if not console.is_terminal and now - said > REPORT_PERIOD:
+                said = now
+                console.print(f"{job}: {now - started:.0f} s so far", soft_wrap=True)
+
+        yield say
+
+
 class SlowProgress:
     """Progress of a job that is usually short: prints the share that is done every few seconds once it takes long."""
 

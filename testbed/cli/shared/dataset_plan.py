@@ -51,19 +51,27 @@ class Measured(NamedTuple):
 
 
 def measure_some(
-    kinds: Sequence[Kind], make: Callable[[int], Measured], *, clock: Callable[[], float] = time.monotonic
+    kinds: Sequence[Kind],
+    make: Callable[[int], Measured],
+    *,
+    say: Callable[[str], object] = lambda _: None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> list[tuple[Kind, Measured]]:
     """Make some of the drives until `MEASURING_TIME` is over, at least one of each world and of each lidar.
 
     kinds: of each drive
+    say: takes what is done before each drive, such as `measuring drive 3 of at most 12`
     Returns the kind of each drive that was made, and what it took.
     """
     started = clock()
     order, needed = _in_turn(kinds)
     measured: list[tuple[Kind, Measured]] = []
-    for number in order[: max(MAX_MEASURED, needed)]:
+    chosen = order[: max(MAX_MEASURED, needed)]
+    for number in chosen:
         if len(measured) >= needed and clock() - started > MEASURING_TIME:
             break
+        most = "" if len(chosen) == needed else "at most "
+        say(f"measuring drive {len(measured) + 1} of {most}{len(chosen)}")
         measured.append((kinds[number], make(number)))
     return measured
 

@@ -49,6 +49,14 @@ def test_what_was_done_before_is_named_again_after_a_block():
     assert lines[0].startswith("scoring: ")
 
 
+def test_a_part_of_a_job_counts_from_the_begin_of_the_job():
+    work = AtWork()
+    work.now_doing("drive 3", time.perf_counter() - 1000.0)
+    with listening(work, 0.0) as (lines, first):
+        assert first.wait(PATIENCE)
+    assert lines[0].startswith("drive 3: 10")
+
+
 def test_a_job_that_was_heard_lately_is_left_alone():
     work = AtWork()
     with listening(work, 3600.0) as (lines, _):

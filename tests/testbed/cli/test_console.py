@@ -7,7 +7,7 @@ import pytest
 
 import worlds
 from testbed.cli.shared import console
-from testbed.cli.shared.console import Overdue, SlowProgress, announce_world, progress_line
+from testbed.cli.shared.console import Overdue, SlowProgress, announce_world, counted_seconds, progress_line
 
 
 def test_a_long_job_prints_its_share_and_a_short_one_nothing(capsys):
@@ -42,6 +42,16 @@ def test_without_a_terminal_a_long_run_prints_lines_and_a_short_one_none(capsys,
     assert lines[1].endswith(" x real time position error 0.012 m")
     expected = ["final pass, about 0 s …", "final pass: 40% done, about 0 s left", "scoring, about 4 s …"]
     assert lines[2:] == expected
+
+
+def test_seconds_are_counted_where_it_takes_long(capsys, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(console.time, "perf_counter", lambda: now[0])
+    with counted_seconds() as say:
+        for number, now[0] in enumerate((100.0, 103.0, 105.0, 106.0, 112.0), start=1):
+            say(f"measuring drive {number} of 5")
+    expected = ["measuring drive 3 of 5: 5 s so far", "measuring drive 5 of 5: 12 s so far"]
+    assert capsys.readouterr().err.splitlines() == expected
 
 
 def test_a_stage_that_takes_longer_says_so_until_it_ends():

@@ -51,6 +51,14 @@ def test_kinds_are_measured_in_turn_until_time_is_over():
     assert len(measured_of(kinds, clock=count(0.0, 100.0).__next__)) == 2
 
 
+def test_measuring_counts_the_drives():
+    """Those that are certain to be measured have a total, further ones end with the time."""
+    for kinds, most in (([A] * 20 + [B], "at most 12"), ([A] * 5, "at most 5"), ([A, B], "2")):
+        said = []
+        found = measured_of(kinds, say=said.append, clock=count(0.0, 0.0).__next__)
+        assert said == [f"measuring drive {k} of {most}" for k in range(1, len(found) + 1)]
+
+
 def test_each_world_and_each_lidar_is_measured():
     kinds = [Kind(f"world-{k}", lidar) for k in range(15) for lidar in ("lds01", "rplidar_a2", "lms200")]
     found = measured_of(kinds * 4, clock=count(0.0, 100.0).__next__)
