@@ -1,18 +1,13 @@
 # SPDX-License-Identifier: MIT
 """A command that writes nothing says what it is doing; one that writes is left alone."""
 
-import os
-import subprocess
 import threading
 import time
 from contextlib import contextmanager
 
-import pytest
-
 from testbed.cli.shared import console
 from testbed.cli.shared.at_work import AtWork
 from testbed.cli.shared.console import HeardConsole
-from tests.shell import TESTBED
 
 PATIENCE = 60.0
 """So long may a thread take to say something on a busy machine [s]."""
@@ -71,14 +66,3 @@ def test_what_a_console_prints_is_heard(monkeypatch, capsys):
     HeardConsole(stderr=True).print("a line")
     assert heard
     assert capsys.readouterr().err == "a line\n"
-
-
-@pytest.mark.slow  # it waits for the silence
-@pytest.mark.timeout(600)
-def test_a_command_that_waits_for_its_input_says_so(tmp_path):
-    pipe = tmp_path / "robot.bag"
-    os.mkfifo(pipe)
-    with subprocess.Popen([*TESTBED, "inspect", str(pipe)], stderr=subprocess.PIPE, text=True) as process:
-        lines = [line for line in iter(process.stderr.readline, "") if f"reading {pipe}" in line and not process.kill()]
-    assert lines[0].startswith(f"reading {pipe}: ")
-    assert lines[0].endswith(" s so far\n")
