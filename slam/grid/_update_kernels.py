@@ -99,9 +99,10 @@ def request_scan_tiles(start, stop, grids, poses, rays, crossed, ended):
 
 @inlined
 def fade_neighbours(table, counts, walls, cx, cy):
-    """Halve the counts of the cells beside a wall that is full and about to be halved, where they would outdo it then.
+    """Halve the counts of the cells about a full one, which is halved next, where they would outdo it then.
 
-    Other walls are left alone: along a wall many cells are full at a time, and each would halve the others.
+    table (rows, columns), counts (tiles, SIDE * SIDE) and walls (tiles, SIDE) of `GridArrays`, for one particle
+    Walls are left alone: along a wall many cells are full at a time, and each would halve the others.
     """
     for k in range(9):
         x, y = cx - 1 + k % 3, cy - 1 + k // 3

@@ -38,8 +38,8 @@ def with_segments_apart(log: Log) -> Log:
         table = replace(table, scan_lidars=lidars, lidars=tuple(names))
         notes.append(
             f"scans of {name or 'the lidar'} look in {len(segments)} directions by turns, as segments of a turn: "
+            "each counts as a lidar of its own"
         )
-        notes[-1] += "each counts as a lidar of its own"
     return replace(log, table=table, notes=(*log.notes, *notes), repairs=(*log.repairs, *notes)) if notes else log
 
 

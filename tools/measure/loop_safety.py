@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 import worlds
 from eval.files.atomic_write import atomic_write
@@ -37,6 +36,7 @@ from slam.loops import LoopClosing
 from testbed.estimation.estimation import Estimation
 from testbed.seeds import RunSeeds
 from testbed.simulation import OdometryConfig, SimulationConfig, simulate
+from tools.measure.stress import share
 
 WRONG_POSITION, WRONG_HEADING = 0.3, 0.1
 """A loop errs by more than this [m, rad] only where it joins different places: three to ten times the standard
@@ -103,14 +103,6 @@ def run(world: str, seed: int, particles: int) -> dict[str, Any]:
 def is_harmed(row: dict[str, Any]) -> bool:
     """Whether a run has a wrong loop, or ended worse than without."""
     return bool(row["accepted_wrong"] > 0 or row["ate_m"] > row["ate_without_m"] + HARM)
-
-
-def share(count: int, of: int) -> str:
-    """A count with its exact 95 % interval (Clopper and Pearson 1934)."""
-    if of == 0:
-        return "0 of 0"
-    low, high = binomtest(count, of).proportion_ci(method="exact")
-    return f"{count} of {of} ({low:.1%} to {high:.1%})"
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:

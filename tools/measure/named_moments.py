@@ -23,7 +23,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 import worlds
 from eval.failure_cause import find_cause
@@ -33,6 +32,7 @@ from testbed.estimation.estimation import Estimation
 from testbed.frame import Frame
 from testbed.simulation import OdometryConfig, SimulationConfig, simulate
 from testbed.stress import perturbations
+from tools.measure.stress import share
 
 WORLDS = ("office", "maze", "apartment", "warehouse", "loop")
 DURATION, LOOP_DURATION = 80.0, 160.0
@@ -191,8 +191,7 @@ def main() -> None:
     everything = [row for found in counts.values() for row in found]
     for fault, rows in [*counts.items(), ("all", everything)]:
         named, explained = (sum(row[k] for row in rows) for k in (0, 1))
-        low, high = binomtest(named, len(rows)).proportion_ci(method="wilson")
-        print(f"| {fault} | {len(rows)} | {named} ({low:.0%} to {high:.0%}) | {explained} |")
+        print(f"| {fault} | {len(rows)} | {share(named, len(rows))} | {explained} |")
 
 
 if __name__ == "__main__":

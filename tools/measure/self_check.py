@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest, spearmanr
+from scipy.stats import spearmanr
 
 import worlds
 from eval.files.atomic_write import atomic_write
@@ -60,7 +60,7 @@ from testbed.simulation import SimulationConfig, simulate
 from testbed.stress.perturbations import thin_scans
 from testbed.stress.suite import PERTURBATIONS, ROBOTS, perturbed
 from tools.measure import real_logs
-from tools.measure.stress import localised, stays_found
+from tools.measure.stress import localised, share, stays_found
 
 DURATION, SCAN_PERIOD = 80.0, 0.2
 """Length of each drive and time between two scans [s]."""
@@ -285,14 +285,6 @@ def verdict_of(row: dict[str, Any], which: str) -> str:
     """The verdict of a run's own check, of the final estimate (""), or of the filter ("while_driving")."""
     check = row.get("self_check", {})
     return str((check.get(which, {}) if which else check).get("verdict", ""))
-
-
-def share(count: int, of: int) -> str:
-    """A count with its Wilson interval."""
-    if of == 0:
-        return "0 of 0"
-    low, high = binomtest(count, of).proportion_ci(method="wilson")
-    return f"{count} of {of} ({low:.0%} to {high:.0%})"
 
 
 def table(rows: Sequence[dict[str, Any]], truth: str, which: str) -> str:

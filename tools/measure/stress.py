@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 import worlds
 from eval.files.atomic_write import atomic_write
 from eval.map.grids import grid_from_true_map
 from eval.outcome import evidence_from_truth, judge
+from eval.sweep.statistics import wilson_interval
 from eval.trajectory.association import associate
 from slam.config import FilterConfig, LocalizationConfig
 from testbed.estimation.estimation import Estimation
@@ -112,12 +112,12 @@ def run(case: Case, particles: int, duration: float) -> dict[str, Any]:
     }
 
 
-def share(lost: int, runs: int) -> str:
-    """A count with its Wilson interval."""
-    if runs == 0:
+def share(count: int, of: int) -> str:
+    """A count with its 95 % Wilson interval, such as `2 of 20 (3% to 30%)`."""
+    if of == 0:
         return "0 of 0"
-    low, high = binomtest(lost, runs).proportion_ci(method="wilson")
-    return f"{lost} of {runs} ({low:.0%} to {high:.0%})"
+    low, high = wilson_interval(count, of)
+    return f"{count} of {of} ({low:.0%} to {high:.0%})"
 
 
 def lost_share(rows: Sequence[dict[str, Any]]) -> str:

@@ -119,6 +119,13 @@ def test_wilson_intervals_of_textbooks(failures, runs, low, high):
     assert wilson_interval(failures, runs) == pytest.approx((low, high), abs=5e-5)
 
 
+@given(st.integers(1, 60), st.data())
+def test_wilson_intervals_are_those_of_scipy(runs, data):
+    failures = data.draw(st.integers(0, runs))
+    expected = stats.binomtest(failures, runs).proportion_ci(0.95, method="wilson")
+    assert wilson_interval(failures, runs) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
 @settings(deadline=None)
 @given(st.integers(0, 200), st.integers(1, 200))
 def test_wilson_ends_are_the_rates_that_a_score_test_just_rejects(failures, runs):
