@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with signals_interrupt(), AT_WORK.watched(say_on_stderr) if arguments is None else nullcontext():
             from testbed.cli.shared.app import run_app
 
-            AT_WORK.now_doing("at work")
+            AT_WORK.now_doing(f"testbed {next(iter(sys.argv[1:]), '')}".rstrip())
             status = run_app(arguments)
     except KeyboardInterrupt:
         sys.stderr.write("testbed: interrupted\n")

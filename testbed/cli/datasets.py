@@ -36,7 +36,7 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     as_json
         Print JSON, for other programs.
     """
-    from testbed.datasets import Collection, open_collection
+    from testbed.datasets import open_collection
     from testbed.datasets.index import SPLITS, chosen_splits
 
     collection = open_collection(directory)
@@ -49,8 +49,7 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     for name in ("split", "datasets", "worlds", "hours", "km", "scans", "MB"):
         table.add_column(name, justify="left" if name == "split" else "right")
     for split in (*SPLITS, "all"):
-        rows = [row for row in collection.rows if split in ("all", row["split"])]
-        part = Collection(directory, rows).totals()
+        part = totals["of_split"].get(split, totals)
         numbers = (part["datasets"], part["worlds"], f"{part['seconds'] / 3600:.2f}", f"{part['metres'] / 1000:.2f}")
         table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}")))
     results.print(table)
@@ -70,10 +69,9 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
         lidars.add_row(lidar, *(str(counts[split]) for split in SPLITS))
     results.print(lidars)
     if totals["largest_overlap"] is not None:
-        places = max((row["same_places"] or 0.0 for row in collection.rows), default=0.0)
         results.print(
             f"of their way, two drives of one world share at most {100.0 * totals['largest_overlap']:.0f} % in order "
-            f"and direction, {100.0 * places:.0f} % in any order and direction"
+            f"and direction, {100.0 * (totals['largest_same_places'] or 0.0):.0f} % in any order and direction"
         )
     for trouble in ("collided", "stuck"):
         if count := sum(bool(row[trouble]) for row in collection.rows):

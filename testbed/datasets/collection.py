@@ -109,19 +109,15 @@ class Collection(Sequence[Dataset]):
     def totals(self) -> dict[str, Any]:
         """How much there is: datasets, worlds, seconds, metres, scans, bytes, robots, formats, datasets of each split.
 
-        `split_worlds` has the names of the worlds of each split, `lidars` the datasets of each lidar by split;
-        `largest_overlap` is the largest share of its way that a drive has in common with another one of its world, None
-        where no world has two.
+        `of_split` has the first six of these for each split, `split_worlds` the names of its worlds, `lidars` the
+        datasets of each lidar by split;
+        `largest_overlap` is the largest share of its way that a drive has in common with another one of its world in
+        order and direction, `largest_same_places` that in any; None where no world has two.
         """
         rows = self.rows
-        overlaps = [row["overlap"] for row in rows if row.get("overlap") is not None]
         return {
-            "datasets": len(rows),
-            "worlds": len({row["world"] for row in rows}),
-            "seconds": round(sum(row["seconds"] for row in rows), 3),
-            "metres": round(sum(row["metres"] or 0.0 for row in rows), 3),
-            "scans": sum(row["scans"] or 0 for row in rows),
-            "bytes": sum(row["bytes"] for row in rows),
+            **_amounts(rows),
+            "of_split": {name: _amounts([row for row in rows if row["split"] == name]) for name in SPLITS},
             "splits": _by_split(rows),
             "split_worlds": {
                 name: sorted({row["world"] for row in rows if row["split"] == name}, key=natural_order)
@@ -132,7 +128,10 @@ class Collection(Sequence[Dataset]):
                 lidar: _by_split([row for row in rows if row["lidar"] == lidar])
                 for lidar in sorted({row["lidar"] for row in rows})
             },
-            "largest_overlap": max(overlaps, default=None),
+            **{
+                f"largest_{name}": max((row[name] for row in rows if row.get(name) is not None), default=None)
+                for name in ("overlap", "same_places")
+            },
         }
 
     def __repr__(self) -> str:
@@ -140,6 +139,18 @@ class Collection(Sequence[Dataset]):
         splits = ", ".join(f"{count} {name}" for name, count in parts["splits"].items())
         many = [f"{parts[name]} {name if parts[name] != 1 else name[:-1]}" for name in ("datasets", "worlds")]
         return f"<Collection {self.path.resolve().name!r}: {' of '.join(many)} ({splits})>"
+
+
+def _amounts(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """How much some datasets are."""
+    return {
+        "datasets": len(rows),
+        "worlds": len({row["world"] for row in rows}),
+        "seconds": round(sum(row["seconds"] for row in rows), 3),
+        "metres": round(sum(row["metres"] or 0.0 for row in rows), 3),
+        "scans": sum(row["scans"] or 0 for row in rows),
+        "bytes": sum(row["bytes"] for row in rows),
+    }
 
 
 def _by_split(rows: Sequence[Mapping[str, Any]]) -> dict[str, int]:

@@ -36,8 +36,9 @@ SELDOM_USED = frozenset(
     }
 )  # fmt: skip
 """Options without a group that the short pages leave out."""
-USUAL_OF_COMMAND = {"view": frozenset({"--serve"})}
-"""Those of them that a command's short page shows all the same: a machine without a display has no other way."""
+USUAL_OF_COMMAND = {"view": frozenset({"--serve"}), "datasets": frozenset({"--author", "--title", "--url"})}
+"""Those of them that a command's short page shows all the same: a machine without a display has no other way, and an
+index is made again to publish the data."""
 SHORT_NAMES = {"--driver.kind": "--driver"}
 """What users type instead of the name that the settings have."""
 

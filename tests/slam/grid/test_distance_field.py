@@ -75,7 +75,7 @@ def test_fields_of_a_drive_through_a_room(threads):
 
 
 def test_a_wall_that_is_seen_through_vanishes_and_comes_back():
-    maps = empty_maps(cell=0.1, wall_share=0.25)
+    maps = empty_maps(cell=0.1, wall_share=0.25, occupied_share=0.5)
     here = np.zeros((1, 3))
     near, far = rays([(1.05, 0.05)]), rays([(2.05, 0.05)])
     seen = []
