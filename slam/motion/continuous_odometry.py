@@ -30,6 +30,13 @@ def has_jumped(steps: se2.Pose, seconds: ArrayLike) -> NDArray[np.bool_]:
     return jumped
 
 
+def are_impossible(twists: ArrayLike) -> NDArray[np.bool_]:
+    """Whether velocities (..., 3) [m/s, m/s, rad/s] are more than any robot reaches, (...)."""
+    forward, sideways, turn = np.moveaxis(np.abs(np.asarray(twists, dtype=np.float64)), -1, 0)
+    fast: NDArray[np.bool_] = (np.maximum(forward, sideways) > MAX_SPEED) | (turn > MAX_TURN_RATE)
+    return fast
+
+
 class ContinuousOdometry:
     """Joins odometry that comes pose by pose: after a jump it goes on from where it was.
 

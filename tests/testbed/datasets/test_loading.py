@@ -126,7 +126,7 @@ def test_the_code_of_the_docs_runs(made, monkeypatch, capsys):
     text = (Path(__file__).parents[3] / "docs" / "datasets.md").read_text()
     monkeypatch.chdir(made.parent)
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     assert call("convert", made / "office-0001", made.parent / "bag", "--to", "rosbag2") == 0
     for block in blocks:
         exec(block.replace('Path("data/office-0001")', 'Path("bag")'), {})

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.motion.continuous_odometry import MAX_SPEED, MAX_TURN_RATE, has_jumped
+from slam.motion.continuous_odometry import are_impossible, has_jumped
 from testbed.formats.ros.reading.decode import Track
 
 Floats = NDArray[np.float64]
@@ -119,7 +119,7 @@ def with_sound_twists(track: Track) -> tuple[Track, list[str]]:
     A driver that leaves twists zero, or counts degrees, would bend every scan whose beams are moved together by them.
     """
     notes, by_poses = [], with_twists(track).twists
-    fast = _is_fast(track.twists)
+    fast = are_impossible(track.twists)
     if fast.any():
         notes.append(f"{fast.sum()} twists of the odometry are faster than any robot: the poses give the velocities")
     twists = np.where(fast[:, None], by_poses, track.twists) if fast.mean() < MAX_FAST_SHARE else track.twists
@@ -132,14 +132,7 @@ def with_sound_twists(track: Track) -> tuple[Track, list[str]]:
             )
             twists = by_poses
             break
-    return track._replace(twists=np.where(_is_fast(twists)[:, None], np.nan, twists)), notes
-
-
-def _is_fast(twists: Floats) -> NDArray[np.bool_]:
-    """Tell which twists (n, 3) are more than any robot reaches, (n,)."""
-    forward, sideways, turn = np.abs(twists).T
-    fast: NDArray[np.bool_] = (np.maximum(forward, sideways) > MAX_SPEED) | (turn > MAX_TURN_RATE)
-    return fast
+    return track._replace(twists=np.where(are_impossible(twists)[:, None], np.nan, twists)), notes
 
 
 def _twist_ratio(track: Track, axis: int) -> float | None:
