@@ -32,8 +32,8 @@ FRAMES = 48
 FRAME_MS = 120
 LAST_FRAME_MS = 2500
 LOST_RUN = (
-    "run office --backend fast --robot pioneer3dx --lidar lms200 --odometry.grade poor --odometry.slip-rate 1 "
-    "--odometry.slip-distance 1.5 --particles 1 --no-refine"
+    "run office --backend fast --lidar lds01 --odometry.grade poor --odometry.slip-rate 0.5 "
+    "--odometry.slip-distance 0.5 --particles 1 --no-refine"
 )
 """The example of docs/views.md of a run that ends lost."""
 AFTER_S = 3.0
