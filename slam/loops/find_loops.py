@@ -131,7 +131,7 @@ class _Search:
         seen = np.array([len(m.walls) > 0 for m in self._maps])  # a map without walls matches nothing
         far &= seen[first] & seen[second]
         self._first, self._second = first[far], second[far]
-        self._position, self._heading = self._uncertainty()
+        self._measure_uncertainty()
         self._tried = np.full((len(self._maps), len(self._maps)), np.inf)
         """Smallest standard deviation of position with which each pair or a neighbour of it was tried [m]."""
 
@@ -143,15 +143,14 @@ class _Search:
                 self._squares += [self._prediction_error(loop) for loop in found]
                 self._loops += found
                 self._poses, self._weights = optimise_robustly(self._poses, self._chain, edges_of(self._loops))
-                self._position, self._heading = self._uncertainty()
+                self._measure_uncertainty()
         return FoundLoops(poses=self._poses, chain=self._chain, loops=self._loops, accepted=self._weights > 0.5)
 
     def _prediction_error(self, loop: Loop) -> float:
         """Squared error of what the graph predicted of a loop, were the chain's covariances as stated."""
         (k,) = np.flatnonzero((self._first == loop.first) & (self._second == loop.second))
-        error = se2.between(se2.between(self._poses[loop.first], self._poses[loop.second]), loop.pose)
-        expected = self._covariance[k] + loop.covariance
-        return scale_of(self._squares) * float(error @ np.linalg.solve(expected, error))
+        predicted = se2.between(self._poses[loop.first], self._poses[loop.second])
+        return scale_of(self._squares) * squared_error(predicted, self._relative[k], loop.pose, loop.covariance)
 
     def _candidates(self) -> list[_Pair]:
         """Pairs to try next, the nearest and least uncertain first."""
@@ -168,16 +167,17 @@ class _Search:
             _Pair(int(first[k]), int(second[k]), seen[k], float(position[k]), float(heading[k])) for k in order
         )
 
-    def _uncertainty(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Standard deviations of position [m] and heading [rad] of the second maps seen from the first, (pairs,)."""
-        if not len(self._first):
-            return np.zeros(0), np.zeros(0)
+    def _measure_uncertainty(self) -> None:
+        """Find how uncertain it is where the second map of each pair lies, seen from the first."""
         weights = np.concatenate([np.ones(len(self._chain.first)), self._weights])
         chain = self._chain._replace(covariance=scale_of(self._squares) * self._chain.covariance)
         marginals = Marginals(self._poses, join(chain, edges_of(self._loops)), weights)
-        self._covariance = covariance = marginals.relative(self._first, self._second)
-        position = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, 1])
-        return position, np.sqrt(covariance[:, 2, 2])
+        self._relative = marginals.relative(self._first, self._second)
+        """Covariances along the axes of the first maps, (pairs, 3, 3)."""
+        self._position = np.sqrt(np.linalg.eigvalsh(self._relative[:, :2, :2])[:, 1])
+        """Largest standard deviations of the position [m], (pairs,)."""
+        self._heading = np.sqrt(self._relative[:, 2, 2])
+        """Standard deviations of the heading [rad], (pairs,)."""
 
     def _try(self, pair: _Pair) -> Loop | None:
         """Match two local maps: first where the given path has them, then in the whole window."""
@@ -223,6 +223,19 @@ def scale_of(squares: Sequence[float]) -> float:
     if len(squares) < MIN_PREDICTIONS:
         return 1.0
     return float(np.clip(np.median(squares) / MEDIAN_CHI2, MIN_SCALE, 1.0))
+
+
+def squared_error(
+    predicted: se2.Pose, covariance: NDArray[np.float64], found: se2.Pose, own_covariance: NDArray[np.float64]
+) -> float:
+    """Squared Mahalanobis distance of a found relative pose (3,) from a predicted one (3,).
+
+    covariance: of the prediction along the axes of the first node;  own_covariance: of what was found, along those of
+    the second. Chi-squared with three degrees of freedom where both are right.
+    """
+    turn = se2.rotation(-predicted[2])
+    error = se2.between(predicted, found)
+    return float(error @ np.linalg.solve(turn @ covariance @ turn.T + own_covariance, error))
 
 
 def _spread(pairs: Iterable[_Pair]) -> list[_Pair]:

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
+from slam.sensor.possible_motion import MAX_SPEED, MAX_TURN_RATE
 
-MAX_SPEED, MAX_TURN_RATE = 10.0, 4.0 * math.pi
-"""Odometry that moves faster [m/s], [rad/s] has jumped: no robot with a 2D lidar does."""
 MIN_JUMP, MIN_TURN = 0.3, math.radians(30.0)
 """Smaller steps [m], [rad] are no jump, however short the time between two of them is."""
 
@@ -28,13 +27,6 @@ def has_jumped(steps: se2.Pose, seconds: ArrayLike) -> NDArray[np.bool_]:
     far = (length > np.maximum(MAX_SPEED * spans, MIN_JUMP)) | (turn > np.maximum(MAX_TURN_RATE * spans, MIN_TURN))
     jumped: NDArray[np.bool_] = far & (spans > 0.0)
     return jumped
-
-
-def are_impossible(twists: ArrayLike) -> NDArray[np.bool_]:
-    """Whether velocities (..., 3) [m/s, m/s, rad/s] are more than any robot reaches, (...)."""
-    forward, sideways, turn = np.moveaxis(np.abs(np.asarray(twists, dtype=np.float64)), -1, 0)
-    fast: NDArray[np.bool_] = (np.maximum(forward, sideways) > MAX_SPEED) | (turn > MAX_TURN_RATE)
-    return fast
 
 
 class ContinuousOdometry:

@@ -29,7 +29,7 @@ class Sweeps(NamedTuple):
     seconds: NDArray[np.float64]
     """Times between their first and last beams [s], (scans,)."""
     twists: NDArray[np.float64]
-    """Velocities by odometry while they were taken, (scans, 3)."""
+    """Velocities with which they were laid out: those by odometry, 0 where no robot reaches it, (scans, 3)."""
 
 
 def path_twists(sweeps: Sweeps, poses: se2.Pose, stamps: NDArray[np.float64]) -> dict[int, NDArray[np.float64]]:

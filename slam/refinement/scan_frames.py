@@ -19,6 +19,7 @@ from slam import se2
 from slam.config import FilterConfig
 from slam.refinement.bent_scans import Sweeps, between_neighbours, path_twists
 from slam.scan import Scan
+from slam.sensor.possible_motion import possible_twist
 from slam.sensor.rays import Rays, make_rays
 
 KEPT_BEAMS = 5_000_000
@@ -133,7 +134,8 @@ class ScanLayout(Mapping[int, Rays]):
         for frame, i in self._taken.items():
             offsets, twist = self._scan(i).time_offsets, self._twists[i]
             if offsets is not None and offsets.size and twist is not None:
-                timed.append((i, frame, float(np.ptp(offsets)), twist))
+                used = possible_twist(twist)
+                timed.append((i, frame, float(np.ptp(offsets)), np.zeros(3) if used is None else used))
         if not timed:
             return None
         taken, frames, seconds, twists = zip(*timed, strict=True)

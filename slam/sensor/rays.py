@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam.scan import Scan
 from slam.sensor.deskew import deskewed_mounts
+from slam.sensor.possible_motion import possible_twist
 
 
 class Rays(NamedTuple):
@@ -65,8 +66,10 @@ def make_rays(
 
     Hits beyond `usable_range` [m] count as no returns; these become rays without a hit up to `free_range` [m], or are
     left out where it is 0; invalid readings are left out. With a `twist` `(vx, vy, omega)` [m/s, m/s, rad/s] the
-    robot's motion between the beams is undone wherever a scan knows its beams' times.
+    robot's motion between the beams is undone wherever a scan knows its beams' times. A twist that no robot reaches
+    undoes nothing: wheels that slip within a scan report turns by which it would be bent by tens of degrees.
     """
+    twist = possible_twist(twist)
     time = scans[0].stamp if reference is None else reference
     parts = [_rays_of_one(scan, usable_range, free_range, twist, time) for scan in scans]
     if len(parts) == 1:

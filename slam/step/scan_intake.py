@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slam import se2
 from slam.config import FilterConfig, GateConfig
-from slam.motion.continuous_odometry import ContinuousOdometry, are_impossible
+from slam.motion.continuous_odometry import ContinuousOdometry
 from slam.scan import Scan, listed
 from slam.sensor.rays import BeamCounts, Rays, count_beams, make_rays
 
@@ -94,7 +94,7 @@ class ScanIntake:
                 scans,
                 usable_range=self._config.map.usable_range,
                 free_range=self._config.map.free_range,
-                twist=self._usable(twist),
+                twist=twist if self._config.deskew else None,
             )
             if not rays.hit.any() and (self._first_needs_hits or not first):
                 rays = None  # a scan that hit nothing carries no information about the pose
@@ -109,11 +109,6 @@ class ScanIntake:
             rays=rays,
             jumped=self._track.jumps > jumps,
         )
-
-    def _usable(self, twist: ArrayLike | None) -> ArrayLike | None:
-        """The twist (3,) by which the motion within a scan is undone. Wheels that slip report turns that no robot
-        makes: by such a twist a scan would be turned by tens of degrees."""
-        return None if twist is None or not self._config.deskew or are_impossible(twist) else twist
 
     def accept(self, taken: TakenScan) -> None:
         """Note that the filter has used a scan: later displacements count from it."""

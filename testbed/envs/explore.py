@@ -17,6 +17,7 @@ from slam.gmapping import GMapping
 from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import Pose, between, compose
+from slam.sensor.possible_motion import possible_twist
 from slam.step.step_report import StepReport
 from testbed.envs.drive import Observation
 from testbed.envs.observation.egocentric import Crop
@@ -178,7 +179,7 @@ class ExploreEnv(gym.Env[Observation, NDArray[np.float32]]):
         motion = between(before, readings.odometry[0])
         self._scan = scan_of(self._setup, readings.ranges[0], self._stamp)
         self._stamp += self._setup.period
-        self._twist = motion / self._setup.period
+        self._twist = possible_twist(motion / self._setup.period)
         report = self._mapper.process(before, self._scan, twist=self._twist)
         self._pose = compose(report.pose, motion)
         if report.updated:

@@ -27,7 +27,7 @@ class Belief:
     scans: tuple[Scan, ...]
     """The last scan of each lidar, at least one."""
     twist: Pose | None = None
-    """Velocity of the robot by odometry `(vx, vy, omega)` [m/s, m/s, rad/s], (3,); None = unknown."""
+    """Velocity of the robot by odometry `(vx, vy, omega)` [m/s, m/s, rad/s], (3,); None = unknown, or impossible."""
     map: Callable[[], OccupancyGrid]
     """Draws the most likely map when it is called."""
 

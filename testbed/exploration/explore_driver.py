@@ -9,6 +9,7 @@ from slam.occupancy import OccupancyGrid
 from slam.scan import Scan
 from slam.se2 import compose
 from slam.sensor.deskew import exp_twist
+from slam.sensor.possible_motion import possible_twist
 from slam.step.step_report import StepReport
 from testbed.exploration.belief import Belief
 from testbed.exploration.explorer import Explorer
@@ -55,11 +56,11 @@ class ExploreDriver:
         if self._latest is None:
             return 0.0, 0.0
         frame, report, make_map = self._latest
-        pose = report.pose
-        if frame.twist is not None:
-            pose = compose(pose, exp_twist(frame.twist, stamp - frame.stamp))
+        pose, twist = report.pose, possible_twist(frame.twist)
+        if twist is not None:
+            pose = compose(pose, exp_twist(twist, stamp - frame.stamp))
         scans = tuple(self._scans.values())
-        belief = Belief(stamp=stamp, pose=pose, scans=scans, twist=frame.twist, map=make_map)
+        belief = Belief(stamp=stamp, pose=pose, scans=scans, twist=twist, map=make_map)
         return self._explorer.command(belief)
 
     def wait(self, stamp: float) -> tuple[float, float]:

@@ -58,9 +58,10 @@ def test_good_predictions_of_loops_narrow_the_windows_of_the_search():
     truth, odometry, rays = recording()
     track = track_locally(odometry, truth, rays, CONFIG, ONE)
     search = _Search(track, truth[track.frames[track.anchors]], CONFIG, ONE)
-    before = np.stack(search._uncertainty())
+    before = np.stack([search._position, search._heading])
     search._squares = [0.0] * MIN_PREDICTIONS
-    after = np.stack(search._uncertainty())
+    search._measure_uncertainty()
+    after = np.stack([search._position, search._heading])
     np.testing.assert_allclose(after, np.sqrt(MIN_SCALE) * before, rtol=1e-4)
 
 

@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from slam.loops.find_loops import MIN_PREDICTIONS, MIN_SCALE, scale_of
+from slam import se2
+from slam.loops.find_loops import MEDIAN_CHI2, MIN_PREDICTIONS, MIN_SCALE, scale_of, squared_error
 
 
 def squared_errors(scale: float, count: int) -> list[float]:
@@ -30,3 +31,17 @@ def test_it_never_widens_the_search_and_narrows_it_within_a_bound():
 
 def test_few_loops_say_nothing():
     assert scale_of(squared_errors(0.1, MIN_PREDICTIONS - 1)) == 1.0
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5 * np.pi, -2.5, np.pi])
+def test_predictions_of_loops_in_any_direction_err_as_stated(heading):
+    """A chain's covariance is long across its direction: that of the first map, not of the second."""
+    rng = np.random.default_rng(3)
+    true = np.array([3.0, -2.0, heading])
+    chain, match = np.diag([0.05, 1.0, 0.02]) ** 2, np.diag([0.02, 0.04, 0.01]) ** 2
+    squares = []
+    for _ in range(2000):
+        predicted = true + rng.multivariate_normal(np.zeros(3), chain)
+        found = se2.compose(true, rng.multivariate_normal(np.zeros(3), match))
+        squares.append(squared_error(predicted, chain, found, match))
+    assert np.median(squares) == pytest.approx(MEDIAN_CHI2, rel=0.1)

@@ -53,8 +53,10 @@ def test_poses_of_bent_scans_lie_between_their_neighbours():
     np.testing.assert_allclose(between_neighbours(np.arange(0, 20, 2), np.array([5]), wrong), poses, atol=1e-3)
 
 
-def test_a_slip_does_not_turn_a_pose_nor_draw_a_wall():
-    """Scans taken in motion; in one sweep the wheels report a turn of 20 rad/s, and the path begins 10 degrees off."""
+@pytest.mark.parametrize("turn", [10.0, 20.0])
+def test_a_slip_does_not_turn_a_pose_nor_draw_a_wall(turn):
+    """Scans taken in motion; in one sweep the wheels report a turn that a robot may make, or one that none makes
+    [rad/s], and the path begins 10 degrees off."""
     frames, slipped = 40, 20
     stamps, truth = drive(frames)
     offsets = np.linspace(0.0, SWEEP, 180)
@@ -65,7 +67,7 @@ def test_a_slip_does_not_turn_a_pose_nor_draw_a_wall():
         ranges = np.array([ray.ranges[i] for i, ray in enumerate(rays)])
         scan = replace(rays[0], ranges=ranges, stamp=stamps[k], time_offsets=offsets)
         scans.append(scan if k % 2 == 0 else None)
-    twists[slipped] = VELOCITY + np.array([0.0, 0.0, 20.0])
+    twists[slipped] = VELOCITY + np.array([0.0, 0.0, turn])
     initial, odometry = truth.copy(), truth.copy()
     initial[slipped : slipped + 2, 2] += np.radians(10.0)
     config = FilterConfig()

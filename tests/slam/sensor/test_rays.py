@@ -143,3 +143,21 @@ def test_without_times_or_without_a_twist_nothing_is_undone():
     timed = scan(time_offsets=np.linspace(0.0, 0.1, len(READINGS)))
     np.testing.assert_array_equal(make_rays([timed], usable_range=80.0).ends, plain.ends)
     assert np.abs(make_rays([timed], usable_range=80.0, twist=twist).ends - plain.ends).max() > 0.01
+
+
+@pytest.mark.parametrize("twist", [(0.5, 0.0, 51.0), (0.5, 0.0, -13.0), (11.0, 0.0, 0.0), (0.0, -11.0, 0.0)])
+def test_a_twist_that_no_robot_makes_bends_no_scan(twist):
+    """As wheels report that slip within a scan: at 51 rad/s the last beam would be turned by 146 degrees."""
+    np.testing.assert_array_equal(moving_ends(twist), moving_ends(None))
+
+
+@pytest.mark.parametrize("twist", [(0.5, 0.0, 12.0), (9.0, 0.0, 0.0)])
+def test_a_fast_robot_is_believed(twist):
+    assert np.abs(moving_ends(twist) - moving_ends(None)).max() > 0.1
+
+
+def moving_ends(twist):
+    """End points of a wall 4 m away, seen within 50 ms at a twist."""
+    angles = np.linspace(-1.0, 1.0, 50)
+    moving = Scan(ranges=np.full(50, 4.0), angles=angles, range_max=20.0, time_offsets=np.linspace(0.0, 0.05, 50))
+    return make_rays([moving], usable_range=20.0, twist=twist).ends

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.motion.continuous_odometry import are_impossible, has_jumped
+from slam.motion.continuous_odometry import has_jumped
+from slam.sensor.possible_motion import are_impossible
 from testbed.formats.ros.reading.decode import Track
 
 Floats = NDArray[np.float64]
