@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from slam import se2
 from slam._threads import Threads
 from slam.config import FilterConfig
-from slam.loops.find_loops import FoundLoops, Loop, edges_of, find_loops
+from slam.loops.find_loops import FoundLoops, find_loops
 from slam.loops.local_maps import Track, track_locally
+from slam.loops.loop import Loop, edges_of
 from slam.loops.pose_graph import TRUNCATION, Edges, join, squared_distances
 from slam.motion.interpolation import interpolate_with_odometry
 from slam.sensor.rays import Rays

@@ -68,6 +68,8 @@ class SearchMap(NamedTuple):
     """Free cells that are not near a wall, (rows, columns)."""
     levels: NDArray[np.int8]
     """Scores of coarse cells and their maxima, see `pool_maxima`."""
+    reach: float
+    """Distance from the anchor within which three quarters of the walls lie [m]; 0 where there are none."""
 
 
 class Agreement(NamedTuple):
@@ -103,7 +105,14 @@ def prepare(local: LocalMap, cell: float) -> SearchMap:
     every_kth = thinned[:: max(1, -(-len(thinned) // MAX_POINTS))]
     free = (local.states == -1) & ~near
     facing = _facing(local)
-    return SearchMap(local.walls, every_kth, local.origin, cell, facing, near, number[y, x], free, levels)
+    reach = float(np.percentile(np.hypot(*local.walls.T), 75)) if len(local.walls) else 0.0
+    return SearchMap(local.walls, every_kth, local.origin, cell, facing, near, number[y, x], free, levels, reach)
+
+
+def thinned(seen: SearchMap, count: int) -> SearchMap:
+    """The map with every k-th of its walls, at most `count`."""
+    k = max(1, -(-len(seen.walls) // count))
+    return seen._replace(walls=seen.walls[::k], facing=seen.facing[::k])
 
 
 def _facing(local: LocalMap) -> NDArray[np.float64]:
@@ -170,13 +179,13 @@ def refine_pose(
 
 def agreement(first: SearchMap, second: SearchMap, pose: se2.Pose) -> Agreement:
     """How well two maps agree with the second at a pose (3,) seen from the first."""
-    agree_a, contradict_a = _count(first, second, pose)
-    agree_b, contradict_b = _count(second, first, se2.inverse(pose))
+    agree_a, contradict_a = count_walls(first, second, pose)
+    agree_b, contradict_b = count_walls(second, first, se2.inverse(pose))
     agree, contradict = agree_a + agree_b, contradict_a + contradict_b
     return Agreement(min(agree_a, agree_b), agree / max(agree + contradict, 1))
 
 
-def _count(seen: SearchMap, other: SearchMap, pose: se2.Pose) -> tuple[int, int]:
+def count_walls(seen: SearchMap, other: SearchMap, pose: se2.Pose) -> tuple[int, int]:
     """How many walls of another map, which lies at a pose (3,), agree with a map and how many contradict it.
 
     They agree near a wall that was seen from the same side. They contradict in free space, and near a wall that was

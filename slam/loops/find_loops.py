@@ -22,7 +22,9 @@ from slam._threads import Threads
 from slam.config import FilterConfig
 from slam.loops.correlative_match import Agreement, agreement, prepare, refine_pose, search_window
 from slam.loops.local_maps import LENGTH, Track
+from slam.loops.loop import Loop, edges_of
 from slam.loops.pose_graph import Edges, Marginals, join, optimise_robustly
+from slam.loops.refuted_loops import NEIGHBOURS, refuted_loops
 
 CHAIN_INFLATION = 2.0
 """Factor on the covariances of the chain: errors of matches against one local map are not independent. On four logs
@@ -56,27 +58,6 @@ MIN_LENGTH = 2.0 * LENGTH
 """Driven length of a loop [m]; over less, local maps overlap, and the final pass needs no help."""
 RETRY_FACTOR = 0.5
 """A pair is tried again where its standard deviation has shrunk by this factor since: its window is another then."""
-NEIGHBOURS = 2
-"""Pairs whose maps differ by at most this many numbers in both visits are neighbours."""
-
-
-class Loop(NamedTuple):
-    """Two local maps that were found to show the same place."""
-
-    first: int
-    """Number of the earlier local map."""
-    second: int
-    """Number of the later one."""
-    pose: se2.Pose
-    """Pose of the second's anchor, seen from the first's, (3,)."""
-    covariance: NDArray[np.float64]
-    """Covariance of the pose, seen from the second, (3, 3)."""
-    agreement: Agreement
-    """How well the maps agree there."""
-    overlap: float
-    """Length of the walls that both maps show [m]."""
-    was_closed: bool
-    """Whether they agree at the relative pose of the given path, too."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,9 +69,9 @@ class FoundLoops:
     chain: Edges
     """The robot's motion between neighbouring anchors."""
     loops: list[Loop]
-    """All matches found."""
+    """All matches found, those last that the other maps refute."""
     accepted: NDArray[np.bool_]
-    """Whether each agrees with the chain and the other loops, (loops,)."""
+    """Whether each agrees with the chain, the other loops and the maps, (loops,)."""
 
 
 def find_loops(track: Track, path: se2.Pose, config: FilterConfig, threads: Threads) -> FoundLoops:
@@ -117,12 +98,13 @@ class _Search:
     def __init__(self, track: Track, path: se2.Pose, config: FilterConfig, threads: Threads) -> None:
         self._path, self._config, self._threads = path, config, threads
         self._maps = [prepare(local, config.map.cell) for local in track.maps]
-        self._reach = np.array([np.percentile(np.hypot(*m.walls.T), 75) if len(m.walls) else 0.0 for m in self._maps])
+        self._reach = np.array([seen.reach for seen in self._maps])
         self._distance = track.distance[track.anchors]
         self._chain = chain_of(track)
         start = track.poses[track.anchors]
         self._poses = se2.compose(se2.compose(path[0], se2.inverse(start[0])), start)
         self._loops: list[Loop] = []
+        self._refuted: list[Loop] = []
         self._weights = np.ones(0)
         self._squares: list[float] = []
         """Squared error of what the graph predicted of each loop, normalised by the chain's covariances as stated."""
@@ -136,15 +118,36 @@ class _Search:
         """Smallest standard deviation of position with which each pair or a neighbour of it was tried [m]."""
 
     def run(self) -> FoundLoops:
-        """Try pairs until none is left that is uncertain and may overlap."""
+        """Try pairs until none is left that is uncertain and may overlap, and no loop is refuted."""
+        self._search()
+        while refuted := self._refuted_now():
+            self._refuted += refuted
+            self._loops = [loop for loop in self._loops if not any(loop is other for other in refuted)]
+            self._optimise()
+            self._search()
+        return FoundLoops(
+            poses=self._poses,
+            chain=self._chain,
+            loops=self._loops + self._refuted,
+            accepted=np.concatenate([self._weights > 0.5, np.zeros(len(self._refuted), np.bool_)]),
+        )
+
+    def _search(self) -> None:
         while pairs := self._candidates():
             found = [loop for pair in pairs if (loop := self._try(pair)) is not None]
             if found:
                 self._squares += [self._prediction_error(loop) for loop in found]
                 self._loops += found
-                self._poses, self._weights = optimise_robustly(self._poses, self._chain, edges_of(self._loops))
-                self._measure_uncertainty()
-        return FoundLoops(poses=self._poses, chain=self._chain, loops=self._loops, accepted=self._weights > 0.5)
+                self._optimise()
+
+    def _optimise(self) -> None:
+        self._poses, self._weights = optimise_robustly(self._poses, self._chain, edges_of(self._loops))
+        self._measure_uncertainty()
+
+    def _refuted_now(self) -> list[Loop]:
+        """The accepted loops that the maps refute most."""
+        accepted = [loop for loop, weight in zip(self._loops, self._weights, strict=True) if weight > 0.5]
+        return [accepted[k] for k in refuted_loops(self._maps, self._poses, self._chain, accepted)]
 
     def _prediction_error(self, loop: Loop) -> float:
         """Squared error of what the graph predicted of a loop, were the chain's covariances as stated."""
@@ -271,13 +274,3 @@ def _accumulated(poses: se2.Pose, covariances: NDArray[np.float64]) -> NDArray[n
         F = se2.rotation(-step[2]) @ moved
         total = F @ total @ F.T + own
     return total
-
-
-def edges_of(loops: Sequence[Loop]) -> Edges:
-    """The loops as edges of the graph."""
-    return Edges(
-        np.array([loop.first for loop in loops], np.int64),
-        np.array([loop.second for loop in loops], np.int64),
-        np.array([loop.pose for loop in loops]).reshape(-1, 3),
-        np.array([loop.covariance for loop in loops]).reshape(-1, 3, 3),
-    )
