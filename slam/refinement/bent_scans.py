@@ -15,8 +15,11 @@ from numpy.typing import NDArray
 from slam import se2
 
 MAX_BEND = np.radians(1.0)
-"""A scan is bent if odometry and path disagree by more than this turn within half a sweep [rad]: more than a robot that
-accelerates by 10 rad/s^2 turns about its mean speed in the tenth of a second that most sweeps take."""
+"""A scan is bent if odometry and path disagree by more than this turn within half a sweep [rad], besides what a robot
+that accelerates may have turned: headings of a path err by less."""
+MAX_TURN_ACCELERATION = 8.0
+"""A robot's turn rate changes no faster [rad/s^2]: that of the quickest preset (Create 3). Between scans that are
+seconds apart it may have changed in any way, and the path tells nothing of the motion within a scan."""
 
 
 class Sweeps(NamedTuple):
@@ -42,7 +45,7 @@ def path_twists(sweeps: Sweeps, poses: se2.Pose, stamps: NDArray[np.float64]) ->
     # the pose of one bent scan is in the velocities of its neighbours too, but not in those on their other side
     spans = [(np.arange(n) + begin).clip(0, n - 1) for begin in (-2, -1, 1, 2)]
     pairs = (spans[1], spans[2]), (spans[0], spans[1]), (spans[2], spans[3])
-    bends = [_bend(sweeps, _twists(poses, stamps, frames[begin], frames[end])) for begin, end in pairs]
+    bends = [_bend(sweeps, poses, stamps, frames[begin], frames[end]) for begin, end in pairs]
     bent = np.min(bends, axis=0) > MAX_BEND
     straight = np.flatnonzero(~bent)
     if not bent.any() or len(straight) < 2:
@@ -53,9 +56,17 @@ def path_twists(sweeps: Sweeps, poses: se2.Pose, stamps: NDArray[np.float64]) ->
     return dict(zip(numbers.tolist(), found, strict=True))
 
 
-def _bend(sweeps: Sweeps, twists: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn within half a sweep by which odometry and twists (scans, 3) disagree [rad], (scans,)."""
-    return 0.5 * sweeps.seconds * np.abs(sweeps.twists[:, 2] - twists[:, 2])
+def _bend(
+    sweeps: Sweeps,
+    poses: se2.Pose,
+    stamps: NDArray[np.float64],
+    begin: NDArray[np.int64],
+    end: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Turn within half a sweep by which odometry and path disagree [rad], (scans,), the path's from frames `begin` to
+    frames `end`; less what the turn rate may have changed from the sweep to the mean of that time."""
+    differ = np.abs(sweeps.twists[:, 2] - _twists(poses, stamps, begin, end)[:, 2])
+    return 0.5 * sweeps.seconds * (differ - 0.5 * MAX_TURN_ACCELERATION * (stamps[end] - stamps[begin]))
 
 
 def _twists(

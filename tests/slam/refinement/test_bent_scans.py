@@ -46,6 +46,18 @@ def test_without_slip_nothing_is_bent():
     assert path_twists(sweeps_of(4, [0, 1]), poses[:4], stamps[:4]) == {}  # no two that are straight
 
 
+@pytest.mark.parametrize("period", [0.5, 1.0])
+def test_scans_that_are_far_apart_say_nothing_of_the_turn_within_one(period):
+    """A robot that stands, turns on the spot by 0.4 rad at 1.5 rad/s while a scan is taken, and stands again."""
+    stamps, poses = period * np.arange(20), np.zeros((20, 3))
+    poses[9:, 2] = 0.4
+    poses[8, 2] = 0.2
+    sweeps = sweeps_of(20, [])
+    sweeps.twists[:] = 0.0
+    sweeps.twists[4, 2] = 1.5
+    assert path_twists(sweeps, poses, stamps) == {}
+
+
 def test_poses_of_bent_scans_lie_between_their_neighbours():
     _, poses = drive(20)
     wrong = poses.copy()
