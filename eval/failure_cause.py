@@ -12,8 +12,13 @@ from eval.trajectory.trajectory import Trajectory
 from eval.wording import length
 from slam.se2 import Pose, between
 
-WINDOW_S = 1.5
-"""Motions are compared from this long before the moment to this long after it [s]."""
+BEFORE_S = 3.0
+"""A cause begins within this time before the moment at which it shows [s], or while the scan of then is taken …"""
+MAX_SWEEP_S = 0.5
+"""… which ends with the next scan, if that follows within this time [s]."""
+AFTER_S = 1.5
+"""An effect goes on for so long after the moment [s]. A final pass, which moves poses by what was seen later, may also
+let it begin so much before its cause."""
 LOOK_BACK_S = 10.0
 """A lidar that saw nothing, or scans that were lost, may have done harm for this long [s]."""
 MAX_SPEED, MAX_TURN_RATE = 3.0, 6.0
@@ -26,6 +31,8 @@ MIN_SLIP_SHARE = 0.15
 """… and from this share of the motion."""
 MIN_RESTART_M = 0.5
 """A restarted odometry jumps by more than this, to a pose nearer than this to its first one [m]."""
+MIN_STEP_SHARE = 0.2
+"""From one scan to the next they are where they miss by this share of that, and of the largest such miss."""
 BLIND_SHARE = 0.2
 """A lidar is blind if less than this part of the usual number of beams returns."""
 LOOP_REACH_M, MIN_LOOP_M = 1.0, 10.0
@@ -41,15 +48,19 @@ def find_cause(
     reference: Trajectory | None,
     steps: Columns | None = None,
     estimate: Trajectory | None = None,
+    refined: bool = False,
 ) -> str | None:
     """Name what went wrong at a time [s] as a sentence, or None where the data show nothing.
 
     odometry: the wheels' poses at the scans;  reference: the true poses at the same stamps, or the scans' own where
     the truth is unknown;  steps: the table of the run;  estimate: the poses that are judged
+    refined: whether a final pass has moved them, which may show an error a little before its cause
     """
     for found in (_lost_scans(stamp, odometry), _blind_lidar(stamp, steps), _wrong_motion(stamp, odometry, reference)):
         if found is not None:
             return found
+    if refined and (later := _wrong_motion(stamp, odometry, reference, after=AFTER_S)) is not None:
+        return f"{later}; the final pass has spread the error over the path before"
     return (
         _failed_matching(stamp, steps)
         or _wrong_history(stamp, steps, reference, estimate)
@@ -75,7 +86,7 @@ def _lost_scans(stamp: float, odometry: Trajectory | None) -> str | None:
     if odometry is None or len(odometry) < 3:
         return None
     gaps, ends = np.diff(odometry.stamps), odometry.stamps[1:]
-    near = (ends >= stamp - LOOK_BACK_S) & (ends - gaps <= stamp + WINDOW_S)
+    near = (ends >= stamp - LOOK_BACK_S) & (ends - gaps <= stamp)
     if not near.any():
         return None
     longest = float(gaps[near].max())
@@ -88,19 +99,21 @@ def _blind_lidar(stamp: float, steps: Columns | None) -> str | None:
     if steps is None:
         return None
     hits, stamps = column(steps, "hits"), column(steps, "stamp")
-    near = (stamps >= stamp - LOOK_BACK_S) & (stamps <= stamp + WINDOW_S)
+    near = (stamps >= stamp - LOOK_BACK_S) & (stamps <= stamp)
     usual = float(np.median(hits))
     if not near.any() or not hits[near].min() < BLIND_SHARE * usual:
         return None
     return f"the lidar saw next to nothing: {hits[near].min():.0f} beams returned (usual: {usual:.0f})"
 
 
-def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajectory | None) -> str | None:
-    """Odometry against the true motion: a jump of either, or wheels that slipped."""
+def _wrong_motion(
+    stamp: float, odometry: Trajectory | None, reference: Trajectory | None, after: float = 0.0
+) -> str | None:
+    """Odometry against the true motion, up to a time after the moment [s]: a jump of either, or wheels that slipped."""
     if odometry is None or reference is None:
         return None
     _, rows, true_rows = np.intersect1d(odometry.stamps, reference.stamps, return_indices=True)
-    near = np.abs(odometry.stamps[rows] - stamp) <= WINDOW_S
+    near = _while_it_begins(odometry.stamps[rows], stamp, after)
     wheels, true, stamps = odometry.poses[rows[near]], reference.poses[true_rows[near]], odometry.stamps[rows[near]]
     if len(stamps) < 2:
         return None
@@ -118,17 +131,38 @@ def _wrong_motion(stamp: float, odometry: Trajectory | None, reference: Trajecto
         )
     if not _slipped(true, wheels):
         return None
+    off = _where_they_differ(true, wheels)
+    true, wheels, stamps = true[off], wheels[off], stamps[off]
     moved, reported = between(true[0], true[-1]), between(wheels[0], wheels[-1])
     start = odometry.stamps[0]
-    slips, known = earlier_slips(odometry, reference, stamps[0])
+    bent = "; the scan of this moment was taken then, and the wheels' motion bends it" if stamps[0] == stamp else ""
+    slips, known = earlier_slips(odometry, reference, stamp - BEFORE_S)
     earlier = "; they had not slipped before"
     if slips:
         earlier = f"; they slipped in {slips} before this one too, and {RECOVERED}"
     return (
-        f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s, over {length(_path(true))} "
-        f"of path, they reported {_in_words(reported)}, the robot moved by {_in_words(moved)}"
-        f"{earlier if known else ''}"
+        f"the wheels slipped: from {stamps[0] - start:.1f} to {stamps[-1] - start:.1f} s they reported "
+        f"{_in_words(reported)}, the robot moved by {_in_words(moved)}{bent}{earlier if known else ''}"
     )
+
+
+def _while_it_begins(stamps: NDArray[np.float64], stamp: float, after: float) -> NDArray[np.bool_]:
+    """Which stamps (n,) lie in the time in which the cause of what shows at a moment begins, see `BEFORE_S`, or up to a
+    time `after` the moment [s]."""
+    later = stamps[stamps > stamp]
+    sweep = float(later[0]) - stamp if len(later) and later[0] <= stamp + MAX_SWEEP_S else 0.0
+    return (stamps >= stamp - BEFORE_S) & (stamps <= stamp + max(sweep, after))
+
+
+def _where_they_differ(one: Pose, other: Pose) -> slice:
+    """Rows of two paths (n, 3) from the first to the last of their steps that differ; all where none stands out."""
+    miss = between(between(one[:-1], one[1:]), between(other[:-1], other[1:]))
+    severity = np.maximum(np.hypot(miss[:, 0], miss[:, 1]) / MIN_SLIP_M, np.degrees(np.abs(miss[:, 2])) / MIN_SLIP_DEG)
+    steps = np.flatnonzero(severity > max(MIN_STEP_SHARE, MIN_STEP_SHARE * float(severity.max())))
+    if len(steps) == 0:
+        return slice(None)
+    found = slice(int(steps[0]), int(steps[-1]) + 2)
+    return found if _slipped(one[found], other[found]) else slice(None)
 
 
 def _slipped(true: Pose, wheels: Pose) -> bool:
@@ -141,17 +175,17 @@ def _slipped(true: Pose, wheels: Pose) -> bool:
 
 def earlier_slips(odometry: Trajectory, reference: Trajectory, until: float) -> tuple[str, bool]:
     """In how many intervals before a time [s] the wheels slipped: `14 of the 74 intervals of 3 s`, each as long as the
-    window about a moment; empty where in none. The second value is whether there is any interval."""
+    window before a moment; empty where in none. The second value is whether there is any interval."""
     _, rows, true_rows = np.intersect1d(odometry.stamps, reference.stamps, return_indices=True)
     before = odometry.stamps[rows] < until
     stamps = odometry.stamps[rows[before]]
     if len(stamps) == 0:
         return "", False
     wheels, true = odometry.poses[rows[before]], reference.poses[true_rows[before]]
-    numbers = ((stamps[-1] - stamps) // (2.0 * WINDOW_S)).astype(np.intp)
+    numbers = ((stamps[-1] - stamps) // BEFORE_S).astype(np.intp)
     pieces = [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
     slipped = sum(len(piece) > 1 and _slipped(true[piece], wheels[piece]) for piece in pieces)
-    return f"{slipped} of the {len(pieces)} intervals of {2.0 * WINDOW_S:.0f} s" if slipped else "", True
+    return f"{slipped} of the {len(pieces)} intervals of {BEFORE_S:.0f} s" if slipped else "", True
 
 
 def _path(poses: Pose) -> float:
@@ -180,8 +214,7 @@ def _failed_matching(stamp: float, steps: Columns | None) -> str | None:
     """What the filter did where the data are sound."""
     if steps is None:
         return None
-    stamps = column(steps, "stamp")
-    near = np.abs(stamps - stamp) <= WINDOW_S
+    near = _shortly_before(stamp, steps)
     failed, particles = column(steps, "match_failures")[near], column(steps, "particles")[near]
     if len(failed) and failed.max() > 0:
         at = int(np.argmax(failed))
@@ -197,13 +230,24 @@ def _wrong_history(
     """A loop that closed as the estimate made a wrong motion, or where its motion is unknown."""
     if steps is None:
         return None
-    near = np.abs(column(steps, "stamp") - stamp) <= WINDOW_S
-    if not (column(steps, "loop_closed")[near] == 1.0).any():
+    if not closes_loop(stamp, steps):
         return None
-    motions = _motions(stamp, reference, estimate)
-    if motions is not None and not _slipped(*motions):
-        return None
+    if reference is not None and estimate is not None:
+        _, true, estimated = _about(stamp, reference, estimate)
+        if len(true) > 1 and not _slipped(true, estimated):
+            return None
     return "the robot had come back to a known place, and the particles settled on a wrong history"
+
+
+def closes_loop(stamp: float, steps: Columns) -> bool:
+    """Whether old walls had come into view again shortly before an update [s]."""
+    return bool((column(steps, "loop_closed")[_shortly_before(stamp, steps)] == 1.0).any())
+
+
+def _shortly_before(stamp: float, steps: Columns) -> NDArray[np.bool_]:
+    """The rows (scans,) of a table up to an update [s]."""
+    ago = stamp - column(steps, "stamp")
+    return (ago >= -1e-6) & (ago <= BEFORE_S)
 
 
 def _wrong_place(
@@ -212,16 +256,15 @@ def _wrong_place(
     """The estimate's motion about the moment where it is wrong and that of the wheels is right."""
     if odometry is None or reference is None or estimate is None:
         return None
-    stamps = np.intersect1d(np.intersect1d(odometry.stamps, reference.stamps), estimate.stamps)
-    stamps = stamps[np.abs(stamps - stamp) <= WINDOW_S]
-    if len(stamps) < 2:
+    stamps, true, estimated = _about(stamp, reference, estimate)
+    if len(stamps) < 2 or not _slipped(true, estimated):
         return None
-    true, estimated = (source.poses[np.isin(source.stamps, stamps)] for source in (reference, estimate))
-    if not _slipped(true, estimated):
-        return None
+    off = _where_they_differ(true, estimated)
+    if stamps[off][0] <= stamp:
+        true, estimated, stamps = true[off], estimated[off], stamps[off]
     moved, reported = between(true[0], true[-1]), between(estimated[0], estimated[-1])
     start = odometry.stamps[0]
-    slips, _ = earlier_slips(odometry, reference, stamps[0])
+    slips, _ = earlier_slips(odometry, reference, stamp - BEFORE_S)
     earlier = f"; in {slips} before this one they had slipped"
     return (
         f"the scans were matched to a wrong place of the map: from {stamps[0] - start:.1f} to "
@@ -230,15 +273,11 @@ def _wrong_place(
     )
 
 
-def _motions(stamp: float, reference: Trajectory | None, estimate: Trajectory | None) -> tuple[Pose, Pose] | None:
-    """True and estimated poses (n, 3) about a time [s]; None where fewer than two are known."""
-    if reference is None or estimate is None:
-        return None
-    stamps = np.intersect1d(reference.stamps, estimate.stamps)
-    stamps = stamps[np.abs(stamps - stamp) <= WINDOW_S]
-    if len(stamps) < 2:
-        return None
-    return reference.poses[np.isin(reference.stamps, stamps)], estimate.poses[np.isin(estimate.stamps, stamps)]
+def _about(stamp: float, reference: Trajectory, estimate: Trajectory) -> tuple[NDArray[np.float64], Pose, Pose]:
+    """Stamps (n,) about a time [s], true and estimated poses (n, 3) then."""
+    stamps, rows, own = np.intersect1d(reference.stamps, estimate.stamps, return_indices=True)
+    near = (stamps >= stamp - BEFORE_S) & (stamps <= stamp + AFTER_S)
+    return stamps[near], reference.poses[rows[near]], estimate.poses[own[near]]
 
 
 def _loop_left_open(stamp: float, reference: Trajectory | None, estimate: Trajectory | None) -> str | None:
@@ -266,4 +305,5 @@ def _loop_left_open(stamp: float, reference: Trajectory | None, estimate: Trajec
 
 
 def _in_words(motion: Pose) -> str:
-    return f"{length(float(np.hypot(motion[0], motion[1])))} and {np.degrees(motion[2]):.0f} degrees"
+    degrees = round(float(np.degrees(motion[2]))) or 0  # never -0
+    return f"{length(float(np.hypot(motion[0], motion[1])))} and {degrees} degrees"

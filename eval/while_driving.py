@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.consistency import LEVEL, chi_square
-from eval.failure_cause import MIN_SLIP_DEG, MIN_SLIP_M, WINDOW_S, another_best, earlier_slips, find_cause
+from eval.failure_cause import MIN_SLIP_DEG, MIN_SLIP_M, another_best, closes_loop, earlier_slips, find_cause
 from eval.filter.nees import nees
 from eval.filter.step_table import Columns, column, updates
 from eval.first_failure import HEAL_PATH
@@ -301,7 +301,7 @@ def _beginning(stamp: float, sudden: bool, errors: tuple[float, float], drive: D
     steps = drive.steps
     jump = another_best(stamp, steps)
     if jump is not None and errors[1] > errors[0]:
-        known = " as old walls came into view again" if _closes_loop(stamp, steps) else ""
+        known = " as old walls came into view again" if closes_loop(stamp, steps) else ""
         return f"{jump}{known}, away from the truth ({length(errors[0])} to {length(errors[1])} off)"
     whole = steps if "hits" in steps else None  # tables of older releases have none
     cause = None
@@ -312,12 +312,6 @@ def _beginning(stamp: float, sudden: bool, errors: tuple[float, float], drive: D
     if sudden:
         return f"with one update the error went from {length(errors[0])} to {length(errors[1])}; the data show no fault"
     return f"the error grew little by little, to {length(errors[1])}: no single fault"
-
-
-def _closes_loop(stamp: float, steps: Columns) -> bool:
-    """Whether old walls had come into view again shortly before an update [s]."""
-    ago = stamp - column(steps, "stamp")
-    return bool((column(steps, "loop_closed")[(ago >= -1e-6) & (ago <= WINDOW_S)] == 1.0).any())
 
 
 def _return(end: float, drive: Drive) -> str:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from eval.failure_cause import RECOVERED, WINDOW_S, earlier_slips
+from eval.failure_cause import BEFORE_S, RECOVERED, earlier_slips
 from eval.filter.step_table import Columns
 from eval.first_failure import Failure
 from eval.loss_watch import Spell, spells
@@ -54,7 +54,7 @@ def behind_failure(
     bent = bent_before(steps, failure, start)
     parts = [f"the map was bent: {bent}"] if bent else []
     if odometry is not None and truth is not None:
-        slips, _ = earlier_slips(odometry, truth, failure.stamp - WINDOW_S)  # as its cause says
+        slips, _ = earlier_slips(odometry, truth, failure.stamp - BEFORE_S)  # as its cause says
         if slips:
             parts.append(f"the wheels had slipped in {slips} before it")
     return "; ".join(parts)

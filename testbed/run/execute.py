@@ -159,10 +159,12 @@ def _write(job: Job, directory: RunDirectory, estimation: Following, filtered: E
     if job.truth_map is not None:
         directory.write_map("truth_map", job.truth_map)
     estimation.steps.write(directory / "steps.parquet")
-    _write_failure(job, directory, estimation, estimate)
+    _write_failure(job, directory, estimation, estimate, refined=estimate is not filtered)
 
 
-def _write_failure(job: Job, directory: RunDirectory, estimation: Following, estimate: Estimate) -> None:
+def _write_failure(
+    job: Job, directory: RunDirectory, estimation: Following, estimate: Estimate, *, refined: bool
+) -> None:
     """Write where it went wrong, with the scan that shows it; nothing where there is nothing to judge by."""
     truth, steps = estimation.trajectory_at_scans("truth"), estimation.steps.columns()
     failure = find_failure(estimate.at_scans, truth=truth, relations=job.relations, dense=estimate.dense, steps=steps)
@@ -170,7 +172,14 @@ def _write_failure(job: Job, directory: RunDirectory, estimation: Following, est
         return
     if failure.bad:
         odometry = estimation.trajectory_at_scans("odometry")
-        cause = find_cause(failure.stamp, odometry=odometry, reference=truth, steps=steps, estimate=estimate.at_scans)
+        cause = find_cause(
+            failure.stamp,
+            odometry=odometry,
+            reference=truth,
+            steps=steps,
+            estimate=estimate.at_scans,
+            refined=refined,
+        )
         failure = replace(failure, cause=cause)
     row = int(estimate.scan_frames[failure.shown_scan])
     frame = estimation.frames[row]
