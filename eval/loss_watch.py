@@ -39,6 +39,8 @@ class Change(NamedTuple):
     metres: float
     """How wrong the motion over the last metre is [m]; unless it is lost, how wrong the pose is."""
     degrees: float
+    at_first: tuple[float, float] | None = None
+    """The same at the update at which it began; None unless it has been lost, or was thrown further off."""
 
 
 @dataclass
@@ -59,7 +61,8 @@ class LossWatch:
     _recent: deque[tuple[float, Floats]] = field(default_factory=deque)  # distance driven, T_truth_map
     _known: list[Floats] = field(default_factory=list)  # T_truth_map at the start, and before the loss
     _lost_at: float = 0.0  # distance driven
-    _off: tuple[int, float, Floats] | None = None  # update and distance since which it is off, and T_truth_map before
+    # update and distance since which it is off, T_truth_map before, and how far it was off then
+    _off: tuple[int, float, Floats, tuple[float, float]] | None = None
     _off_known: bool = False  # whether that was said
     _back: tuple[int, float] | None = None  # update and distance since which it fits again
     _turned: tuple[int, float] | None = None  # update and distance since which it has drifted, or has not any more
@@ -89,16 +92,16 @@ class LossWatch:
             self._off, self._off_known = None, False
             return None
         if self._off is None:
-            self._off = number, self._travelled, T_truth_map
-        since, distance, before = self._off
+            self._off = number, self._travelled, T_truth_map, (metres, degrees)
+        since, distance, before, at_first = self._off
         if self._off_known or self._travelled - distance < LASTING_M:
             return None
         self._off_known = True
         if self.lost:
-            return Change("further", since, metres, degrees)
+            return Change("further", since, metres, degrees, at_first)
         self.state, self._lost_at, self._turned = "lost", distance, None
         self._known = [self._known[0], before]
-        return Change("lost", since, metres, degrees)
+        return Change("lost", since, metres, degrees, at_first)
 
     def _found(self, number: int, truth: Floats, estimate: Floats) -> Change | None:
         """Whether the estimate has fitted the truth again for long enough."""

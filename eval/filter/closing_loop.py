@@ -49,7 +49,7 @@ class ClosingLoop:
     least_spread: tuple[float, float] | None
     """Their smallest spread in it [m], and its stamp."""
     errors: tuple[float, float] | None
-    """Error of the pose while driving before the loop, and when it had its full length [m]; None without truth."""
+    """Error of the pose while driving before the loop, and when it had settled [m]; None without truth."""
     jump_errors: tuple[float, float] | None = None
     """The same at the update before the jump, and at it [m]; None without a jump, or without truth."""
     longer: tuple[ClosingLoop, ...] = ()
@@ -57,11 +57,17 @@ class ClosingLoop:
 
     @property
     def to_watch(self) -> float:
-        """Stamp at which to watch it: the resampling in which most particles died, else where another one became the
-        best, else the scan that closed it."""
+        """Stamp by which it is named everywhere: the resampling in which most particles died, else where another one
+        became the best, else the scan with which it has its full length."""
         if self.most_died is not None:
             return self.most_died
         return self.stamp if self.jump is None else self.jump[1]
+
+    @property
+    def settled(self) -> float:
+        """Stamp from which its outcome can be seen: where the particles' spread is smallest, but not before
+        `to_watch`."""
+        return self.to_watch if self.least_spread is None else max(self.to_watch, self.least_spread[1])
 
     @property
     def decided(self) -> bool:
@@ -100,7 +106,7 @@ def _loop(
     died, resamplings, most = _deaths(steps, on, rows)
     spread, least = _spreads(steps, on, rows) if particles > 1 else (None, None)
     jump = _jump(steps, on, rows)
-    return ClosingLoop(
+    loop = ClosingLoop(
         metres=float(lengths[full]),
         began=float(stamps[rows[0]]),
         stamp=float(stamps[full]),
@@ -113,9 +119,11 @@ def _loop(
         jump=None if jump is None else (jump[0], float(stamps[jump[1]])),
         spread=spread,
         least_spread=None if least is None else (least[0], float(stamps[least[1]])),
-        errors=_errors(steps, on, int(rows[0]), full),
+        errors=None,
         jump_errors=None if jump is None else _errors(steps, on, jump[1], jump[1]),
     )
+    settled = int(np.flatnonzero(stamps == loop.settled)[0])
+    return replace(loop, errors=_errors(steps, on, int(rows[0]), settled))
 
 
 def _deaths(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tuple[int | None, int, int | None]:
@@ -136,33 +144,22 @@ def _jump(steps: Columns, on: NDArray[np.bool_], rows: NDArray[np.intp]) -> tupl
     return (float(moved[at]), int(rows[at])) if moved[at] >= MIN_JUMP_M else None
 
 
-def deaths_in_words(loop: ClosingLoop, start: float, told: float | None = None) -> str:
-    """What the particles did in a loop, since a start [s]: those that died, at once or at several resamplings, or that
-    another one became the best; empty for a single particle, or where it is unknown.
+def deaths_in_words(loop: ClosingLoop, told: float | None = None) -> str:
+    """What the particles did at the time by which a loop is named: how many died, or that another one became the best;
+    empty for a single particle, or where it is unknown.
 
     told: the stamp of an update [s] of which the reader knows already how far the reported pose moved
     """
     if loop.particles == 1 or loop.died is None:
         return ""
-    if loop.most_died is None:
-        words = "no particle died"
-    else:
-        words = f"{loop.most} of {loop.particles} particles died at {at_time(loop.most_died - start)}"
-        if loop.resamplings > 1:
-            words += f" ({loop.died} in {loop.resamplings} resamplings)"
-    if loop.jump is not None and loop.most_died is None:
-        metres, stamp = loop.jump
-        words += f", and another became the best at {at_time(stamp - start)}"
-        if stamp != told:
-            words += f": the reported pose moved by {length(metres)}"
-    return words
-
-
-def times_of_loop(loop: ClosingLoop, start: float) -> str:
-    """When old walls came into view in a loop, since a start [s]."""
-    if loop.began < loop.stamp:
-        return f"from {at_time(loop.began - start)} to {at_time(loop.stamp - start)}"
-    return f"at {at_time(loop.stamp - start)}"
+    if loop.most_died is not None:
+        others = f" ({loop.died} in all {loop.resamplings} resamplings of the loop)" if loop.resamplings > 1 else ""
+        return f"{loop.most} of {loop.particles} particles died{others}"
+    if loop.jump is None:
+        return "no particle died"
+    metres, stamp = loop.jump
+    moved = "" if stamp == told else f": the reported pose moved by {length(metres)}"
+    return f"no particle died, and another became the best{moved}"
 
 
 def longer_in_words(loop: ClosingLoop, start: float) -> str:
@@ -183,9 +180,9 @@ def longer_in_words(loop: ClosingLoop, start: float) -> str:
 
 
 def _undecided_in_words(loop: ClosingLoop, start: float) -> str:
-    """Length, times and deaths of a loop that has decided nothing, since a start [s]."""
-    deaths = f", where {deaths_in_words(loop, start)}" if loop.died else ""
-    return f"{loop.metres:.0f} m {times_of_loop(loop, start)}{deaths}"
+    """Length, time and deaths of a loop that has decided nothing, since a start [s]."""
+    deaths = f", where {deaths_in_words(loop)}" if loop.died else ""
+    return f"{loop.metres:.0f} m at {at_time(loop.to_watch - start)}{deaths}"
 
 
 def _spreads(
@@ -199,10 +196,10 @@ def _spreads(
     return float(spreads[0]), (float(spreads[least]), int(rows[least]))
 
 
-def _errors(steps: Columns, on: NDArray[np.bool_], first: int, full: int) -> tuple[float, float] | None:
-    """Errors [m] before the row `first`, and at the row `full`; None where they are unknown."""
+def _errors(steps: Columns, on: NDArray[np.bool_], first: int, last: int) -> tuple[float, float] | None:
+    """Errors [m] before the row `first`, and at the row `last`; None where they are unknown."""
     if "error_m" not in steps:
         return None
     errors = column(steps, "error_m")[on]
-    before, after = float(errors[max(first - 1, 0)]), float(errors[full])
+    before, after = float(errors[max(first - 1, 0)]), float(errors[last])
     return (before, after) if np.isfinite([before, after]).all() else None

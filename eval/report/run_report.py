@@ -6,7 +6,7 @@ from __future__ import annotations
 import base64
 import os
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -31,6 +31,9 @@ from eval.report.verdict import verdict
 from eval.wording import at_time, length, share, up_to_a_tenth
 from slam.occupancy import OccupancyGrid
 
+FAR_M = 0.1
+"""A match that differs from the filter's path by more is explained where the loop counts as closed [m]."""
+
 
 class Recording(Protocol):
     """What a report takes from the recording of a run."""
@@ -53,9 +56,9 @@ class Recording(Protocol):
 class MomentPlots:
     """The pictures of moments of a report, each of which it holds once."""
 
-    def __init__(self, recording: Recording | None) -> None:
-        """recording: draws them; None = nothing can be drawn."""
-        self._recording = recording
+    def __init__(self, recording: Recording | None, news: Callable[[str], None] | None = None) -> None:
+        """recording: draws them; None = nothing can be drawn.  news: is told which moment is drawn next."""
+        self._recording, self._news = recording, news
         self._titles: dict[float, str] = {}  # of those that were drawn, by their time
 
     @property
@@ -71,13 +74,19 @@ class MomentPlots:
         if time in self._titles:
             return Plot(f"{title}: the picture “{self._titles[time]}” above.", "")
         self._titles[time] = title
+        self._say(time)
         return Plot(title, _png_uri(self._recording.png(time)))
 
     def draw_pair(self, before: float, at: float) -> Plot:
         """Return the picture of map and scan at two times since the first scan [s]."""
         assert self._recording is not None
         title = f"Map and scan at the update before, {at_time(before)}, and where it went wrong, {at_time(at)}"
+        self._say(before, at)
         return Plot(title, _png_uri(self._recording.side_by_side(before, at)))
+
+    def _say(self, *times: float) -> None:
+        if self._news is not None:
+            self._news(f"drawing {' and '.join(map(at_time, times))}")
 
 
 def _png_uri(png: bytes) -> str:
@@ -85,25 +94,29 @@ def _png_uri(png: bytes) -> str:
     return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
-def write_report(run_directory: str | os.PathLike[str], recording: Recording | None = None) -> Path:
+def write_report(
+    run_directory: str | os.PathLike[str],
+    recording: Recording | None = None,
+    news: Callable[[str], None] | None = None,
+) -> Path:
     """Write `report.html` into a run directory, from its other files, and return its path.
 
-    recording: draws the moments that the report names; None = they are named only
+    recording: draws the moments that the report names; None = they are named only.  news: is told what is drawn next
 
     Raises RunFilesError for a directory that holds no run, ValueError for damaged files in it.
     """
     run = read_run(run_directory)
-    page = render("report.html.j2", **_template_values(run, recording))
+    page = render("report.html.j2", **_template_values(run, recording, news))
     path = run.path / "report.html"
     with atomic_write(path) as aside:
         aside.write_text(page, encoding="utf-8")
     return path
 
 
-def _template_values(run: RunFiles, recording: Recording | None) -> dict[str, Any]:
+def _template_values(run: RunFiles, recording: Recording | None, news: Callable[[str], None] | None) -> dict[str, Any]:
     context = ReportContext.of(run)
     another_best = np.zeros(0) if recording is None else recording.another_best
-    moments = MomentPlots(recording)  # in the order of the page: a picture stands where it is named first
+    moments = MomentPlots(recording, news)  # in the order of the page: a picture stands where it is named first
     failure, judged = context.failure, verdict(run)
     mended = judged.mended
     moment = failure.stamp if failure and failure.bad else mended.stamp if mended else None
@@ -224,7 +237,7 @@ def _loop_rows(run: RunFiles, start: float) -> list[dict[str, str]]:
                 "gap": _gap(loop),
                 "match_error": _loop_error(loop, "match_error"),
                 "filter_error": _loop_error(loop, "filter_error"),
-                "decision": _decision(loop),
+                "decision": _decision(loop) + _why_closed(loop),
             }
         )
     return rows
@@ -246,15 +259,15 @@ def _largest_loop(context: ReportContext) -> ClosingLoop | None:
 
 
 def _loop_pictures(context: ReportContext, loop: ClosingLoop | None, moments: MomentPlots) -> list[Plot]:
-    """The largest loop as it begins, and after it; nothing where none was seen, or nothing can be drawn."""
+    """The largest loop at the time by which it is named, before it, and after it; nothing where none was seen, or
+    nothing can be drawn."""
     if not moments.possible or loop is None or context.run.steps is None:
         return []
-    times = {loop.stamp: "The largest loop at its full length"}
-    if loop.least_spread is not None and loop.least_spread[1] > loop.stamp and not spells(context.run.steps, "lost"):
-        times = {loop.least_spread[1]: "The largest loop, when the spread of the particles is smallest"}
-    times[loop.began] = "The largest loop, as old walls come into view again"
-    if loop.most_died is not None:
-        times[loop.most_died] = "The largest loop, as particles die"
+    deaths = "" if loop.most_died is None else ", as particles die"
+    times = {loop.began: "Before the largest loop, as old walls come into view again"}
+    if loop.settled > loop.to_watch and not spells(context.run.steps, "lost"):
+        times[loop.settled] = "After the largest loop, when the spread of the particles is smallest"
+    times[loop.to_watch] = f"The largest loop{deaths}"
     return [moments.draw(times[stamp], up_to_a_tenth(stamp - context.start)) for stamp in sorted(times)]
 
 
@@ -276,6 +289,12 @@ def _decision(loop: dict[str, Any]) -> str:
     if not loop["accepted"]:
         return "rejected"
     return "closed by the filter" if loop["closed_by_filter"] else "left open, closed now"
+
+
+def _why_closed(loop: dict[str, Any]) -> str:
+    """Explain a loop that counts as closed although the match of its walls lies elsewhere; empty for others."""
+    far = loop["gap_m"] > FAR_M and loop["accepted"] and loop["closed_by_filter"]
+    return ": the walls agree along its path too" if far else ""
 
 
 def _gap(loop: dict[str, Any]) -> str:

@@ -267,8 +267,6 @@ def _loop(context: ReportContext, told: float | None) -> Loop:
     text = (
         f"The largest loop{before}{which}, at {at}: {loop.metres:.0f} m of driving.{_particles_in(loop, start, told)}"
     )
-    if longer := longer_in_words(loop, start):
-        text += f" {longer[0].upper()}{longer[1:]}."
     if loop.errors is not None:
         text += (
             " The position error while driving, aligned at the first scan as in the plot below and in the recording, "
@@ -276,50 +274,47 @@ def _loop(context: ReportContext, told: float | None) -> Loop:
         )
         largest = max(*loop.errors, *(loop.jump_errors or ()))
         text += ": little had to be corrected." if largest < SMALL_ERROR_M else "."
-    text += _other_times(loop, start)
+    if longer := longer_in_words(loop, start):
+        text += f" {longer[0].upper()}{longer[1:]}."
     if lost and first_loss - loop.stamp <= SOON_S:
-        text += f" The estimate was lost {first_loss - loop.stamp:.1f} s later."
+        later = first_loss - loop.to_watch
+        text += f" The estimate was lost {abs(later):.1f} s {'later' if later >= 0.0 else 'before'}."
     return Loop(text, up_to_a_tenth(loop.to_watch - start))
-
-
-def _other_times(loop: ClosingLoop, start: float) -> str:
-    """What the times of a loop are beside that at which to watch it, as a sentence; empty where there is none."""
-    known = [(loop.began, "old walls come into view at {}"), (loop.stamp, "it has its full length at {}")]
-    if loop.spread is not None and loop.least_spread is not None and loop.particles > 1:
-        known.append((loop.least_spread[1], "the spread is smallest at {}"))
-    others = [words.format(at_time(stamp - start)) for stamp, words in known if stamp != loop.to_watch]
-    return f" Other times of this loop: {', '.join(others)}." if others else ""
 
 
 def _errors_in(loop: ClosingLoop, start: float, told: float | None) -> str:
     """How the error changed in a loop, in the order of time: before it, as another particle became the best unless none
-    did, or that is told, and when it had its full length."""
+    did, or that is told, and when the particles had settled."""
     assert loop.errors is not None
     first, last = loop.errors
-    words = [(loop.began, f"was {length(first)} before old walls came into view")]
-    full = (loop.stamp, f"was {length(last)} at its full length")
-    if loop.jump is None or loop.jump_errors is None or loop.jump[1] == told:
-        return " and ".join(text for _, text in [*words, full])
-    before, after = loop.jump_errors
-    jump = f"went from {length(before)} to {length(after)} at {at_time(loop.jump[1] - start)}, as another particle "
-    words.append((loop.jump[1], f"{jump}became the best"))
-    if loop.jump[1] != loop.stamp:  # else that is said
-        words.append(full)
-    *others, newest = (text for _, text in sorted(words, key=lambda part: part[0]))
-    return f"{', '.join(others)}, and {newest}"
+    began = "" if loop.began == loop.to_watch else " old walls came into view"
+    words, settled = [f"was {length(first)} before{began}"], loop.settled
+    if loop.jump is not None and loop.jump_errors is not None and loop.jump[1] != told and loop.jump[1] <= settled:
+        before, after = loop.jump_errors
+        at = "then" if loop.jump[1] == loop.to_watch else f"at {at_time(loop.jump[1] - start)}"
+        words.append(f"went from {length(before)} to {length(after)} {at}, as another particle became the best")
+        if loop.jump[1] == settled:  # that says the rest
+            return ", and ".join(words)
+    at = "then" if settled == loop.to_watch else f"at {at_time(settled - start)}"
+    return f"{', '.join(words)}{',' if len(words) > 1 else ''} and was {length(last)} {at}"
 
 
 def _particles_in(loop: ClosingLoop, start: float, told: float | None) -> str:
     """What the particles did in a loop, as a sentence; empty where it is unknown."""
     if loop.particles == 1:
         return " With a single particle there is no choice between histories."
-    words = deaths_in_words(loop, start, told)
+    words = deaths_in_words(loop, told)
     if not words:
         return ""
-    text = f" {words[0].upper()}{words[1:]}"
+    text = f" Then {words}"
     if loop.spread is not None and loop.least_spread is not None:
         weighted = "spread" if loop.most_died is not None else "spread, in which each counts by its weight,"
-        text += f", and their {weighted} went from {length(loop.spread)} to {length(loop.least_spread[0])}"
+        least, stamp = loop.least_spread
+        began = (
+            "" if loop.began == loop.to_watch else f" at {at_time(loop.began - start)}, when old walls came into view,"
+        )
+        to = "then" if stamp == loop.to_watch else f"at {at_time(stamp - start)}"
+        text += f", and their {weighted} went from {length(loop.spread)}{began} to {length(least)} {to}"
     return f"{text}."
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Draw the pictures of a run in the Rerun viewer, for README.md and docs/views.md.
 
-    python -m tools.docs.make_pictures               # runs `testbed run office` and a run that ends lost, draws both
+    python -m tools.docs.make_pictures               # three runs: the office, a large loop, one that ends lost
     python -m tools.docs.make_pictures --only lost
 
 Writes: docs/pictures/office.png, docs/pictures/office.gif, docs/pictures/moment.png, docs/pictures/lost.png
@@ -31,6 +31,8 @@ PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 FRAMES = 48
 FRAME_MS = 120
 LAST_FRAME_MS = 2500
+LOOP_RUN = "run loop --backend fast --lidar lds01 --odometry.grade poor --particles 30 --no-refine"
+"""The example of docs/views.md of a loop: the particles spread by 20 cm before it closes."""
 LOST_RUN = (
     "run office --backend fast --lidar lds01 --odometry.grade poor --odometry.slip-rate 0.5 "
     "--odometry.slip-distance 0.5 --particles 1 --no-refine"
@@ -43,25 +45,30 @@ AFTER_S = 3.0
 def main() -> None:
     """Make all pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", choices=("office", "lost"), help="make the pictures of one run only")
+    parser.add_argument("--only", choices=("office", "loop", "lost"), help="make the pictures of one run only")
     only = parser.parse_args().only
     PICTURES.mkdir(exist_ok=True)
-    for name, draw in (("office", draw_office), ("lost", draw_lost)):
+    for name, draw in (("office", draw_office), ("loop", draw_loop), ("lost", draw_lost)):
         if only in (None, name):  # in a viewer of its own: the layout of the one before would stay
             with tempfile.TemporaryDirectory() as folder, headless_viewer() as viewer:
                 draw(viewer, Path(folder) / name)
 
 
 def draw_office(viewer: HeadlessViewer, run: Path) -> None:
-    """Run the office into a directory, and draw it as a picture, as an animation, and its largest loop."""
+    """Run the office into a directory, and draw it as a picture and as an animation."""
     testbed("run office", run)
-    moment, moments = verdict(read_run(run)).loop.time, moments_of(run)
-    if moment is None or moments is None:
-        raise RuntimeError("testbed run office: it closes no loop any more, or has no recording")
-    (PICTURES / "moment.png").write_bytes(moments.png(moment))
     end = viewer.open(run / "recording.rrd")
     (PICTURES / "office.png").write_bytes(viewer.picture(0.72 * end, largest=1400))
     save_animation(viewer, end, PICTURES / "office.gif")
+
+
+def draw_loop(viewer: HeadlessViewer, run: Path) -> None:
+    """Run a large loop into a directory, and draw the moment by which its report names it."""
+    testbed(LOOP_RUN, run)
+    moment, moments = verdict(read_run(run)).loop.time, moments_of(run)
+    if moment is None or moments is None:
+        raise RuntimeError(f"testbed {LOOP_RUN}: it closes no loop any more, or has no recording")
+    (PICTURES / "moment.png").write_bytes(moments.png(moment))
 
 
 def draw_lost(viewer: HeadlessViewer, run: Path) -> None:

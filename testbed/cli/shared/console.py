@@ -36,6 +36,8 @@ results = HeardConsole(highlight=False, soft_wrap=True)
 
 MIN_COMPILED = 5
 """How long the rest will take is guessed from this many kernels on."""
+LARGE_KERNELS = 8
+"""So many of the last kernels take several times as long as the others: no time is guessed from then on."""
 COMPILATION_PERIOD = 4.0
 """Time between two lines about the kernels where stderr is no terminal [s]."""
 
@@ -60,7 +62,11 @@ def announce_compilation() -> None:
                     console.print("kernels of another installation that shares the cache; now those of this one")
             before = done
             left = (now - started) * (total - done) / max(done, 1)
-            state = f"{done} of {total}" + (f", about {left:.0f} s left" if done >= MIN_COMPILED else "")
+            state = f"{done} of {total}"
+            if total - done <= LARGE_KERNELS:
+                state += ", the last ones take longest"
+            elif done >= MIN_COMPILED:
+                state += f", about {left:.0f} s left"
             progress.update(task, description=f"kernels compiled: {state}")
             if not console.is_terminal and now - said > COMPILATION_PERIOD:
                 said = now
@@ -211,6 +217,12 @@ class ProgressLine:
         if not console.is_terminal and time.perf_counter() - self._reported > REPORT_PERIOD:
             self._reported, self._said = time.perf_counter(), True
             console.print(f"{self._done(share)}{' '.join(status.split())}", soft_wrap=True)
+
+    def part(self, text: str) -> None:
+        """Show which part of the stage is done now."""
+        text = f"{self._stage}, {text}"
+        self._progress.update(self._task, description=text)
+        AT_WORK.now_doing(text, self._stage_started)
 
     def share(self, done: float) -> None:
         """Show which part of the stage is done, see `RunProgress.share`."""

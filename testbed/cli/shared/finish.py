@@ -32,7 +32,7 @@ def run_and_report(job: Job, directory: RunDirectory, scene: Scene, output: Outp
             return INTERRUPTED if metrics["outcome"] == "interrupted" else GATE_FAILED
         watcher.stage("report")
         with directory.marked(metrics, stage="the report was written"):
-            report = write_report(directory.path, moments_for_report(directory.path))
+            report = write_report(directory.path, moments_for_report(directory.path), watcher.part)
     results.print(headline_table(metrics, directory.path))
     for note in metrics["notes"]:
         if note.startswith(("mount: ", "final pass: ")):  # the others were printed before the run

@@ -15,7 +15,7 @@ from rich.table import Table
 from eval.files.failure_json import read_failure
 from eval.files.run_reader import read_steps
 from eval.files.tum import read_tum
-from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop, longer_in_words, times_of_loop
+from eval.filter.closing_loop import ClosingLoop, deaths_in_words, largest_closing_loop, longer_in_words
 from eval.filter.step_table import column
 from eval.first_failure import Failure
 from eval.loss_watch import spells
@@ -160,10 +160,10 @@ def _largest_loop(run: Path | None) -> tuple[ClosingLoop, float] | None:
 
 def _loop_in_words(loop: ClosingLoop, start: float, told: float | None) -> str:
     """Describe the largest loop, since a start [s]; told: the stamp of the moment that stands in another row."""
-    deaths, longer = deaths_in_words(loop, start, told), longer_in_words(loop, start)
+    deaths, longer = deaths_in_words(loop, told), longer_in_words(loop, start)
     deaths = f"; {deaths}" if deaths else ""
     longer = f" ({longer})" if longer else ""
-    return f"{loop.metres:.0f} m of driving, old walls in view again {times_of_loop(loop, start)}{deaths}{longer}"
+    return f"at {at_time(loop.to_watch - start)}: {loop.metres:.0f} m of driving{deaths}{longer}"
 
 
 def _failure_of(metrics: Mapping[str, Any], run: Path | None) -> tuple[Failure, NDArray[np.float64]] | None:

@@ -21,7 +21,7 @@ from slam import se2
 from slam.se2 import Pose
 from testbed.views.rerun import drawing, entities
 from testbed.views.rerun.archetypes import image_buffers, straight_strips, strips
-from testbed.views.rerun.scene.styles import Z_TOP
+from testbed.views.rerun.scene.styles import Z_ELLIPSE, Z_TOP
 
 Values = tuple[Any, ...]
 """What one row holds, mostly arrays; its meaning is the entity's."""
@@ -98,7 +98,7 @@ def pairs(z: float, rows: Sequence[Values]) -> rr.ComponentColumnList:
 
 def ellipses(rows: Sequence[Values]) -> rr.ComponentColumnList:
     """Rows (pose (3,), covariance (3, 3)): the ellipses that hold 95 % of the positions."""
-    centres = drawing.lifted(np.array([row[0] for row in rows]), Z_TOP)
+    centres = drawing.lifted(np.array([row[0] for row in rows]), Z_ELLIPSE)
     half, angles = drawing.ellipses(np.array([row[1] for row in rows]))
     sizes = np.column_stack([half, np.full(len(half), 1e-4)])
     turns = np.zeros((len(rows), 4))

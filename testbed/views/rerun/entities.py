@@ -51,6 +51,8 @@ COMPARE = "/compare"
 """The map's frame once more, for the views that compare particles."""
 RANKS = ("best", "lightest", "most_different_a", "most_different_b")
 EQUAL_WEIGHT = ", as all"
+AS_OF = "; as of "
+"""In the label of a particle that stands before the time of its map."""
 """The end of the label of a particle that weighs the same as all others."""
 FINAL = "/final"
 """The map's frame once more, for the views of the final pass."""

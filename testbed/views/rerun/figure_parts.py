@@ -124,7 +124,7 @@ def draw_ellipse(axes: Axes, shape: Ellipse, colour: tuple[int, int, int], label
     angles = np.linspace(0.0, 2.0 * np.pi, 65)
     circle = np.column_stack([np.cos(angles), np.sin(angles)]) * shape.half
     x, y = se2.transform_points([*shape.centre, shape.angle], circle).T
-    axes.plot(x, y, color=rgb(colour), lw=1.8, label=label, zorder=8)
+    axes.plot(x, y, color=rgb(colour), lw=1.8, label=label, zorder=5.5)
 
 
 def passes_through(line: NDArray[np.float64], centre: NDArray[np.float64], reach: float) -> bool:

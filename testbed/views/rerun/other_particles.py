@@ -43,7 +43,7 @@ def other_particles(recorded: Recorded, time: float) -> list[OtherParticle]:
         label = recorded.latest(f"{entity}/robot/label", time)
         if label is None:
             return []
-        at, particle = float(label[TIME]), label["Points3D:labels"].as_py()[0]
+        at, particle = float(label[TIME]), label["Points3D:labels"].as_py()[0].split(entities.AS_OF)[0]
         if particle in found:
             names, _, rest = found[particle].title.partition(": ")
             found[particle] = found[particle]._replace(title=f"{names}, {name}: {rest}")
@@ -62,7 +62,7 @@ def first_comparison(recorded: Recorded) -> float | None:
     compared = [f"{entities.COMPARE}/{rank}/robot/label" for rank in NAMES]
     for time in recorded.times(compared[0]).tolist():
         rows = [recorded.latest(label, time) for label in compared]
-        if len({row["Points3D:labels"].as_py()[0] for row in rows if row is not None}) > 1:
+        if len({row["Points3D:labels"].as_py()[0].split(entities.AS_OF)[0] for row in rows if row is not None}) > 1:
             return float(time)
     return None
 

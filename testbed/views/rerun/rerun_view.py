@@ -22,7 +22,7 @@ from typing import Self
 import numpy as np
 import rerun as rr
 
-from eval.wording import length
+from eval.wording import at_time, length
 from slam import se2
 from slam.occupancy import OccupancyGrid
 from slam.se2 import Pose
@@ -82,6 +82,9 @@ class RerunView:
         self._timed = False  # whether the recording stream has the time of the last snapshot
         self._pending = False  # whether the filter has changed since map and paths were logged
         self._drawn_best = -1  # the particle whose map was logged
+        self._moved = (
+            0.0  # by how much another particle, which became the best, moved the estimate at the last update [m]
+        )
         self._jumped = False  # whether another particle became the best at the last update, and the estimate moved
         self._sent = time.monotonic()
         self._T_world_map = np.zeros(3)
@@ -218,8 +221,8 @@ class RerunView:
         self._add_map_and_paths(last, everything=True)
         self._add_newest(last)
         self._add_comparison(last, everything=True)
-        for level, text in self._loops.end(self._events.lost):
-            self._columns.add_event(text, level)
+        for level, text, at in self._loops.end(self._events.lost):
+            self._columns.add_event(text, level, at=at)
 
     def wait(self) -> None:
         """Serve the web page until Ctrl-C; returns at once where none is served."""
@@ -314,7 +317,7 @@ class RerunView:
         step, loops = snapshot.step, []
         if step is not None and step.updated:
             spread = _spread_of(snapshot) if step.loop_closed or self._loops.closing else None
-            loops = self._loops.update(self._columns.time[0], step, died, spread, self._events.lost)
+            loops = self._loops.update(self._columns.time, step, died, self._moved, spread, self._events.lost)
         lines, states = self._events.update(snapshot, self._columns.time, died, loops)
         for lane, state, at in states:
             self._columns.add(lane, state, at=at)
@@ -325,7 +328,7 @@ class RerunView:
 
     def _add_update(self, snapshot: Snapshot, step: StepReport) -> int:
         """Add what the filter did; returns how many particles died."""
-        self._pending, self._jumped = True, False
+        self._pending, self._jumped, self._moved = True, False, 0.0
         self._add_filter(step)
         self._add_particles(snapshot)
         for entity, pose in ((entities.TRUE_PATH, snapshot.truth), (entities.ODOMETRY_PATH, snapshot.odometry)):
@@ -351,7 +354,7 @@ class RerunView:
         moved = moved_by_another_best(before.best, step)
         if not moved > MIN_JUMP_M:
             return
-        self._jumped = True
+        self._jumped, self._moved = True, moved
         words = f"{entities.ANOTHER_BEST_EVENT}: the reported pose moved by {length(moved)}"
         if snapshot.truth is not None and before.truth is not None:
             rows = [(shown.truth, shown.estimate, shown.odometry) for shown in (before, snapshot)]
@@ -482,6 +485,8 @@ class RerunView:
                 self._add_path(f"{slot.entity}/path", slot.path.changes(snapshot.path(particle)))
             self._columns.add(f"{slot.entity}/robot", snapshot.poses[particle], build=columns.poses)
             label = f"particle {particle}, weight {snapshot.weights[particle]:.3f}{equal}"
+            if slot is not self._slots[0]:  # the map of the best particle is renewed at each second
+                label += f"{entities.AS_OF}{at_time(self._columns.time[0])}"
             self._columns.add(f"{slot.entity}/robot/label", label, build=columns.labels)
 
     # --- layout

@@ -35,6 +35,7 @@ def test_a_loop_goes_from_its_first_scan_until_the_particles_have_settled() -> N
     assert (loop.died, loop.resamplings, loop.most_died) == (8, 3, 1060.0)
     assert loop.spread == pytest.approx(0.06)
     assert loop.least_spread == pytest.approx((0.01, 1045.0))
+    assert (loop.to_watch, loop.settled) == (1060.0, 1060.0)
     assert loop.errors == (0.8, 0.1)
 
 
@@ -44,7 +45,7 @@ def test_a_jump_after_the_last_scan_of_a_loop_has_its_own_errors() -> None:
     moved[2 * 43] = 0.28
     loop = largest_closing_loop(table | {"best_moved_m": moved, "error_m": error})
     assert loop is not None
-    assert (loop.errors, loop.jump_errors) == ((0.26, 0.26), (0.26, 0.5))
+    assert (loop.errors, loop.jump_errors) == ((0.26, 0.5), (0.26, 0.5))
 
 
 def test_scans_that_close_a_loop_much_later_are_another_one() -> None:
@@ -71,14 +72,14 @@ def test_a_loop_that_decides_comes_before_a_longer_one() -> None:
     assert loop.jump == (0.28, 1071.0)
     assert loop.jump_errors == (0.1, 0.1)
     assert loop.to_watch == 1071.0
-    assert deaths_in_words(loop, 1000.0) == (
-        "no particle died, and another became the best at 71.0 s: the reported pose moved by 28\N{NO-BREAK SPACE}cm"
+    assert deaths_in_words(loop) == (
+        "no particle died, and another became the best: the reported pose moved by 28\N{NO-BREAK SPACE}cm"
     )
     for fall in ({}, {40: 0.02, 90: 0.04}):  # none decides; the longest does
         loop = largest_closing_loop(with_spread(fall))
         assert loop is not None
         assert (loop.metres, loop.longer, loop.jump) == (60.0, (), None)
-        assert deaths_in_words(loop, 1000.0) == "3 of 10 particles died at 42.0 s"
+        assert deaths_in_words(loop) == "3 of 10 particles died"
 
 
 def test_of_longer_loops_those_are_named_in_which_particles_died() -> None:
@@ -91,22 +92,22 @@ def test_of_longer_loops_those_are_named_in_which_particles_died() -> None:
     assert loop.metres == 30.0
     assert [other.metres for other in loop.longer] == [70.0, 60.0, 50.0]
     assert longer_in_words(loop, 1000.0).replace("\N{NO-BREAK SPACE}", " ") == (
-        "in longer loops the particles' spread fell by less than 1 cm: 70 m at 10.0 s; 50 m at 40.0 s, where "
-        "2 of 10 particles died at 41.0 s (3 in 2 resamplings); and 1 more"
+        "in longer loops the particles' spread fell by less than 1 cm: 70 m at 10.0 s; 50 m at 41.0 s, where "
+        "2 of 10 particles died (3 in all 2 resamplings of the loop); and 1 more"
     )
 
 
 def test_how_far_the_pose_moved_is_not_said_again() -> None:
     loop = largest_closing_loop(with_spread({70: 0.04}))
     assert loop is not None
-    assert deaths_in_words(loop, 1000.0, told=1071.0) == "no particle died, and another became the best at 71.0 s"
-    assert deaths_in_words(loop, 1000.0, told=1070.0) == deaths_in_words(loop, 1000.0)
+    assert deaths_in_words(loop, told=1071.0) == "no particle died, and another became the best"
+    assert deaths_in_words(loop, told=1070.0) == deaths_in_words(loop)
 
 
 def test_deaths_of_several_resamplings_are_no_deaths_of_one() -> None:
     loop = largest_closing_loop(steps({40: 60.0}, {41: 2, 50: 2}))
     assert loop is not None
-    assert deaths_in_words(loop, 1000.0) == "2 of 10 particles died at 41.0 s (4 in 2 resamplings)"
+    assert deaths_in_words(loop) == "2 of 10 particles died (4 in all 2 resamplings of the loop)"
 
 
 def test_without_loops_or_with_an_old_table_there_is_none() -> None:

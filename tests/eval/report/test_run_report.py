@@ -17,7 +17,7 @@ from eval.files.run_reader import RunFilesError, read_run
 from eval.filter.step_table import pose_columns
 from eval.report.map_plots import _laid_under_estimate, failure_over_map, path_plots
 from eval.report.report_context import ReportContext
-from eval.report.run_report import write_report
+from eval.report.run_report import _why_closed, write_report
 from eval.report.time_plots import _peak_in_words
 from eval.wording import up_to_a_tenth
 from slam.occupancy import OccupancyGrid
@@ -137,9 +137,16 @@ def test_the_table_of_loops_tells_whose_error_it_is(runs, tmp_path, truth):
     table = table.replace("\N{NO-BREAK SPACE}", " ").replace("<br>", " ")
     heads, cells = (re.findall(f"<{tag}>([^<]*)</{tag}>", table) for tag in ("th", "td"))
     errors_found = ["15 cm, 0.6°", "4.0 cm, 0.0°"] if truth else []
-    assert cells == ["50.0 s", "10.0 s", "closed by the filter", "30.00 m", "18.10 m", "17 cm, 0.7°", *errors_found]
+    closed = "closed by the filter: the walls agree along its path too"
+    assert cells == ["50.0 s", "10.0 s", closed, "30.00 m", "18.10 m", "17 cm, 0.7°", *errors_found]
     assert len(heads) == len(cells)
     assert ("error of the filter's path" in heads) == truth
+
+
+@pytest.mark.parametrize(("gap", "accepted", "closed"), [(0.09, True, True), (0.3, True, False), (0.3, False, True)])
+def test_only_a_loop_that_counts_as_closed_although_its_match_is_far_is_explained(gap, accepted, closed):
+    assert _why_closed(loop(1050.0, gap) | {"accepted": accepted, "closed_by_filter": closed}) == ""
+    assert _why_closed(loop(1050.0, 0.3)) != ""
 
 
 @pytest.mark.usefixtures("without_pictures")
@@ -259,10 +266,12 @@ def test_a_moment_that_is_named_twice_is_drawn_once(runs, tmp_path):
     loops = {"found": 1, "rejected": 0, "list": [open_loop]}
     (folder / "metrics.json").write_text(json.dumps(metrics | {"loops": loops}))
     recording = Recorded()
-    text = write_report(folder, recording).read_text()
+    news = []
+    text = write_report(folder, recording, news.append).read_text()
     assert len(recording.drawn) == len(set(recording.drawn)) >= 2
+    assert news == [f"drawing {time:.1f} s" for time in recording.drawn]
     shown = f"{stamps[at[1]] - stamps[0]:.1f} s"
-    again = f"The largest error of the pose while driving, {shown}: the picture “The largest loop at its full length, "
+    again = f"The largest error of the pose while driving, {shown}: the picture “The largest loop, "
     assert f"{again}{shown}” above." in text
     assert f"at {shown} left open, closed now (38\N{NO-BREAK SPACE}cm" in text.partition("<h2>The largest loop")[2]
     assert "loop, closed" not in text

@@ -87,7 +87,7 @@ def test_the_time_left_does_not_count_what_another_process_compiled(capsys, monk
     console.announce_compilation()
     lines = capsys.readouterr().err.splitlines()
     assert lines[1:-1] == [
-        "kernels compiled: 100 of 100, about 0 s left",
+        "kernels compiled: 100 of 100, the last ones take longest",
         "kernels of another installation that shares the cache; now those of this one",
         "kernels compiled: 10 of 100, about 270 s left",
     ]

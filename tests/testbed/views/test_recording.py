@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eval.wording import at_time
 from slam import se2
 from slam.config import MotionConfig
 from slam.occupancy import OccupancyGrid
@@ -226,6 +227,36 @@ def test_the_spread_is_that_of_the_particles_and_a_single_one_has_none(recorded:
         for snapshot in snapshots(1.0, particles=1):
             view.show(snapshot)
     assert rows(alone, entities.SPREAD, "Scalars:scalars") == []
+
+
+def test_maps_of_other_particles_say_how_old_they_are(recorded: Recorded) -> None:
+    for rank in entities.RANKS:
+        labels = rows(recorded.path, f"{entities.COMPARE}/{rank}/robot/label", "Points3D:labels")
+        assert len(labels) > 1
+        for stamp, (label,) in labels:
+            assert label.endswith(f"{entities.AS_OF}{at_time(stamp)}") is (rank != entities.RANKS[0])
+
+
+def test_a_single_particle_is_larger_than_the_line_of_its_ellipse_and_above_it(
+    recorded: Recorded, tmp_path: Path
+) -> None:
+    alone = tmp_path / "alone.rrd"
+    with open_view(alone, scene(particles=1)) as view:
+        for snapshot in snapshots(1.0, particles=1):
+            view.show(snapshot)
+    radii = [
+        abs(rows(path, entities.PARTICLE_DOTS, "Points3D:radii", static=True)[0][1][0])
+        for path in (recorded.path, alone)
+    ]
+    assert radii[1] >= 1.5 * radii[0]
+    dots, ellipses = (
+        rows(alone, entity, values)[-1][1][0][2]
+        for entity, values in (
+            (entities.PARTICLE_DOTS, "Points3D:positions"),
+            (entities.COVARIANCE, "Ellipsoids3D:centers"),
+        )
+    )
+    assert dots > ellipses
 
 
 def test_paths_reach_the_newest_poses(recorded: Recorded) -> None:

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from eval.first_failure import MIN_HEAL_PATH
-from eval.loss_watch import Change, LossWatch
+from eval.loss_watch import LASTING_M, Change, LossWatch
 from slam.step.step_report import StepReport
 from testbed.views.rerun import entities
 from testbed.views.rerun.layers.loop_watch import LoopLine, count_of
@@ -175,11 +175,17 @@ def _loops(count: int) -> str:
 def _loss_line(change: Change, since: Time) -> Line | None:
     if change.kind in ("drifted", "close"):
         return None
-    amount = f"{change.metres:.2f} m and {change.degrees:.0f}°"
+    amount = _amount(change.metres, change.degrees)
     if change.kind == "found":
         return Line("INFO", f"found again: {amount} off; it fits the truth over {MIN_HEAL_PATH:.0f} m from here", since)
     begin = "lost" if change.kind == "lost" else "thrown further off"
-    return Line("ERROR", f"{begin}: wrong by {amount} over the metre before", since)
+    at_first = "" if change.at_first is None else f"{_amount(*change.at_first)} now, by "
+    soon = "" if change.at_first is None else f" {LASTING_M} m later"
+    return Line("ERROR", f"{begin}: the motion over the last metre is wrong by {at_first}{amount}{soon}", since)
+
+
+def _amount(metres: float, degrees: float) -> str:
+    return f"{metres:.2f} m and {degrees:.0f}°"
 
 
 def _filter_lines(step: StepReport, died: int, loops: Sequence[LoopLine]) -> list[Line]:
@@ -188,7 +194,7 @@ def _filter_lines(step: StepReport, died: int, loops: Sequence[LoopLine]) -> lis
     if step.resampled:
         size = f"effective sample size {step.ess:.1f} of {step.particles}"
         lines.append(Line("INFO", f"resampled: {size}; {count_of(died)} died"))
-    lines += [Line(level, text) for level, text in loops]
+    lines += [Line(*line) for line in loops]
     if step.match_failures:
         lines.append(Line("WARN", f"scan matching failed for {step.match_failures} of {step.particles} particles"))
     return lines

@@ -23,7 +23,7 @@ DEAD = (95, 95, 95)
 """Of histories that ended: no shade of the weights, so that nobody takes them for heavy particles."""
 LABEL = (70, 130, 235)
 """Of labels: it can be read on the dark ground of the native viewer and on the light one of the web page."""
-Z_TRUE_WALLS, Z_TRUTH, Z_ODOMETRY, Z_FAN, Z_ESTIMATE, Z_TOP = 0.01, 0.02, 0.03, 0.035, 0.04, 0.06
+Z_TRUE_WALLS, Z_TRUTH, Z_ODOMETRY, Z_FAN, Z_ESTIMATE, Z_ELLIPSE, Z_TOP = 0.01, 0.02, 0.03, 0.035, 0.04, 0.05, 0.06
 """Heights at which things are drawn [m], so that they do not fight for the same pixels."""
 STATES = {
     entities.ESTIMATE_STATE: {events.GOOD: TRUTH, events.DRIFTED: ODOMETRY, events.LOST: RED},
@@ -118,7 +118,7 @@ def log_scene(rec: rr.RecordingStream, scene: Scene) -> None:
         log_true_walls(rec, scene)
         log_robot(rec, entities.TRUE_ROBOT, scene.robot_radius, TRUTH)
     log_robot(rec, entities.ESTIMATED_ROBOT, scene.robot_radius, ESTIMATE)
-    log_shapes(rec)
+    log_shapes(rec, scene.particles)
     log_plots(rec)
     truth = scene.true_map is not None
     legends = (
@@ -147,15 +147,16 @@ def line_style(colour: tuple[int, int, int], width: float) -> rr.LineStrips3D:
     return rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points(width))
 
 
-def log_shapes(rec: rr.RecordingStream) -> None:
-    """Log colours and widths of what is on the map."""
+def log_shapes(rec: rr.RecordingStream, particles: int) -> None:
+    """Log colours and widths of what is on the map; a single particle is drawn larger: the line of its ellipse, which
+    is small, would cover it."""
     for entity, (colour, width) in LINES.items():
         rec.log(entity, line_style(colour, width), static=True)
     for entity in (entities.PATH, entities.TRUE_PATH, entities.ODOMETRY_PATH):
         rec.log(f"{entity}/newest", line_style(*PATHS[entity][:2]), static=True)
     for entity in (entities.SCAN, entities.PROPOSAL_SCAN):
         rec.log(entity, rr.Points3D.from_fields(colors=[SCAN], radii=rr.Radius.ui_points(1.5)), static=True)
-    for entity, size in ((entities.PARTICLE_DOTS, 2.5), (entities.PROPOSAL_SAMPLES, 3.5)):
+    for entity, size in ((entities.PARTICLE_DOTS, 4.5 if particles == 1 else 2.5), (entities.PROPOSAL_SAMPLES, 3.5)):
         rec.log(entity, rr.Points3D.from_fields(radii=rr.Radius.ui_points(size)), static=True)
     for rank in entities.RANKS:
         mark = rr.Points3D([[0, 0, Z_TOP]], colors=LABEL, radii=rr.Radius.ui_points(4.0))

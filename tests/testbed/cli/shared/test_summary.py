@@ -166,8 +166,7 @@ def test_the_largest_loop_of_a_good_run_is_to_be_watched(tmp_path: Path) -> None
     assert metrics["outcome"] == "ok"
     row = next(line for line in printed(metrics, run).splitlines() if line.startswith("largest loop"))
     assert row.removeprefix("largest loop").strip() == (
-        "57 m of driving, old walls in view again from 30.0 s to 34.0 s; 11 of 30 particles died at 32.0 s (13 in 2 "
-        "resamplings)"
+        "at 32.0 s: 57 m of driving; 11 of 30 particles died (13 in all 2 resamplings of the loop)"
     )
     assert watch_command(metrics, run) == f"watch the largest loop, as particles die: testbed view {run} --time 32.0"
     (run / "recording.rrd").unlink()

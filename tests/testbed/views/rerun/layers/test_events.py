@@ -47,13 +47,25 @@ def test_a_loss_and_its_end_are_said_at_the_time_when_they_happened() -> None:
         ("ERROR", "lost", (10.0, 100)),
         ("INFO", "found again", (20.0, 200)),
     ]
-    assert "0.90 m and 0°" in lines[0].text
+    assert (
+        lines[0].text
+        == "lost: the motion over the last metre is wrong by 0.90 m and 0° now, by 0.90 m and 0° 0.2 m later"
+    )
     lane = [(change.state, change.at) for change in states if change.lane == entities.ESTIMATE_STATE]
     assert lane == [
         ("close to the truth (limit 35 cm)", None),
         ("lost", (10.0, 100)),
         ("close to the truth (limit 35 cm)", (20.0, 200)),
     ]
+
+
+def test_a_loss_says_how_wrong_the_motion_is_at_its_time_and_when_that_is_known() -> None:
+    """The estimate is off by 0.6 m at first, and by 5 cm more at each update."""
+    poses = along(300)
+    poses[100:, 1] += 0.6 + 0.05 * np.arange(200)
+    lines, _ = watched(poses)
+    assert lines[0].at == (10.0, 100)
+    assert "wrong by 0.60 m and 0° now, by 0.80 m and 0° 0.2 m later" in lines[0].text
 
 
 def test_an_estimate_that_drifts_is_a_state_and_no_line() -> None:

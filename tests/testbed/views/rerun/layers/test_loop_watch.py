@@ -28,7 +28,7 @@ def said(
     watch, lines, nothing = LoopWatch(), {}, step()
     for k in range(updates):
         spread = (0.08 if k <= 95 else 0.02 if k == 98 else 0.03) if particles else None
-        lines[k] = watch.update(float(k), loops.get(k, nothing), died.get(k, 0), spread, k >= lost_from)
+        lines[k] = watch.update((float(k), 10 * k), loops.get(k, nothing), died.get(k, 0), 0.0, spread, k >= lost_from)
     lines[updates] = watch.end(updates >= lost_from)
     return {k: [(line.level, line.text) for line in found] for k, found in lines.items() if found}
 
@@ -40,8 +40,7 @@ def test_a_loop_is_said_at_once_and_again_when_it_has_settled() -> None:
         105: [
             (
                 "INFO",
-                "after the loop of 40 m: 3 particles died at 95.0 s (5 in all), the spread went from 8.0 to 2.0 cm "
-                "(at 98.0 s)",
+                "loop of 40 m: 3 particles died (5 in all); the spread went from 8.0 cm at 90.0 s to 2.0 cm at 98.0 s",
             )
         ],
     }
@@ -52,7 +51,7 @@ def test_a_longer_loop_takes_the_place_of_the_shorter_one() -> None:
     assert [text.split(":")[0] for found in lines.values() for _, text in found] == [
         "old walls in view again",
         "back where it was at 18 s, 42 m ago; the particles spread 3.0 cm",
-        "after the loop of 42 m",
+        "loop of 42 m",
     ]
     assert lines[102] == [("INFO", "back where it was at 18 s, 42 m ago; the particles spread 3.0 cm")]
     assert list(lines) == [90, 102, 117]
@@ -76,8 +75,19 @@ def test_a_single_particle_has_no_spread() -> None:
     lines = said({90: step(40.0)}, died={}, updates=120, particles=False)
     assert lines == {
         90: [("INFO", "old walls in view again: last seen at 10 s, 40 m ago")],
-        105: [("INFO", "after the loop of 40 m: a single particle cannot correct it")],
+        105: [("INFO", "loop of 40 m: a single particle cannot correct it")],
     }
+
+
+def test_a_loop_is_said_at_the_time_by_which_the_report_names_it() -> None:
+    """Where most particles died, else where another one became the best, else where the loop has its full length."""
+    jumps = {93: 0.04, 96: 0.2, 97: 0.02}
+    for died, moved, at in (({92: 1, 95: 3}, jumps, 95), ({}, jumps, 96), ({}, {97: 0.02}, 91)):
+        watch, found = LoopWatch(), []
+        for k in range(120):
+            report = step({90: 30.0, 91: 45.0}.get(k, 0.0))
+            found += watch.update((float(k), 10 * k), report, died.get(k, 0), moved.get(k, 0.0), 0.05, lost=False)
+        assert [line.at for line in found] == [None, None, (float(at), 10 * at)]
 
 
 def test_without_loops_nothing_is_said() -> None:
