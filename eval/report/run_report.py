@@ -74,19 +74,20 @@ class MomentPlots:
         if time in self._titles:
             return Plot(f"{title}: the picture “{self._titles[time]}” above.", "")
         self._titles[time] = title
-        self._say(time)
+        self.say(f"drawing {at_time(time)}")
         return Plot(title, _png_uri(self._recording.png(time)))
 
     def draw_pair(self, before: float, at: float) -> Plot:
         """Return the picture of map and scan at two times since the first scan [s]."""
         assert self._recording is not None
         title = f"Map and scan at the update before, {at_time(before)}, and where it went wrong, {at_time(at)}"
-        self._say(before, at)
+        self.say(f"drawing {at_time(before)} and {at_time(at)}")
         return Plot(title, _png_uri(self._recording.side_by_side(before, at)))
 
-    def _say(self, *times: float) -> None:
+    def say(self, what: str) -> None:
+        """Say what comes next, if anybody listens."""
         if self._news is not None:
-            self._news(f"drawing {' and '.join(map(at_time, times))}")
+            self._news(what)
 
 
 def _png_uri(png: bytes) -> str:
@@ -124,6 +125,8 @@ def _template_values(run: RunFiles, recording: Recording | None, news: Callable[
     mended_pictures = _mended_pictures(context, mended, moments)
     loop = _largest_loop(context)
     loop_pictures = _loop_pictures(context, loop, moments)
+    largest_error_picture = _picture_of_largest_error(context, mended, moments)
+    moments.say("plots")
     return {
         "name": run.name,
         "path": shlex.quote(str(run.path.resolve())),  # a command that works wherever it is typed
@@ -159,7 +162,7 @@ def _template_values(run: RunFiles, recording: Recording | None, news: Callable[
         "loops": _loop_rows(run, context.start),
         "loop_pictures": loop_pictures,
         "loop_judged": _final_pass_of(context, loop),
-        "largest_error_picture": _picture_of_largest_error(context, mended, moments),
+        "largest_error_picture": largest_error_picture,
         "calibration": _calibration_plot(run),
         "provenance": {key: dict(flat(run.config.get(key, {}))) for key in ("versions", "machine", "inputs")},
         "settings": dict(flat(run.config.get("settings", {}))),

@@ -269,7 +269,7 @@ def test_a_moment_that_is_named_twice_is_drawn_once(runs, tmp_path):
     news = []
     text = write_report(folder, recording, news.append).read_text()
     assert len(recording.drawn) == len(set(recording.drawn)) >= 2
-    assert news == [f"drawing {time:.1f} s" for time in recording.drawn]
+    assert news == [*(f"drawing {time:.1f} s" for time in recording.drawn), "plots"]
     shown = f"{stamps[at[1]] - stamps[0]:.1f} s"
     again = f"The largest error of the pose while driving, {shown}: the picture “The largest loop, "
     assert f"{again}{shown}” above." in text
