@@ -81,6 +81,9 @@ def test_a_slip_that_grows_little_by_little_is_named_as_a_whole():
     steps = np.where(STAMPS >= 18.0, 1.25, 1.0) * 0.05
     found = cause(odometry=np.column_stack([np.cumsum(steps), np.zeros(400), np.zeros(400)]))
     assert found.startswith("the wheels slipped: from 17.0 to 20.1 s they reported 1.83")
+    steps[195] += 0.03  # a single step stands out, and is no slip by itself
+    found = cause(odometry=np.column_stack([np.cumsum(steps), np.zeros(400), np.zeros(400)]))
+    assert found.startswith("the wheels slipped: from 17.0 to 20.1 s they reported 1.86")
 
 
 def test_lost_scans_and_failures_after_the_moment_are_no_causes():
