@@ -131,8 +131,12 @@ def _wrong_motion(
         )
     if not _slipped(true, wheels):
         return None
-    off = _where_they_differ(true, wheels)
-    true, wheels, stamps = true[off], wheels[off], stamps[off]
+    begun = np.flatnonzero(near)[_where_they_differ(true, wheels)]
+    end = _end_of_slip(
+        reference.poses[true_rows], odometry.poses[rows], odometry.stamps[rows] <= stamp + AFTER_S, begun[-1]
+    )
+    off = slice(begun[0], end + 1)
+    true, wheels, stamps = reference.poses[true_rows][off], odometry.poses[rows][off], odometry.stamps[rows][off]
     moved, reported = between(true[0], true[-1]), between(wheels[0], wheels[-1])
     start = odometry.stamps[0]
     bent = "; the scan of this moment was taken then, and the wheels' motion bends it" if stamps[0] == stamp else ""
@@ -154,10 +158,28 @@ def _while_it_begins(stamps: NDArray[np.float64], stamp: float, after: float) ->
     return (stamps >= stamp - BEFORE_S) & (stamps <= stamp + max(sweep, after))
 
 
+def _end_of_slip(true: Pose, wheels: Pose, shown: NDArray[np.bool_], row: int) -> int:
+    """The row at which a slip that goes on at a row of the poses (n, 3) ends, of those that are `shown` (n,)."""
+    end = row
+    while end + 1 < len(true) and shown[end + 1]:
+        if _severities(true[end : end + 2], wheels[end : end + 2])[0] <= MIN_STEP_SHARE:
+            break
+        end += 1
+    return end
+
+
+def _severities(one: Pose, other: Pose) -> NDArray[np.float64]:
+    """How much the steps (n - 1,) of two paths (n, 3) differ, in units of what a slip is."""
+    miss = between(between(one[:-1], one[1:]), between(other[:-1], other[1:]))
+    found: NDArray[np.float64] = np.maximum(
+        np.hypot(miss[:, 0], miss[:, 1]) / MIN_SLIP_M, np.degrees(np.abs(miss[:, 2])) / MIN_SLIP_DEG
+    )
+    return found
+
+
 def _where_they_differ(one: Pose, other: Pose) -> slice:
     """Rows of two paths (n, 3) from the first to the last of their steps that differ; all where none stands out."""
-    miss = between(between(one[:-1], one[1:]), between(other[:-1], other[1:]))
-    severity = np.maximum(np.hypot(miss[:, 0], miss[:, 1]) / MIN_SLIP_M, np.degrees(np.abs(miss[:, 2])) / MIN_SLIP_DEG)
+    severity = _severities(one, other)
     steps = np.flatnonzero(severity > max(MIN_STEP_SHARE, MIN_STEP_SHARE * float(severity.max())))
     if len(steps) == 0:
         return slice(None)

@@ -76,6 +76,16 @@ def test_a_cause_begins_before_its_effect_or_while_its_scan_is_taken():
     assert found.endswith("the final pass has spread the error over the path before")
 
 
+def test_a_slip_that_goes_on_after_the_moment_is_said_to_its_end():
+    """The wheels turn by 10 degrees a scan from 19.9 to 20.3 s, and by 33 once more at 21 s, which is another slip."""
+    wheels = TRUTH
+    for row in (200, 201, 202, 203):
+        wheels = after(wheels, row, [0.0, 0.0, np.radians(10.0)])
+    found = cause(odometry=after(wheels, 210, [0.0, 0.0, np.radians(33.0)]))
+    assert "from 19.9 to 20.3 s" in found
+    assert "and 40 degrees, the robot" in found
+
+
 def test_a_slip_that_grows_little_by_little_is_named_as_a_whole():
     """From 18 s on the wheels report a quarter more than the robot moves, which no single step shows."""
     steps = np.where(STAMPS >= 18.0, 1.25, 1.0) * 0.05
