@@ -86,7 +86,7 @@ def text(table: SweepTable) -> str:
     lines.append("")
     lines.append(
         f"Not `ok` without the open worlds: {failures} of {runs} runs, {100.0 * failures / runs:.1f} % "
-        f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %). Code version {table.code}."
+        f"(95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)."
     )
     return "\n".join(lines) + "\n"
 
