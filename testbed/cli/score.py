@@ -68,6 +68,7 @@ def score(
         Hand-checked relations between poses, `t1 t2 x y z roll pitch yaw`.
     time_offset
         Seconds to add to the trajectory's stamps, or "auto": the constant offset, if any, that explains the error.
+        (`testbed slam --time-offset` is subtracted from the stamps of scans.)
     out
         Directory for metrics.json, finding.json (where it went wrong; its `stamp` is the moment), report.html, and
         copies of the trajectories and maps that the report shows. It may hold results of an earlier call, but no run.

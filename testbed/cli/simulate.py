@@ -81,8 +81,9 @@ class DatasetOptions:
     """KEY=A,B,C: the same drives with each of these values of lidar, beams, noise, clutter, odometry.…, layers.… or
     surface.…; may be repeated, for all combinations."""
     draw: tuple[str, ...] = ()
-    """KEY=A,B: each dataset gets one of these values, each equally often in a world; KEY=LOW..HIGH: a random number
-    from this range. Keys as for --vary, and robot; may be repeated."""
+    """KEY=A,B: each dataset gets one of these values; in each world (with one drive per world: over all worlds of a
+    kind) all occur equally often. KEY=LOW..HIGH: a random number from this range. Keys as for --vary, and robot; may be
+    repeated."""
     shard: str | None = None
     """i/n: make only shard i of n (from 0); `testbed datasets index` combines the shards."""
     scheduler: str | None = None

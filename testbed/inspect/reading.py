@@ -27,8 +27,9 @@ class Reading:
     range_max: float | None = None
     """Readings of at least this range are no returns [m]; default: stated or shown by the log."""
     time_offset: str | None = None
-    """Seconds by which the stamps of scans are too late compared with odometry; they are subtracted. auto: estimate the
-    offset and correct it if it is significant. Default: 0; a note is printed if an offset is found."""
+    """Seconds by which the stamps of scans are too late compared with odometry; they are subtracted from the scans'
+    stamps (`testbed score --time-offset` is added to those of a trajectory). auto: estimate the offset and correct it
+    if it is significant. Default: 0; a note is printed if an offset is found."""
     mount_correction: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """X,Y,DEG: the lidar sits this much further ahead [m], left [m] and turned left [deg] than the log says."""
     slice: str | None = None

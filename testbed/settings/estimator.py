@@ -32,8 +32,8 @@ class EstimatorOptions:
     refine: bool = True
     """Refine all poses and the map after the run (final pass); filter.tum keeps the filter's own path."""
     config: Path | None = None
-    """TOML file with settings, such as the config.toml of an earlier run, or the preset `gmapping` (the classic
-    parameter values); options on the command line take precedence."""
+    """TOML file with settings, such as the config.toml of an earlier run, or a preset: gmapping (parameters of the C++
+    program) or paper (the filter as in the paper). Options on the command line take precedence."""
     filter: Annotated[FilterConfig, Parameter(group=FILTER_GROUP)] = field(default_factory=FilterConfig)
     """Settings of the filter."""
 

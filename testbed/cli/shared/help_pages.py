@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from cyclopts.help import DefaultFormatter, HelpEntry, HelpPanel
+from cyclopts.help import DefaultFormatter, HelpEntry, HelpPanel, InlineText
 from rich.console import Console, ConsoleOptions
+from rich.markdown import Markdown
 
 ALL = "--help-all"
 """Shows every setting."""
@@ -43,6 +44,10 @@ SHORT_NAMES = {"--driver.kind": "--driver"}
 """What users type instead of the name that the settings have."""
 
 
+FINAL_PASS = "--filter.refine.motion."
+"""These settings have the texts of `--filter.motion`, of which their class is a kind."""
+
+
 class AllOptions(DefaultFormatter):
     """Shows every option: by its short name where it has one, and without the default of a switch or an empty list."""
 
@@ -78,4 +83,14 @@ class UsualOptions(AllOptions):
 
 def _plain(entry: HelpEntry) -> HelpEntry:
     names = tuple(SHORT_NAMES.get(name, name) for name in entry.positive_names)
+    if any(name.startswith(FINAL_PASS) for name in names):
+        entry = entry.copy(description=_of_the_final_pass(entry.description))
     return entry.copy(positive_names=names, default=None if entry.default in ("False", "()") else entry.default)
+
+
+def _of_the_final_pass(description: object) -> object:
+    """The same text with the words `Final pass:` in front."""
+    if not isinstance(description, InlineText) or not isinstance(description.primary_renderable, Markdown):
+        return description
+    text = description.primary_renderable.markup
+    return InlineText.from_format(f"Final pass: {text[:1].lower()}{text[1:]}", "markdown")

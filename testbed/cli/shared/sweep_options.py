@@ -56,7 +56,7 @@ class SweepOptions:
     Default: random, unless a file or preset says otherwise."""
     measure: str | None = None
     """What accuracy is measured by: online (poses while driving), filter (the best particle's path at the end), refined
-    (after the final pass), or a key of metrics.json of which less is better. Default: filter."""
+    (the final estimate, after the final pass), or a key of metrics.json of which less is better. Default: filter."""
     margin: str | None = None
     """By how much an error may exceed that of the largest count before it matters: a share, a length, or both, of which
     the larger counts. Default: 10%,5mm."""
@@ -64,9 +64,9 @@ class SweepOptions:
     """Which runs end with the final pass: those with the smallest and the largest count, all, or none. Default: ends;
     all if --measure is one of the final pass."""
     until: Literal["decided", "smallest"] | None = None
-    """decided: look at the results after every 8 seeds, and add seeds only where the answer is open and can still be
-    found, up to --seeds (default: 40). smallest: where a count is enough, go on until it is known whether a smaller one
-    is too. The confidence over all looks together is 95 %."""
+    """decided: evaluate after every 8 seeds, and add seeds (up to --seeds, default 40) only for worlds without an
+    answer. smallest: go on until the smallest count that is enough is known. All evaluations together are right with
+    95 % confidence."""
     give_up: str | None = None
     """Worlds or logs that get no more seeds with --until, separated by commas; none: all get them again. What
     is computed stays, and no answer becomes wrong by it."""

@@ -35,11 +35,11 @@ class SurfaceConfig:
     """How rough surfaces are; smooth by default."""
 
     roughness: float = 0.0
-    """Standard deviation of what depends on place and direction only [m]."""
+    """Roughness of surfaces: standard deviation of the range error that repeats at the same place and direction [m]."""
     view_deg: float = 12.0
-    """Change of the direction over which it changes [degrees]; recorded logs show 10 to 15."""
+    """Change of direction after which this error is a different one [degrees]; recorded logs show 10 to 15."""
     scatter: float = 0.0
-    """Standard deviation of the readings that scatter [m]."""
+    """Standard deviation of the readings that scatter, each independently [m]."""
     scatter_share: float = 0.0
     """Share of the readings that scatter."""
 

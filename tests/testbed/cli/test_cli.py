@@ -415,6 +415,15 @@ def test_the_help_has_the_names_that_users_type_and_ends_with_no_other_command(c
     assert "[default: ()]" not in simulate + run
 
 
+def test_the_settings_of_the_final_pass_are_told_from_those_of_the_filter(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    call("slam", "--help-all")
+    helped = " ".join(capsys.readouterr().out.split())
+    assert "--filter.motion.floor-rotation FLOAT Error of heading" in helped
+    assert "--filter.refine.motion.floor-rotation FLOAT Final pass: error of heading" in helped
+    assert helped.count("Final pass: ") == helped.count("--filter.refine.motion.")
+
+
 def test_the_help_of_view_shows_how_to_do_without_a_display(capsys):
     """The page of `run` leaves it out, as what few need."""
     for command, shown in (("view", True), ("run", False)):
