@@ -334,7 +334,7 @@ def difference_of_rates(failed: int, runs: int, failed_others: int, others: int)
 
 def table_of_runs(rows: Sequence[Row]) -> str:
     """Two tables, a line for each study: failures of logs and twins, and their errors."""
-    failures = ["| log | filter | failed: log | failed: twin | difference |"]
+    failures = ["| log | filter | above the bound: log | above the bound: twin | difference |"]
     errors = [
         "| log | filter | log, by its relations | log, by its path | twin | twin minus log, by its path | final pass: "
         "log | final pass: twin |"
