@@ -18,7 +18,7 @@ def rows_with_pose(table: Table) -> NDArray[np.bool_]:
     Others have numbers that are not finite, a quaternion of zeros, or the origin between poses that are far from it.
     """
     if table.shape[1] not in (8, 17):
-        finite: NDArray[np.bool_] = np.isfinite(table).all(axis=1)
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(table).all(axis=1), dtype=np.bool_)
         return finite
     poses = table[:, :8]
     known: NDArray[np.bool_] = np.isfinite(poses).all(axis=1) & (poses[:, 4:] != 0.0).any(axis=1)

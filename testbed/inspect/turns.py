@@ -81,8 +81,8 @@ class Clock(NamedTuple):
 MIN_OFFSET = 0.03
 """A smaller offset does no harm [s]."""
 SYSTEMATIC = 0.01
-"""Standard deviation of what noise does not explain: wheels that count ticks, walls that are passed closely [s]. The
-offsets of thirty simulated drives are wrong by less, but for one, by 11 ms."""
+"""Standard deviation of what noise does not explain: wheels that count ticks, walls that are passed closely [s].
+Simulated drives are wrong by a third of it (`python -m tools.measure.clock_offset`), recorded ones may be worse."""
 
 
 def compare_turns(table: FrameTable) -> Clock | None:
