@@ -50,9 +50,11 @@ def open_log(
     several. Raises LogError, with one line that names the file, the place and what was expected, for anything that
     cannot be read and, if `scans_needed`, for a log without scans.
     """
-    log = _read(Path(path), laser_offset, range_max, Selection(heights, namespace, topics))
-    _check_mounts(Path(path), log)
-    _check_poses(Path(path), log)
+    path = Path(path)
+    recording = path.parent if path.name == "metadata.yaml" and path.is_file() else path
+    log = _read(recording, laser_offset, range_max, Selection(heights, namespace, topics))
+    _check_mounts(path, log)
+    _check_poses(path, log)
     if scans_needed and not log.scan_count:
         raise LogError("; ".join([f"{path}: no scans in this {log.format}", *log.notes]))
     return log
@@ -89,8 +91,6 @@ def _read(path: Path, laser_offset: float | None, range_max: float | None, selec
         refuse_devices(path)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}") from None
-    if path.name == "metadata.yaml" and path.is_file():
-        path = path.parent
     if within := _recordings_below(path):
         if len(within) > 1:
             raise LogError(f"{path}: holds {len(within)} recordings; name one, such as {within[0]}")

@@ -45,6 +45,9 @@ CUT_TURN = math.radians(3.0)
 MIN_TURNED = math.radians(90.0)
 """The least that the robot must turn in all, without which nothing is said [rad]."""
 MIN_PAIRS = 30
+MAX_SCALE = 2.0
+"""Turns by the scans of more than so many times those by odometry, or of less than its inverse, are other turns, such
+as noise where a robot drives straight ahead: no offset makes one of the other."""
 
 
 class Turns(NamedTuple):
@@ -128,7 +131,7 @@ def compare_turns(table: FrameTable) -> Clock | None:
     slope = scale * (by_odometry(offset + COARSE) - by_odometry(offset - COARSE)) / (2.0 * COARSE)
     rest = turns.seen - scale * expected
     near = np.abs(rest) < CUT_TURN
-    if near.sum() < MIN_PAIRS:
+    if near.sum() < MIN_PAIRS or not 1.0 / MAX_SCALE < scale < MAX_SCALE:
         return Clock(0.0, math.inf, *robust_scale(turns.seen, by_odometry(0.0)))
     spread = 1.4826 * float(np.median(np.abs(rest[near] - np.median(rest[near]))))
     by_noise = spread / max(math.sqrt(float((slope[near] ** 2).sum())), 1e-9)

@@ -9,6 +9,7 @@ then the root mean square and the largest of the errors. "none": the robot turns
 """
 
 import argparse
+import math
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,7 @@ def main() -> None:
     for world in args.worlds.split(","):
         for seed in range(first, end):
             clock = estimate_offset(late_drive(world, seed, args.late))
-            if clock is None:
+            if clock is None or not math.isfinite(clock.uncertainty):
                 print(f"{world:14} {seed:4}  none", flush=True)
                 continue
             errors.append(1e3 * (clock.offset - args.late))

@@ -201,6 +201,12 @@ def test_scans_some_time_apart_show_the_clock(world):
     assert abs(compare_turns(drive(world).table).offset) < 0.0025
 
 
+def test_turns_that_do_not_follow_the_odometry_show_no_clock():
+    """A drive straight ahead: the odometry turns by noise alone, and some offset fits that best."""
+    clock = compare_turns(drive("nested_loops", seed=70).table)
+    assert clock is None or not math.isfinite(clock.uncertainty)
+
+
 def test_the_offset_is_estimated_again_where_it_is_off(log, monkeypatch):
     """The second estimate compares scans by the motion of their own time."""
     estimates = iter([0.2, 0.01])
