@@ -19,6 +19,9 @@ _STAMPS = (
     ("header.stamp.secs", "header.stamp.nsecs"),
     ("header.stamp.sec", "header.stamp.nanosec"),
     ("header.stamp.sec", "header.stamp.nsec"),
+    ("stamp.secs", "stamp.nsecs"),
+    ("stamp.sec", "stamp.nanosec"),
+    ("stamp.sec", "stamp.nsec"),
     ("secs", "nsecs"),
     ("sec", "nanosec"),
     ("header.stamp",),
@@ -44,6 +47,8 @@ _UNITS = {
     "°": math.radians(1.0),
 }  # fmt: skip
 """Units that a name may state, in s, m or rad."""
+_DATE_WITH_SLASHES = re.compile(r"^(\d{4})/(\d{2})/(\d{2})[/ T]")
+"""Year, month and day of a date as rosbag2csv writes it."""
 _IN_BRACKETS = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 
 Columns = tuple[int, ...]
@@ -71,9 +76,7 @@ class NamedColumns:
 
         Raises ValueError where a line has other cells, or no numbers in those that count.
         """
-        cells = _cells(line, self.separator)
-        if len(cells) != len(self.names):  # a header with commas above columns with blanks
-            cells = line.replace(",", " ").replace(";", " ").split()
+        cells = self._cells(line)
         if len(cells) != len(self.names):
             raise ValueError(f"expected {len(self.names)} values as in the header, got {len(cells)}")
         stamp = sum(self._time(cells, k) * unit for k, unit in zip(self.stamp, (1.0, 1e-9), strict=False))
@@ -81,6 +84,26 @@ class NamedColumns:
         rotation = [self._number(cells, k) for k in self.rotation]
         flat = {1: [0.0, 0.0], 2: [0.0, 0.0]}.get(len(rotation), [])
         return [stamp, x, y, *(z or [0.0]), *flat, *rotation]
+
+    def is_header(self, line: str) -> bool:
+        """Whether a line names the columns once more."""
+        return tuple(_cells(line, self.separator)) == self.names
+
+    def is_empty(self, line: str) -> bool:
+        """Whether a line has no pose: all its cells are empty, as where another topic of a table sent a message."""
+        cells = self._cells(line)
+        used = (*self.position, *self.rotation)
+        return len(cells) == len(self.names) and not any(cells[k] for k in used)
+
+    def stamp_text(self, line: str) -> str:
+        """The stamp as a line has it; empty where two columns hold it."""
+        return self._cells(line)[self.stamp[0]] if len(self.stamp) == 1 else ""
+
+    def _cells(self, line: str) -> list[str]:
+        cells = _cells(line, self.separator)
+        if len(cells) == len(self.names):
+            return cells
+        return line.replace(",", " ").replace(";", " ").split()  # a header with commas above columns with blanks
 
     @property
     def states_angles(self) -> bool:
@@ -102,7 +125,7 @@ class NamedColumns:
             return self._number(cells, column)
         except ValueError:
             try:
-                moment = datetime.fromisoformat(cells[column])
+                moment = datetime.fromisoformat(_DATE_WITH_SLASHES.sub(r"\1-\2-\3 ", cells[column]))
             except ValueError:
                 moment = None
             if moment is None:
@@ -118,7 +141,7 @@ def named_columns(line: str) -> NamedColumns | None:
     where: dict[str, int] = {}
     for k, (name, _) in enumerate(split):
         where.setdefault(name, k)
-    stamp = next((found for group in _STAMPS if (found := _all_of(where, group))), None)
+    stamp = next((found for group in _STAMPS if (found := _all_of(where, group))), None) or _only_stamp(where)
     if stamp is None:
         return None
     position = _first_of(where, _POSITIONS, "xyz") or _first_of(where, _POSITIONS, "xy") or _only_position(where)
@@ -142,6 +165,15 @@ def _name_and_unit(cell: str) -> tuple[str, float]:
         unit = _UNITS[words.pop()]
     name = ".".join(words).removeprefix("field.").removeprefix("pose.pose.")
     return name, 1.0 if unit is None else unit
+
+
+def _only_stamp(where: dict[str, int]) -> Columns | None:
+    """The only column whose name ends like that of a stamp, else the first one where it has no name, as in tables of
+    pandas whose index is the time."""
+    ending = [column for name, column in where.items() if name.split(".")[-1] in ("time", "stamp", "timestamp")]
+    if len(ending) == 1:
+        return (ending[0],)
+    return (0,) if not ending and where.get("") == 0 else None
 
 
 def _rotation(where: dict[str, int]) -> Columns | None:

@@ -8,7 +8,9 @@
 | KITTI with stamps | `t` and the twelve numbers of `[R p]`, row by row |
 
 A first line that names the columns, as in CSV files and in what `rostopic echo -p` and `bag_to_csv` write, says where
-the stamp, the position and the quaternion (or yaw) stand, whatever else there is.
+the stamp, the position and the quaternion (or yaw) stand, whatever else there is; also one behind `#`. What
+`ros2 topic echo --csv` writes and tables of nine columns are known without names (`eval.files.unnamed_columns`). Lines
+without a pose, as of a tracker that lost its target (NaN, zeros, empty cells), are left out.
 
 Numbers are separated by spaces, tabs, commas or semicolons; `#` starts a comment. Quaternions with w first, camera
 frames (x right, y down, z forward; of the poses, or of the camera alone, as in TUM's own files) and stamps in nano-,
@@ -24,8 +26,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.files.named_columns import NamedColumns, named_columns
-from eval.files.trajectory_units import in_radians, in_seconds
+from eval.files.lines_without_pose import rows_with_pose
+from eval.files.pose_lines import COLUMNS, PoseLines, wrong_width
+from eval.files.trajectory_units import in_radians, in_seconds, with_zeros
+from eval.files.unnamed_columns import NINE, eight_of_nine
 from eval.trajectory.trajectory import Trajectory
 from slam.se2 import wrap_angle
 
@@ -33,19 +37,8 @@ NORM_TOLERANCE = 1e-3
 """Largest deviation of a quaternion's length from 1 (files with 4 digits); such a quaternion is normalised."""
 TILT_TOLERANCE = np.radians(1.0)
 """Largest tilt of a pose out of the plane [rad]; such a pose is projected onto the plane."""
-_COLUMNS = "t x y z qx qy qz qw"
-_WIDTHS = (8, 13, 17)
-_INDEXED = 9
-"""Numbers of a TUM line behind the number of the line, as tables of pandas have it."""
-_MAX_TITLE = 3
-"""So many lines in front of the poses may be a title or a header."""
-_OTHER_FORMATS = {
-    12: "KITTI poses, which have no stamps; put them in front of the lines: paste -d' ' times.txt poses.txt",
-    4: "'t x y yaw'; expected a quaternion, 0 0 sin(yaw/2) cos(yaw/2), or a first line 'timestamp x y yaw'",
-    3: "'x y yaw' without stamps",
-    7: "'t x y z roll pitch yaw'; expected a quaternion: 0 0 sin(yaw/2) cos(yaw/2)",
-    16: "4 x 4 matrices without stamps, or numbers with decimal commas; expected points: tr , . < poses.txt",
-}
+_MAX_WITHOUT_POSE = 0.5
+"""A file of which such a share of lines holds no pose is none of poses."""
 _OF_CAMERA = "poses are read as those of a camera (z forward, y down) in a frame with z up"
 _BINARY = (
     (b"\x1f\x8b", "a gzip file"),
@@ -58,8 +51,6 @@ _BINARY = (
     (b"\x89HDF", "an HDF5 file"),
 )
 """First bytes of what is no text."""
-_OTHER_TEXT = {"VERTEX_SE2": "g2o", "ODOM": "CARMEN", "FLASER": "CARMEN", "<?xml": "XML", "{": "JSON", "[{": "JSON"}
-"""First words of other formats of text."""
 _MIN_HEIGHT, _MIN_HEIGHT_SHARE = 0.5, 0.2
 """z adds a note if it varies by more than this [m], and by more than this share of the extent in the plane."""
 
@@ -100,50 +91,51 @@ def read_trajectory(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str
 
 def _read_table(path: Path) -> tuple[Table, list[int], list[str]]:
     """Return the numbers (n, 8, 13 or 17), the line of each row, and notes on a header and on what was left out."""
-    lines: list[int] = []
-    rows: list[list[float]] = []
-    notes: list[str] = []
-    named: NamedColumns | None = None
+    found = PoseLines()
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, text in enumerate(file, start=1):
-            line = text.replace('"', "")
-            fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
-            if not fields:
-                continue
-            is_text = not _is_number(fields[0].strip("[(")) if named is None else not any(map(_is_number, fields))
-            if not rows and len(notes) < _MAX_TITLE and is_text:
-                if kind := _OTHER_TEXT.get(fields[0]):
-                    raise TumError(f"{path}:{number}: expected poses '{_COLUMNS}', got {kind}")
-                try:
-                    found = named_columns(line)
-                except ValueError as error:
-                    raise TumError(f"{path}:{number}: {error}") from None
-                named = found or named
-                what = "a title" if found is None else "a header that names the columns"
-                notes.append(f"{path}: line {number} is read as {what}")
-                continue
             try:
-                rows.append(_row(line, fields, rows, named))
+                found.take(number, text)
             except ValueError as error:
-                if rows and not line.endswith("\n"):
-                    notes.append(f"{path}: line {number} is cut and left out")
+                if found.rows and not text.endswith("\n"):
+                    found.notes.append(f"line {number} is cut and left out")
                     break
                 raise TumError(f"{path}:{number}: {error}") from None
-            lines.append(number)
-    if not rows:
-        raise TumError(f"{path}: expected poses '{_COLUMNS}', found none")
-    table = np.array(rows)
-    if table.shape[1] == _INDEXED:
-        if not np.array_equal(np.diff(table[:, 0]), np.ones(len(table) - 1)):
-            raise TumError(f"{path}:{lines[0]}: {_wrong_width(_INDEXED)}")
-        table = table[:, 1:]
-        notes.append(f"{path}: the first column counts the lines and is left out")
-    if len(bad := np.flatnonzero(~np.isfinite(table).all(axis=1))):
-        raise TumError(f"{path}:{lines[bad[0]]}: expected finite numbers, got NaN or infinity")
+    if not found.rows:
+        raise TumError(f"{path}: expected poses '{COLUMNS}', found none")
+    notes = [f"{path}: {note}" for note in found.notes]
+    table = np.array(found.rows)
+    if table.shape[1] == NINE:
+        eight = eight_of_nine(table)
+        if eight is None:
+            raise TumError(f"{path}:{found.numbers[0]}: {wrong_width(NINE)}")
+        table, note = eight
+        notes.append(f"{path}: {note}")
+    elif (padded := with_zeros(found.stamps, table[:, 0])) is not None:
+        table[:, 0] = padded
+        notes.append(f"{path}: digits behind the point of the stamps are read as counts: 5.7 as 5.000000007")
+    table, lines = _with_pose(path, table, found.numbers, found.empty, notes)
     if table.shape[1] == 7:
-        assert named is not None
-        table = _of_angles(path, table, notes, is_stated=named.states_angles)
+        table = _of_angles(path, table, notes, is_stated=found.states_angles)
     return table, lines, notes
+
+
+def _with_pose(path: Path, table: Table, lines: list[int], empty: int, notes: list[str]) -> tuple[Table, list[int]]:
+    """Return the rows that hold a pose, and their lines; a note on others.
+
+    empty: lines that were left out before. Raises TumError where most rows hold none.
+    """
+    is_pose = rows_with_pose(table)
+    without, count = int((~is_pose).sum()) + empty, len(table) + empty
+    if without >= _MAX_WITHOUT_POSE * count:
+        first = lines[int(np.argmin(is_pose))]
+        raise TumError(
+            f"{path}:{first}: expected finite numbers and a unit quaternion, got none in {without} of {count} lines"
+        )
+    if without:
+        what = "hold no pose (NaN, zeros, empty cells, or the origin amid others)"
+        notes.append(f"{path}: {without} of {count} lines {what} and are left out")
+    return table[is_pose], [line for line, kept in zip(lines, is_pose.tolist(), strict=True) if kept]
 
 
 def _check_text(path: Path) -> None:
@@ -169,34 +161,6 @@ def _of_angles(path: Path, table: Table, notes: list[str], *, is_stated: bool) -
     others = np.radians(table[:, 4:6]) if odd else table[:, 4:6]
     rotations = Rotation.from_euler("xyz", np.column_stack([others, yaws]))
     return np.column_stack([table[:, :4], rotations.as_quat()])
-
-
-def _row(line: str, fields: list[str], before: list[list[float]], named: NamedColumns | None) -> list[float]:
-    """Return the numbers of a line; ValueError where they are not those of a pose, or not as many as before."""
-    if named is not None:
-        return named.pose(line)
-    if before and len(fields) != len(before[0]):
-        columns = f" '{_COLUMNS}'" if len(before[0]) == 8 else " as in the lines before"
-        raise ValueError(f"expected {len(before[0])} numbers{columns}, got {len(fields)}")
-    if len(fields) not in (*_WIDTHS, _INDEXED):
-        raise ValueError(_wrong_width(len(fields)))
-    try:
-        return [float(field) for field in fields]
-    except ValueError:
-        raise ValueError(f"expected {len(fields)} numbers, got '{line.strip()[:80]}'") from None
-
-
-def _wrong_width(count: int) -> str:
-    other = _OTHER_FORMATS.get(count)
-    return f"expected 8 numbers '{_COLUMNS}', got {count}{f', which looks like {other}' if other else ''}"
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
 
 
 def _unit(path: Path, quaternions: Table, lines: list[int], notes: list[str]) -> Table:

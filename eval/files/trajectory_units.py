@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,8 @@ _CHORDS = 100
 """The path is cut into so many pieces to compare headings with the direction of travel."""
 _CLEAR = 0.3
 """Headings in one reading follow the path if its score is larger than that of another one by this."""
+
+_WITH_FRACTION = re.compile(r"\d+\.\d{1,9}")
 
 Floats = NDArray[np.float64]
 
@@ -57,6 +61,21 @@ def in_seconds(stamps: Floats, places: Floats) -> tuple[Floats, list[str]]:
     if (np.diff(stamps) == 1.0).all() and stamps[0] in (0.0, 1.0):
         notes.append("the stamps count the poses: are they times in s?")
     return stamps, notes
+
+
+def with_zeros(texts: list[str], stamps: Floats) -> Floats | None:
+    """Stamps (n,) [s] of a program that wrote seconds, a point, and a count of nano-, micro- or milliseconds without
+    its zeros in front, as `printf("%d.%d")` does; None where they are none of these.
+
+    texts: the stamps as the file has them. As they stand they step back again and again; read so they never do.
+    """
+    if not (np.diff(stamps) < 0.0).any() or not all(map(_WITH_FRACTION.fullmatch, texts)):
+        return None
+    fractions = [text.partition(".")[2] for text in texts]
+    longest = max(map(len, fractions))
+    digits = next(count for count in (3, 6, 9) if longest <= count)
+    padded: Floats = np.floor(stamps) + np.array([int(fraction) for fraction in fractions]) / 10.0**digits
+    return padded if (np.diff(padded) >= 0.0).all() else None
 
 
 def _by_speed(stamps: Floats, places: Floats, step: float) -> tuple[Floats, list[str]]:

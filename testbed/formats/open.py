@@ -29,6 +29,8 @@ FARTHEST = 1e8
 BAG_BEGINNINGS = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\x00")
 """First bytes of ROS 1 bags, MCAP files and SQLite data bases."""
 PARQUET_BEGINNING = b"PAR1"
+ARCHIVE_BEGINNINGS = (b"PK\x03\x04", b"7z\xbc\xaf", b"Rar!")
+"""First bytes of archives; tar has its mark at byte 257."""
 
 
 def open_log(
@@ -48,9 +50,11 @@ def open_log(
     several. Raises LogError, with one line that names the file, the place and what was expected, for anything that
     cannot be read and, if `scans_needed`, for a log without scans.
     """
-    log = _read(Path(path), laser_offset, range_max, Selection(heights, namespace, topics))
-    _check_mounts(Path(path), log)
-    _check_poses(Path(path), log)
+    path = Path(path)
+    recording = path.parent if path.name == "metadata.yaml" and path.is_file() else path
+    log = _read(recording, laser_offset, range_max, Selection(heights, namespace, topics))
+    _check_mounts(path, log)
+    _check_poses(path, log)
     if scans_needed and not log.scan_count:
         raise LogError("; ".join([f"{path}: no scans in this {log.format}", *log.notes]))
     return log
@@ -108,10 +112,15 @@ def _read(path: Path, laser_offset: float | None, range_max: float | None, selec
             if range_max is not None:
                 raise LogError(f"{path}: holds the range of its lidars; no other can be given")
             return read(path)
+    what = "an archive, unpack it first" if _is_archive(path) else "not a log that can be read"
     raise LogError(
-        f"{path}: not a log that can be read: expected a CARMEN log (plain or .gz), a ROS 1 or 2 bag, a Parquet table "
-        "or a TUM trajectory"
+        f"{path}: {what}: expected a CARMEN log (plain or .gz), a ROS 1 or 2 bag, a Parquet table or a TUM trajectory"
     )
+
+
+def _is_archive(path: Path) -> bool:
+    """Whether it is a file that holds others: ZIP, 7z, RAR, or tar, also within gzip."""
+    return path.is_file() and (_head(path).startswith(ARCHIVE_BEGINNINGS) or _head(path)[257:262] == b"ustar")
 
 
 def _recordings_below(path: Path) -> list[Path]:

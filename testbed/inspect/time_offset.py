@@ -11,7 +11,7 @@ import numpy as np
 from testbed.formats import Log
 from testbed.formats.pose_interpolation import interpolate
 from testbed.frame_table import Floats, FrameTable
-from testbed.inspect.turns import compare_turns
+from testbed.inspect.turns import Clock, compare_turns
 
 SAME_TIME = 1e-6
 """Frames that are closer in time [s] are one."""
@@ -38,7 +38,7 @@ def without_time_offset(log: Log, seconds: float | None) -> Log:
     seconds: how much later the stamps of scans are; None = it is estimated, and taken back where it is significant
     """
     if seconds is None:
-        clock = compare_turns(log.table)
+        clock = estimate_offset(log.table)
         if clock is None or not math.isfinite(clock.uncertainty):
             note = "the offset of the clocks cannot be estimated: the robot turns too little, or scans are too rare"
             return replace(log, notes=(*log.notes, note))
@@ -52,6 +52,18 @@ def without_time_offset(log: Log, seconds: float | None) -> Log:
     table, lost = shifted(log.table, seconds)
     note += f"; {lost} scans lie outside of the odometry's time and are left out" if lost else ""
     return replace(log, table=table, notes=(*log.notes, note), repairs=(*log.repairs, note))
+
+
+def estimate_offset(table: FrameTable) -> Clock | None:
+    """The offset of the clocks, estimated again where it is off: then the motion between two scans, by which they are
+    compared, is that of their time."""
+    clock = compare_turns(table)
+    if clock is None or not math.isfinite(clock.uncertainty) or not clock.is_off:
+        return clock
+    rest = compare_turns(shifted(table, clock.offset)[0])
+    if rest is None or not math.isfinite(rest.uncertainty):
+        return clock
+    return rest._replace(offset=clock.offset + rest.offset)
 
 
 def shifted(table: FrameTable, seconds: float) -> tuple[FrameTable, int]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """How far the robot turns between scans, as the scans alone show it, and what that says of clocks and odometry.
 
-Two scans taken one after the other differ mostly by a shift of their readings, which is the turn between them. Turns
-from scans and from odometry are compared as functions of time: a constant shift in time is an offset of the clocks, a
-factor is an odometry or a lidar that counts wrongly.
+Two scans taken shortly after each other differ mostly by a shift of their readings, which is the turn between them.
+Turns from scans and from odometry are compared as functions of time: a constant shift in time is an offset of the
+clocks, a factor is an odometry or a lidar that counts wrongly.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ MAX_TURN = math.radians(25.0)
 """Largest turn between two scans that is looked for [rad]."""
 MAX_PERIOD = 0.5
 """Scans that are further apart in time are not compared [s]."""
+BASELINE, BASELINE_TURN = 0.45, 0.8 * MAX_TURN
+"""A scan is compared with the last one within so long [s] and so large a turn [rad]: a turn is seen with the same error
+over any time, but a late clock shows in it by the change of the turn rate, which grows with the time. Of scans 0.1 s
+apart, ten simulated drives show an offset to 4 ms (rms), of those 0.4 s apart to 1 ms."""
 MAX_PAIRS = 600
 """Pairs of scans that are compared: those around which the turn rate changes most."""
 BEAMS = 360
@@ -37,10 +41,13 @@ the second and then of the third [s]."""
 SMOOTHED = 9
 """Headings of odometry over so many times make one of those that are compared with a scan."""
 CUT_TURN = math.radians(3.0)
-"""Turns that differ by more count as differing by this much [rad]."""
+"""Turns over 0.1 s that differ by more count as differing by this much [rad]; in the end those over any time."""
 MIN_TURNED = math.radians(90.0)
 """The least that the robot must turn in all, without which nothing is said [rad]."""
 MIN_PAIRS = 30
+MAX_SCALE = 2.0
+"""Turns by the scans of more than so many times those by odometry, or of less than its inverse, are other turns, such
+as noise where a robot drives straight ahead: no offset makes one of the other."""
 
 
 class Turns(NamedTuple):
@@ -77,8 +84,8 @@ class Clock(NamedTuple):
 MIN_OFFSET = 0.03
 """A smaller offset does no harm [s]."""
 SYSTEMATIC = 0.01
-"""Standard deviation of what noise does not explain: wheels that count ticks, walls that are passed closely [s]. The
-offsets of thirty simulated drives are wrong by less, but for one, by 11 ms."""
+"""Standard deviation of what noise does not explain: wheels that count ticks, walls that are passed closely [s].
+Simulated drives are wrong by a third of it (`python -m tools.measure.clock_offset`), recorded ones may be worse."""
 
 
 def compare_turns(table: FrameTable) -> Clock | None:
@@ -103,8 +110,10 @@ def compare_turns(table: FrameTable) -> Clock | None:
         return None
     offset, scale = 0.0, 1.0
 
+    cut = CUT_TURN * max(between / 0.1, 1.0)  # wide while the scale is not known
+
     def misfit(offset: float) -> float:
-        return float(np.minimum(np.abs(turns.seen - scale * by_odometry(offset)), CUT_TURN).mean())
+        return float(np.minimum(np.abs(turns.seen - scale * by_odometry(offset)), cut).mean())
 
     for reach in MAX_OFFSETS:
         coarse = np.arange(-reach, reach + COARSE, COARSE)
@@ -117,11 +126,12 @@ def compare_turns(table: FrameTable) -> Clock | None:
         best = min(coarse.tolist(), key=misfit)
         offset = min(np.arange(best - COARSE, best + COARSE + FINE, FINE).tolist(), key=misfit)
         scale, _ = robust_scale(turns.seen, by_odometry(offset))
+        cut = CUT_TURN
     expected = by_odometry(offset)
     slope = scale * (by_odometry(offset + COARSE) - by_odometry(offset - COARSE)) / (2.0 * COARSE)
     rest = turns.seen - scale * expected
     near = np.abs(rest) < CUT_TURN
-    if near.sum() < MIN_PAIRS:
+    if near.sum() < MIN_PAIRS or not 1.0 / MAX_SCALE < scale < MAX_SCALE:
         return Clock(0.0, math.inf, *robust_scale(turns.seen, by_odometry(0.0)))
     spread = 1.4826 * float(np.median(np.abs(rest[near] - np.median(rest[near]))))
     by_noise = spread / max(math.sqrt(float((slope[near] ** 2).sum())), 1e-9)
@@ -146,7 +156,7 @@ def _turns(table: FrameTable) -> Turns | None:
     if not len(table.scan_rows):
         return None
     scans = np.flatnonzero(table.scan_lidars == np.bincount(table.scan_lidars).argmax())
-    firsts, seconds = scans[:-1], scans[1:]
+    firsts, seconds = scans[:-1], _partners(table, scans)
     begins, ends = table.stamps[table.scan_rows[firsts]], table.stamps[table.scan_rows[seconds]]
     alike = (table.readings[firsts] == table.readings[seconds]) & (ends > begins) & (ends - begins < MAX_PERIOD)
     alike &= np.isin(table.scan_patterns[firsts], _even(table)) & np.isin(table.scan_patterns[seconds], _even(table))
@@ -161,6 +171,21 @@ def _turns(table: FrameTable) -> Turns | None:
     times = table.patterns[table.scan_patterns[firsts[pairs[0]]]].time_offsets
     sweep = 0.0 if times is None else float(np.ptp(times)) * len(pairs) / len(rows)
     return Turns(begin[known], end[known], seen[known], sweep)
+
+
+def _partners(table: FrameTable, scans: Integers) -> Integers:
+    """The scan that each of the scans (n,) but the last is compared with, (n - 1,): the last one within `BASELINE`, but
+    at least the next one."""
+    stamps, headings = table.stamps[table.scan_rows[scans]], np.unwrap(table.odometry[table.scan_rows[scans], 2])
+    partners = np.arange(1, len(scans))
+    for step in range(2, len(scans)):
+        apart = stamps[step:] - stamps[:-step]
+        near = (apart <= BASELINE) & (np.abs(headings[step:] - headings[:-step]) <= BASELINE_TURN)
+        partners[: len(near)][near] = np.arange(step, len(scans))[near]
+        if not (apart <= BASELINE).any():
+            break
+    chosen: Integers = scans[partners]
+    return chosen
 
 
 def _even(table: FrameTable) -> Integers:
@@ -204,8 +229,10 @@ def _pair_turns(table: FrameTable, first: int, second: int) -> list[tuple[float,
     found = []
     for low, high in pairwise(edges):
         shift = _shift(a[low : high + 2 * reach], b[low:high])
-        middle = float(times[low:high].mean())
-        found.append((float(stamps[0]) + middle, float(stamps[1]) + middle, (shift - reach) * step))
+        middle, turned = float(times[low:high].mean()), shift - reach
+        # the first scan saw the same walls by other beams, which were taken earlier or later
+        before = 0.0 if math.isnan(turned) else turned * float(np.median(np.diff(times)))
+        found.append((float(stamps[0]) + middle + before, float(stamps[1]) + middle, turned * step))
     return found
 
 

@@ -71,6 +71,8 @@ def probabilities(pixels: Pixels, thresholds: Thresholds) -> tuple[Meaning, list
     if occupied > _MAX_OCCUPIED * known:
         share = occupied / known
         notes.append(f"{share:.0%} of the known cells are occupied: are negate, mode and the thresholds those of it?")
+    if thresholds.mode == "raw" and not occupied and known:
+        notes.append("no known cell is occupied: are negate, mode and the thresholds those of it?")
     return found, notes
 
 

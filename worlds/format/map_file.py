@@ -76,7 +76,7 @@ def read_map_file(path: str | Path, *, max_pixels: int = MAX_PIXELS, inside: boo
             f"{path}: resolution: expected metres per pixel above 0 and up to {MAX_RESOLUTION:g}, got {resolution:g}"
         )
     origin = _origin(path, document)
-    mode = str(document.get("mode", "trinary")).lower()
+    mode = str(document.get("mode") or "trinary").lower()
     if mode not in _MODES:
         raise MapFileError(f"{path}: mode: expected one of {', '.join(_MODES)}, got {shown(document['mode'])}")
     image, note = _image(path, document, inside)

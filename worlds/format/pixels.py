@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +18,9 @@ from worlds.errors import MapFileError
 _FORMATS = ("PPM", "PNG", "BMP", "TIFF", "JPEG", "GIF", "WEBP", "TGA")
 """Pillow's names of the formats that are read; others, such as EPS, start programs or are no pictures of maps."""
 _LOSSY = ("JPEG", "WEBP")
+_BEFORE_RASTER = re.compile(rb"(?:(?<=\r)\n|(?<=[\r\n])#[^\n]*\n)+")
+"""What some programs write between the largest value of a binary PGM and its pixels: the second sign of an end of line
+of Windows, and comments."""
 _MIN_OPAQUE = 128
 """Pixels with a smaller alpha value count as transparent."""
 
@@ -52,6 +57,8 @@ def read_pixels(path: Path, *, max_pixels: int) -> Pixels:
                 raise MapFileError(f"{path}: {image.width} x {image.height} pixels are {too_large}")
             if image.width * image.height == 0:
                 raise MapFileError(f"{path}: expected a picture with at least one pixel")
+            if (sound := _without_lines_before_raster(path, image)) is not None:
+                return _pixels_of(path, sound)
             _check_largest_value(path, image)
             return replace(_pixels_of(path, image), lossy=image.format in _LOSSY)
     except UnidentifiedImageError:
@@ -65,6 +72,20 @@ def read_pixels(path: Path, *, max_pixels: int) -> Pixels:
         raise MapFileError(f"{path}: {reason}, expected a picture of a map") from None
     except (ValueError, SyntaxError, EOFError, TypeError, IndexError, OverflowError) as error:
         raise MapFileError(f"{path}: {error}, expected a picture of a map") from None
+
+
+def _without_lines_before_raster(path: Path, image: ImageFile.ImageFile) -> Image.Image | None:
+    """Return a binary PGM without what stands between its header and its pixels, which would shift them; None where
+    nothing does, that is, where the file has no bytes to spare."""
+    is_grey = image.mode == "L" or image.mode.startswith("I")
+    if image.format != "PPM" or image.tile[0].codec_name not in ("raw", "ppm") or not is_grey:
+        return None
+    size = image.width * image.height * (1 if image.mode == "L" else 2)
+    content, begin = path.read_bytes(), image.tile[0].offset
+    found = _BEFORE_RASTER.match(content, begin)
+    if found is None or content[found.end() + size :].strip() or len(content) < found.end() + size:
+        return None
+    return Image.open(io.BytesIO(content[:begin] + content[found.end() :]), formats=("PPM",))
 
 
 def _check_largest_value(path: Path, image: ImageFile.ImageFile) -> None:

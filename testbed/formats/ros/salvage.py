@@ -26,6 +26,8 @@ PACKED = ".zstd"
 """Ending of the files of a bag that are packed as a whole."""
 JOURNALS = ("-journal", "-wal")
 """Endings of the files that SQLite leaves next to a data base that was not closed."""
+MAX_METADATA_VERSION = 9
+"""Newest metadata.yaml that the library reads, that of ROS 2 Jazzy; what is new in others is not needed."""
 _SQLITE_HEAD = 100
 """Bytes of the head of an SQLite file."""
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -50,8 +52,8 @@ def readable(path: Path) -> Iterator[Readable]:
     """
     files = bag_files(path) if path.is_dir() else [path]
     has_metadata = path.is_dir() and (path / "metadata.yaml").is_file()
-    odd = has_metadata and bool(files) and not _names_its_files(path)
-    has_metadata = has_metadata and not odd
+    odd = _fault_of_metadata(path) if has_metadata and files else None
+    has_metadata = has_metadata and odd is None
     with tempfile.TemporaryDirectory(prefix="testbed-") as folder:
         cut, plain = _unpacked_files(files, Path(folder))
         broken = {file for file in plain if file.stat().st_size == 0 or _is_unfinished(file)}
@@ -63,8 +65,7 @@ def readable(path: Path) -> Iterator[Readable]:
             return
         notes = []
         if not (broken or cut):
-            fault = "metadata.yaml does not name the files here" if odd else "no metadata.yaml"
-            notes.append(f"{fault}: read {_names(files)}")
+            notes.append(f"{odd or 'no metadata.yaml'}: read {_names(files)}")
         if empty := [file for file in plain if file.stat().st_size == 0 and len(plain) > 1]:
             notes.append(f"{_names(empty)}: empty, left out")
             plain = [file for file in plain if file not in empty]
@@ -93,16 +94,21 @@ def _unpacked_files(files: list[Path], folder: Path) -> tuple[set[Path], list[Pa
     return cut, plain
 
 
-def _names_its_files(directory: Path) -> bool:
-    """Tell whether a metadata.yaml is whole and its files are there."""
+def _fault_of_metadata(directory: Path) -> str | None:
+    """Why the library could not use a metadata.yaml, though the files themselves may be sound; None where it can."""
     import yaml
 
     try:
-        content = yaml.safe_load((directory / "metadata.yaml").read_text(encoding="utf-8"))
-        names = content["rosbag2_bagfile_information"]["relative_file_paths"]
-        return bool(names) and all((directory / name).is_file() for name in names)
+        content = yaml.safe_load((directory / "metadata.yaml").read_text(encoding="utf-8"))[
+            "rosbag2_bagfile_information"
+        ]
+        names, version = content["relative_file_paths"], content["version"]
+        if not (names and all((directory / name).is_file() for name in names)):
+            return "metadata.yaml does not name the files here"
     except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError):
-        return False
+        return "metadata.yaml does not name the files here"
+    known = isinstance(version, int) and version <= MAX_METADATA_VERSION
+    return None if known else f"metadata.yaml is of version {version}, newer than {MAX_METADATA_VERSION}"
 
 
 def bag_files(directory: Path) -> list[Path]:

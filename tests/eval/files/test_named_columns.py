@@ -47,6 +47,8 @@ def assert_read(path):
             "/odom/pose/pose/orientation/w",
             (STAMPS, POSITIONS[:, :2], QUATERNIONS[:, 2:]),
         ),
+        (",x,y,z,qw,qx,qy,qz", (STAMPS, POSITIONS, np.roll(QUATERNIONS, 1, axis=1))),
+        ("sim_time,x,y,yaw", (STAMPS, POSITIONS[:, :2], HEADINGS)),
         ("timestamp,x,y,z,roll_deg,pitch_deg,yaw_deg", (STAMPS, POSITIONS, 0.0 * ODD, np.degrees(HEADINGS))),
         ("speed,stamp,y,x,theta_deg", (HEADINGS, STAMPS, POSITIONS[:, [1, 0]], np.degrees(HEADINGS))),
     ],
@@ -164,3 +166,47 @@ def test_other_widths_are_named(tmp_path, line, hint):
     path.write_text(f"{line}\n")
     with pytest.raises(TumError, match=hint):
         read_trajectory(path)
+
+
+@pytest.mark.parametrize(
+    ("comment", "columns"),
+    [
+        ("# timestamp x y yaw", (STAMPS, POSITIONS[:, :2], HEADINGS)),
+        ("#timestamp x y z qx qy qz qw id", (STAMPS, POSITIONS, QUATERNIONS, range(20))),
+        ("# t qx qy qz qw x y z", (STAMPS, QUATERNIONS, POSITIONS)),
+        ("# t x y z roll pitch yaw v", (STAMPS, POSITIONS, 0.0 * ODD, HEADINGS, HEADINGS)),
+    ],
+)
+def test_a_comment_may_name_the_columns(tmp_path, comment, columns):
+    """As `numpy.savetxt` writes a header, and rtabmap."""
+    path = tmp_path / "t.txt"
+    np.savetxt(path, np.column_stack([*columns]), fmt="%.12f", header=comment[1:])
+    trajectory, notes = read_trajectory(path)
+    np.testing.assert_allclose(trajectory.poses, np.column_stack([POSITIONS[:, :2], HEADINGS]), atol=1e-9)
+    assert notes == (f"{path}: a comment is read as a header that names the columns",)
+
+
+def test_a_comment_of_the_usual_columns_says_nothing_new(tmp_path):
+    path = tmp_path / "t.tum"
+    np.savetxt(path, np.column_stack([STAMPS, POSITIONS, QUATERNIONS]), header="timestamp tx ty tz qx qy qz qw")
+    assert read_trajectory(path)[1] == ()
+
+
+def test_lines_of_other_topics_are_left_out(tmp_path):
+    """As PlotJuggler writes topics of several rates into one table."""
+    rows = np.column_stack([STAMPS, POSITIONS[:, :2], HEADINGS, HEADINGS]).astype(str).tolist()
+    table = [row for pose in rows for row in (pose, [pose[0], "", "", "", "1.5"])][:-1]
+    trajectory, notes = read_trajectory(written(tmp_path / "t.csv", "__time,/odom/x,/odom/y,/odom/yaw,/imu", table))
+    np.testing.assert_allclose(trajectory.poses[:, 2], HEADINGS, atol=1e-9)
+    assert "19 of 39 lines hold no pose" in notes[1]
+
+
+def test_the_header_of_a_joined_file_is_skipped(tmp_path):
+    rows = np.column_stack([STAMPS, POSITIONS[:, :2], HEADINGS]).astype(str).tolist()
+    header = "time,x,y,yaw"
+    assert_read(written(tmp_path / "t.csv", header, [*rows[:10], header.split(","), *rows[10:]]))
+
+
+def test_dates_with_slashes_are_stamps(tmp_path):
+    rows = [[f"2023/11/14/22:13:{20 + 0.1 * k:09.6f}", *POSITIONS[k, :2], HEADINGS[k]] for k in range(20)]
+    assert_read(written(tmp_path / "t.csv", "time,.pose.x,.pose.y,.pose.yaw", rows))

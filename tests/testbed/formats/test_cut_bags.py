@@ -51,6 +51,16 @@ def test_packed_bags_without_metadata_are_read(tmp_path, messages, sound, plugin
 
 
 @pytest.mark.parametrize(("plugin", "packed"), KINDS)
+def test_bags_with_metadata_of_a_later_ros_are_read(tmp_path, messages, sound, plugin, packed):
+    path = bag(tmp_path / "bag", messages, plugin, packed)
+    metadata = path / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("version: 9", "version: 10"))
+    log = open_log(path)
+    assert_like(log.table, sound)
+    assert log.repairs == (f"metadata.yaml is of version 10, newer than 9: read {the_file(path).name}",)
+
+
+@pytest.mark.parametrize(("plugin", "packed"), KINDS)
 def test_the_begin_of_a_cut_bag_is_read(tmp_path, messages, sound, plugin, packed):
     path = bag(tmp_path / "bag", messages, plugin, packed)
     file = the_file(path)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """What a person may point at: a recording, its file, or the folder around it."""
 
+import shutil
+
 import pytest
 
 from testbed.formats import LogError, open_log
@@ -25,3 +27,15 @@ def test_a_folder_with_several_recordings_lists_them(tmp_path):
 def test_a_folder_without_recordings_is_no_log(tmp_path):
     with pytest.raises(LogError, match="not a log that can be read"):
         open_log(tmp_path)
+
+
+def test_the_metadata_of_a_bag_stand_for_it(tmp_path):
+    write_log(tmp_path / "bag", two_lidar_drive(), "rosbag2-lean")
+    assert_same(open_log(tmp_path / "bag" / "metadata.yaml"), two_lidar_drive(), ("rosbag2-lean",))
+
+
+@pytest.mark.parametrize("packing", ["zip", "tar", "gztar"])
+def test_archives_are_named(tmp_path, packing):
+    write_log(tmp_path / "bag", two_lidar_drive(), "rosbag2-lean")
+    with pytest.raises(LogError, match="an archive, unpack it first"):
+        open_log(shutil.make_archive(str(tmp_path / "packed"), packing, tmp_path / "bag"))

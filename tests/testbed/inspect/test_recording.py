@@ -15,8 +15,8 @@ from slam import se2
 from testbed.formats import Log, open_log
 from testbed.formats.write import write_log
 from testbed.frame_table import BeamPattern
-from testbed.inspect import Reading, inspect_log, lidars, notes_of
-from testbed.inspect.time_offset import shifted
+from testbed.inspect import Reading, inspect_log, lidars, notes_of, time_offset
+from testbed.inspect.time_offset import shifted, without_time_offset
 from testbed.inspect.turns import compare_turns
 from testbed.presets import load_lidar
 from testbed.seeds import RunSeeds
@@ -193,6 +193,26 @@ def test_sectors_of_a_scan_are_compared_by_their_own_times():
     """In 40 s without an offset; whole scans, by their mean time, are off by 2 to 5 ms here."""
     offsets = [compare_turns(drive(seed=seed).table).offset for seed in (4, 5, 6)]
     assert np.abs(offsets).max() < 0.0015
+
+
+@pytest.mark.parametrize("world", ["museum", "symmetric"])
+def test_scans_some_time_apart_show_the_clock(world):
+    """Scans 0.1 s apart, whose turns hardly change with the clock, show offsets of 12 and 3 ms here."""
+    assert abs(compare_turns(drive(world).table).offset) < 0.0025
+
+
+def test_turns_that_do_not_follow_the_odometry_show_no_clock():
+    """A drive straight ahead: the odometry turns by noise alone, and some offset fits that best."""
+    clock = compare_turns(drive("nested_loops", seed=70).table)
+    assert clock is None or not math.isfinite(clock.uncertainty)
+
+
+def test_the_offset_is_estimated_again_where_it_is_off(log, monkeypatch):
+    """The second estimate compares scans by the motion of their own time."""
+    estimates = iter([0.2, 0.01])
+    clock = compare_turns(log.table)
+    monkeypatch.setattr(time_offset, "compare_turns", lambda table: clock._replace(offset=next(estimates)))
+    assert "+0.210 ± " in without_time_offset(log, None).notes[-1]
 
 
 def test_readings_that_were_looked_at_are_let_go_of(log, monkeypatch):

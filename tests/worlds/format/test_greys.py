@@ -75,3 +75,9 @@ def test_eight_bits_saved_as_sixteen_are_read(tmp_path):
     file = read_map_file(write(tmp_path, head + PLAN.astype(">u2").tobytes()))
     assert share_right(file) == 1.0
     assert UNKNOWN in PLAN
+
+
+def test_greys_read_as_raw_percents_are_questioned(tmp_path):
+    """0 is black, a wall, but as a percentage it is free."""
+    file = read_map_file(write(tmp_path, p5(PLAN), mode="raw"))
+    assert "no known cell is occupied" in file.notes[0]

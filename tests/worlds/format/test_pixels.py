@@ -37,6 +37,20 @@ def test_every_pgm_gives_its_grey_values(tmp_path, content):
     assert (pixels.white, pixels.transparent) == (255, None)
 
 
+@pytest.mark.parametrize("before", [b"\r\n", b"\n# CREATOR: map_saver\n", b"\n# one\n# two\n", b"\r\n# of Windows\r\n"])
+@pytest.mark.parametrize("behind", [b"", b"\n"])
+@pytest.mark.parametrize("largest", [255, 65535])
+def test_lines_between_header_and_pixels_shift_no_pixel(tmp_path, before, behind, largest):
+    raster = GREY.tobytes() if largest == 255 else (GREY * np.uint16(257)).astype(">u2").tobytes()
+    pixels = read(tmp_path, b"P5\n3 2\n" + str(largest).encode() + before + raster + behind)
+    np.testing.assert_array_equal(pixels.grey, GREY * np.uint16(257) if largest == 65535 else GREY)
+
+
+def test_a_pixel_that_looks_like_a_line_stays(tmp_path):
+    grey = np.array([[10, 35, 10], [35, 10, 200]], np.uint8)
+    np.testing.assert_array_equal(read(tmp_path, p5(grey) + b"\n").grey, grey)
+
+
 @pytest.mark.parametrize("suffix", ["png", "bmp", "tif", "tga", "gif", "webp"])
 def test_other_formats_give_the_same_values(tmp_path, suffix):
     if suffix == "webp":
