@@ -195,13 +195,13 @@ def difference_to_largest(case: Case, c: int) -> str:
     difference, count = case.decision.differences[c], case.table.counts[c]
     if not difference.count:
         return ""
-    matters = f"up to {_margin_length(case)} {'would' if case.decision.kind == 'undecided' else 'does'} not matter"
+    matters = f"up to {_margin_length(case, c)} {'would' if case.decision.kind == 'undecided' else 'does'} not matter"
     after = after_seeds(case.decision, c, " after {} seeds")
     if difference.count < min_values():
         return f"{count} {_were(count)} {_few_words(case, difference)}; {matters}"
     unit = case.shown_in
     value, low, high = (unit.factor * v for v in (difference.value, difference.low, difference.high))
-    digits = _decimals_apart((low, high), unit.factor * case.decision.limit, _decimals(value, low, high))
+    digits = _decimals_apart((low, high), unit.factor * case.decision.limits[c], _decimals(value, low, high))
     size = f"{abs(value):.{digits}f} {unit.name}".rstrip()
     compared = f"{size} {_side(value)} than {case.largest} in the median pair of runs"
     ends = f"{abs(low):.{digits}f}{'' if _side(low) == _side(high) else f' {_side(low)}'} to {abs(high):.{digits}f}"
@@ -277,9 +277,12 @@ def difference_words(difference: Interval, unit: Unit, limit: float = math.nan) 
     return f"{value:+.{digits}f}{name} [{low:+.{digits}f}, {high:+.{digits}f}]"
 
 
-def _margin_length(case: Case) -> str:
-    """The margin that counts here, with its share of the largest count's error: `0.5 cm (23 % of the error)`."""
-    limit, unit = case.decision.limit, case.shown_in
+def _margin_length(case: Case, c: int) -> str:
+    """The margin that a count was judged by, with its share of the largest count's error; c: index of the count.
+
+    `0.5 cm (23 % of the error)`
+    """
+    limit, unit = case.decision.limits[c], case.shown_in
     shown = f"{unit.factor * limit:.2g}" if unit.factor * limit < 100.0 else f"{unit.factor * limit:.0f}"
     share = share_words(limit, case.median(case.largest))
     return f"{shown} {unit.name}".strip() + (f" ({share} of the error)" if share else "")

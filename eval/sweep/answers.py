@@ -303,11 +303,12 @@ def _final_pass(
     runs = counted(difference.count, "run" if len(places) == 1 else "world") + " each" * (len(places) == 1)
     level = f"; {100.0 * table.level:.3g} % interval" if difference.count >= min_values() else ""
     does = f"{counts[0]} {'does' if counts[0] == 1 else 'do'} as well"
-    margin = f"{unit.factor * decision.limit:.2g} {unit.name}".rstrip()
-    share = share_words(decision.limit, medians[1])
+    limit = decision.limits[0]
+    margin = f"{unit.factor * limit:.2g} {unit.name}".rstrip()
+    share = share_words(limit, medians[1])
     compared = f": {WITHIN_PAIRS} {difference_words(difference, unit)}"
     good = f"{does}{compared} (margin {margin}{f', {share} of the error there' if share else ''})"
-    if decision.limit > max(medians):  # that the difference is smaller then says nothing
+    if limit > max(medians):  # that the difference is smaller then says nothing
         both = f"both errors, {' and '.join(shown)}, are below the margin of {margin}"
         good = f"{does}: {both}; {WITHIN_PAIRS} {difference_words(difference, unit)}"
     conclusions: dict[State, str] = {

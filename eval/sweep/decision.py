@@ -36,7 +36,11 @@ class Decision:
     """Independent runs with a result: seeds, or worlds for a kind of building; of an open answer, those that compare
     the open count with the largest."""
     limit: float
-    """How much larger an error may be than that of the largest count, in the unit of the measure; NaN if unknown."""
+    """How much larger an error may be than that of the largest count, in the unit of the measure, by all runs so far;
+    NaN if unknown."""
+    limits: tuple[float, ...]
+    """The limit that each difference was compared with: that of the look at which the verdict fell. It is not `limit`
+    where the margin is a share of the largest count's error and that has changed since."""
     differences: tuple[Interval, ...]
     """Median paired difference of each count below the largest to it, with the interval that decides: that of the look
     at which the verdict fell, or of the last one where it is open."""
@@ -70,6 +74,8 @@ class _Verdict(NamedTuple):
     state: State
     difference: Interval
     """Median paired difference to the largest count."""
+    limit: float
+    """What the difference was compared with."""
     seeds: int
     """Seeds that had been looked at."""
 
@@ -156,11 +162,11 @@ def _decide(counts: tuple[int, ...], looks: Sequence[_Seen], margin: Margin, lev
         later = _verdicts(seen, margin, level)
         verdicts = [new if old.state == "open" else old for old, new in zip(verdicts, later, strict=True)]
     states, intervals = tuple(v.state for v in verdicts), tuple(v.difference for v in verdicts)
+    limits, seeds = tuple(v.limit for v in verdicts), tuple(v.seeds for v in verdicts)
     known = looks[-1].largest[np.isfinite(looks[-1].largest)]
     limit = _limit(looks[-1], margin)
     kind, count = _answer(counts, states, looks[-1].failures[-1])
-    seeds = tuple(v.seeds for v in verdicts)
-    decision = Decision(kind, count, states, len(known), limit, intervals, seeds, looks[-1].seeds, None)
+    decision = Decision(kind, count, states, len(known), limit, limits, intervals, seeds, looks[-1].seeds, None)
     c = decision.largest_open
     units = len(known) if kind != "undecided" or c is None else intervals[c].count
     return replace(decision, units=units, outlook=_outlook(decision, level))
@@ -171,7 +177,7 @@ def _verdicts(seen: _Seen, margin: Margin, level: float) -> list[_Verdict]:
     limit, (*failures, of_largest) = _limit(seen, margin), seen.failures
     intervals = [paired_difference(row, np.zeros_like(row), level=level) for row in seen.differences]
     return [
-        _Verdict(_state(interval, limit, failed, of_largest, level), interval, seen.seeds)
+        _Verdict(_state(interval, limit, failed, of_largest, level), interval, limit, seen.seeds)
         for interval, failed in zip(intervals, failures, strict=True)
     ]
 
@@ -188,8 +194,8 @@ def _outlook(decision: Decision, level: float) -> Outlook | None:
     if c is None:
         return None
     difference = decision.differences[c]
-    is_small_enough = difference.count >= min_values(level) and difference.high < decision.limit
-    return None if is_small_enough else outlook_of(difference, decision.limit, level=level)
+    is_small_enough = difference.count >= min_values(level) and difference.high < decision.limits[c]
+    return None if is_small_enough else outlook_of(difference, decision.limits[c], level=level)
 
 
 def _answer(counts: tuple[int, ...], states: tuple[State, ...], failed: NDArray[np.float64]) -> tuple[Kind, int | None]:

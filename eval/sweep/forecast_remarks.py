@@ -120,7 +120,7 @@ def _shown_worse(summary: SweepSummary, place: str, c: int) -> str:
     table, decision = summary.table, summary.decision(place, summary.table.baseline)
     difference, largest = decision.differences[c], table.counts[-1]
     are = "is" if table.counts[c] == 1 else "are"
-    if difference.count >= min_values(table.level) and difference.low > decision.limit:
+    if difference.count >= min_values(table.level) and difference.low > decision.limits[c]:
         unit = table.measure.unit(summary.group(place, table.baseline, largest).median.value)
         return f"{are} shown to be worse than {largest}, by {difference_words(difference, unit)}"
     own, other = (summary.group(place, table.baseline, count) for count in (table.counts[c], largest))

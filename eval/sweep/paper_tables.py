@@ -110,7 +110,7 @@ def _differences(summary: SweepSummary, panel: Panel, c: int, lines: Iterable[in
 def _difference(summary: SweepSummary, panel: Panel, k: int, c: int, unit: Unit) -> str:
     """The difference that decides; where that is of an earlier look, that of all runs too."""
     decision = panel.decisions[k]
-    text = difference_words(decision.differences[c], unit, decision.limit) or "-"
+    text = difference_words(decision.differences[c], unit, decision.limits[c]) or "-"
     if first := after_seeds(decision, c, "({})"):
         of_all = paired_difference(panel.error[k, c], panel.error[k, -1], level=summary.table.level)
         return f"{text} {first}; all {difference_words(of_all, unit)}"

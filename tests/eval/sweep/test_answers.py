@@ -179,6 +179,21 @@ def test_a_sweep_with_several_looks_gives_level_and_chance(tmp_path):
     assert answer.needs == chance_sentence(outlook, [16, 24, 32, 40], "1 is enough")
 
 
+def test_an_answer_of_an_earlier_look_states_the_margin_of_that_look(tmp_path):
+    """5 are found to be enough after 8 seeds; 1 is open then, so there are 8 more, in which all errors are a fifth."""
+
+    def falling(p, k, c, s):
+        return 0.1 * (1.0 if s < 8 else 0.2) + (0.03 * (s % 3 - 1), 0.007, 0.0)[c]
+
+    write_sweep(tmp_path, error=falling, seeds=16, about={"level": 0.975})
+    summary = summarise(read_sweep(tmp_path).judged())
+    (answer, _) = answers(summary, "improved")
+    assert answer.headline == "5 particles are enough"
+    assert "97.5 % interval after 8 seeds]" in answer.difference
+    assert answer.difference.endswith("; up to 1 cm (10 % of the error) does not matter")
+    assert summary.decision("hall_a", "improved").limit < 0.007
+
+
 def test_the_chance_is_that_of_a_named_answer(tmp_path):
     """The largest open count decides: it is probably worse, or enough together with the counts below that pass."""
 

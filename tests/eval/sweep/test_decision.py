@@ -120,6 +120,16 @@ def test_a_verdict_is_final_at_the_look_where_it_falls():
     assert (later.kind, later.states[1], later.differences[1].count) == ("enough", "good", 8)
 
 
+def test_the_limit_of_a_verdict_is_that_of_its_look():
+    """After the first look the largest count's error falls to a fifth, and with it a margin that is a share of it."""
+    errors = np.full((2, 20), 0.1)
+    errors[0] += 0.007  # between the two margins
+    errors[:, 8:] -= 0.08
+    decision = decide((1, 5), errors, np.zeros((2, 20)), looks=(8, 20))
+    assert (decision.kind, decision.seeds, decision.looked_at) == ("enough", (8,), 20)
+    assert (decision.limits, decision.limit) == ((0.1 * 0.1,), 0.005)
+
+
 def test_a_look_that_has_not_come_yet_changes_nothing():
     errors = sweep([0.3, 0.1, 0.1, 0.1, 0.1, 0.1], noise=0.02)
     assert decide(COUNTS, errors, NONE, looks=(10, 20, 40)) == decide(COUNTS, errors, NONE)
