@@ -32,17 +32,18 @@ class Threads:
     def _started(self) -> list[SimpleQueue[Any]]:
         """The queues at which this process's threads wait."""
         if self._process != os.getpid():
-            self._process = os.getpid()
-            self._inboxes = [SimpleQueue() for _ in range(self.count - 1)]
-            for inbox in self._inboxes:
+            inboxes: list[SimpleQueue[Any]] = [SimpleQueue() for _ in range(self.count - 1)]
+            weakref.finalize(self, _stop_workers, inboxes)
+            for inbox in inboxes:
                 threading.Thread(target=_work, args=(inbox,), daemon=True).start()
-            weakref.finalize(self, _stop_workers, self._inboxes)
+            self._inboxes, self._process = inboxes, os.getpid()  # last: where this is interrupted it is done again
         return self._inboxes
 
     def run(self, kernel: Callable[..., object], rows: int, *arguments: Any) -> None:
         """Call the kernel for rows [0, rows), in ranges of which each thread takes the next when it is done with one.
 
-        Returns, or raises what any of them or Ctrl-C has raised, only when no thread works on it any more.
+        Returns, or raises what any of them, Ctrl-C or another signal has raised, only when no thread works on it any
+        more.
         """
         parts = min(self.count, rows)
         if parts < 2:
@@ -52,22 +53,17 @@ class Threads:
         first = ranges.popleft()
         bell: SimpleQueue[None] = SimpleQueue()
         outcomes: list[BaseException | None] = []  # one of each thread, there before it rings the bell
-        posted = 0
         raised: BaseException | None = None
-        inboxes = self._started()
+        inboxes = self._started()[: parts - 1]
         try:
-            for inbox in inboxes[: parts - 1]:
-                posted += 1
+            for inbox in inboxes:
                 inbox.put((bell, outcomes, kernel, ranges, arguments))
             kernel(*first, *arguments)  # this thread works too, before the others are awake
             _take(ranges, kernel, arguments)
-        except BaseException as error:
-            raised = error
-        while len(outcomes) < posted:
-            try:
+            for _ in inboxes:
                 bell.get()
-            except KeyboardInterrupt as error:
-                raised = error
+        except BaseException as error:
+            raised = _after_all_work(inboxes, error)
         for outcome in (raised, *outcomes):
             if outcome is not None:
                 raise outcome
@@ -84,6 +80,24 @@ def _work(inbox: SimpleQueue[Any]) -> None:
             outcomes.append(error)
         bell.put(None)
         del job, bell, outcomes, kernel, ranges, arguments
+
+
+def _after_all_work(inboxes: list[SimpleQueue[Any]], error: BaseException) -> BaseException:
+    """Wait until the threads at these queues have done what is in them, however often a signal interrupts that.
+
+    An interrupted loop does not know in which queues its work is. So each gets one job more, without any rows, which is
+    done when those before it are. Returns the last interruption, or this error.
+    """
+    while True:
+        try:
+            bell: SimpleQueue[None] = SimpleQueue()
+            for inbox in inboxes:
+                inbox.put((bell, [], None, deque(), ()))
+            for _ in inboxes:
+                bell.get()
+            return error
+        except BaseException as interruption:
+            error = interruption
 
 
 def _take(ranges: deque[tuple[int, int]], kernel: Callable[..., object], arguments: tuple[Any, ...]) -> None:

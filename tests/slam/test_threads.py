@@ -102,6 +102,68 @@ def test_ctrl_c_while_waiting_for_the_others_waits_on():
     assert over == [2]
 
 
+class StopError(BaseException):
+    """As a limit of time is one."""
+
+
+def stop(number, frame):
+    raise StopError
+
+
+def test_any_signal_while_waiting_for_the_others_waits_on():
+    threads, over, begun, ended = Threads(2), [], threading.Event(), threading.Event()
+
+    def kernel(start, stop):
+        if start == 0:
+            begun.wait()
+            return
+        begun.set()
+        for _ in range(3):
+            time.sleep(0.1)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGUSR1)
+        time.sleep(0.2)
+        over.append(stop)
+        ended.set()
+
+    before = signal.signal(signal.SIGUSR1, stop)
+    try:
+        with pytest.raises(StopError):
+            threads.run(kernel, 2)
+        assert over == [2]
+    finally:
+        signal.signal(signal.SIGUSR1, signal.SIG_IGN)
+        ended.wait()  # or a signal could come after its handler is gone
+        signal.signal(signal.SIGUSR1, before)
+
+
+@pytest.mark.parametrize("is_put", [False, True], ids=["before", "after"])
+def test_an_interruption_while_work_is_handed_out_ends(is_put):
+    """Just before or after the second thread's queue has it."""
+    threads, done = Threads(3), np.zeros(3)
+
+    def kernel(start, stop):
+        done[start:stop] += 1
+
+    threads.run(kernel, 3)
+    queue = threads._inboxes[1]
+
+    class InterruptedOnce:
+        is_over = False
+
+        def put(self, job):
+            if self.is_over or is_put:
+                queue.put(job)
+            if not self.is_over:
+                self.is_over = True
+                raise KeyboardInterrupt
+
+    threads._inboxes[1] = InterruptedOnce()
+    with pytest.raises(KeyboardInterrupt):
+        threads.run(kernel, 3)
+    threads.run(kernel, 3)
+    assert done.min() >= 2
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_forked_process_has_threads_of_its_own():
     threads, done = Threads(2), np.zeros(2)

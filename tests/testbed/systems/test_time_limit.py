@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from contextlib import suppress
 
 import pytest
@@ -16,6 +17,12 @@ from testbed.systems.errors import SystemFailedError
 from testbed.systems.feeding import feed
 from testbed.systems.time_limit import TimeLimitError, time_limit
 from tests.testbed.systems.room import Wheels, frames
+
+
+def alarm():
+    """The handler of an alarm, whether a timer is set, as one of pytest's is, and the period at which it goes on."""
+    rest, again = signal.getitimer(signal.ITIMER_REAL)
+    return signal.getsignal(signal.SIGALRM), rest > 0.0, again
 
 
 class HangingAtStart(Wheels):
@@ -50,18 +57,70 @@ class HangingAtTheEnd(Wheels):
     ],
 )
 def test_a_system_that_hangs_is_stopped_and_named(system, complaint):
-    before = signal.getsignal(signal.SIGALRM)
+    before = alarm()
     with pytest.raises(SystemFailedError, match=complaint):
         feed(system(), "x", frames(), seed=0, seconds=0.5)
-    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
-    assert signal.getsignal(signal.SIGALRM) is before
+    assert alarm() == before
 
 
 def test_the_limit_is_one_of_each_call():
+    before = alarm()
     with time_limit(5.0):
         pass
-    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    assert alarm() == before
     feed(Wheels(), "x", frames(), seed=0, seconds=60.0)
+
+
+def wait_for_an_alarm():
+    for _ in range(1000):
+        time.sleep(0.01)
+
+
+def test_a_limit_counts_on_after_a_limit_within_it():
+    before = alarm()
+    with pytest.raises(TimeLimitError), time_limit(0.2):
+        with time_limit(60.0):
+            pass
+        wait_for_an_alarm()
+    assert alarm() == before
+
+
+def test_a_limit_ends_a_longer_one_within_it():
+    before = alarm()
+    with pytest.raises(TimeLimitError), time_limit(0.2), time_limit(60.0):
+        wait_for_an_alarm()
+    assert alarm() == before
+
+
+def test_a_timer_of_the_caller_goes_off_by_the_handler_of_the_caller():
+    class OthersError(Exception):
+        pass
+
+    def handler(number, frame):
+        raise OthersError
+
+    before, timer = signal.signal(signal.SIGALRM, handler), signal.getitimer(signal.ITIMER_REAL)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(OthersError), time_limit(60.0):
+            wait_for_an_alarm()
+        assert signal.getsignal(signal.SIGALRM) is handler
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, *timer)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_an_alarm_while_the_block_is_left_leaves_nothing_behind(monkeypatch):
+    set_timer, before = signal.setitimer, alarm()
+
+    def with_an_alarm(which, seconds, interval=0.0):
+        if seconds == 0.0:
+            signal.raise_signal(signal.SIGALRM)
+        return set_timer(which, seconds, interval)
+
+    with time_limit(60.0):
+        monkeypatch.setattr(signal, "setitimer", with_an_alarm)
+    assert alarm() == before
 
 
 def test_what_stops_a_call_is_caught_by_no_usual_handler():
