@@ -52,7 +52,8 @@ def write_map(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
         "free_thresh": OccupancyGrid.FREE,
         "unknown_pixel": UNKNOWN_PIXEL,
     }
-    with atomic_write(image) as picture, atomic_write(path) as text:  # both, or neither
+    # left from the inside out: the picture is there first, then the YAML that names it
+    with atomic_write(path) as text, atomic_write(image) as picture:
         Image.fromarray(np.flipud(pixels)).save(picture, format="PPM")
         text.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None), encoding="utf-8")
 

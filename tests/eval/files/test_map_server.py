@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: MIT
 """map_server files: probabilities come back, foreign files are read by map_server's rules, broken ones are refused."""
 
+import errno
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -79,3 +82,22 @@ def test_the_written_picture_is_a_binary_pgm(tmp_path):
     grid = OccupancyGrid(probability=np.array([[0.0, 1.0]], np.float32), resolution=0.05, origin=(0.0, 0.0, 0.0))
     write_map(tmp_path / "m.yaml", grid)
     assert (tmp_path / "m.pgm").read_bytes() == b"P5\n2 1\n255\n\xff\x00"
+
+
+def test_a_yaml_never_names_a_picture_that_could_not_be_written(tmp_path, monkeypatch):
+    """The picture comes first: where it fails, the map that was there before is whole, with its old origin."""
+    old = OccupancyGrid(probability=np.array([[0.0, 1.0]], np.float32), resolution=0.05, origin=(0.0, 0.0, 0.0))
+    write_map(tmp_path / "m.yaml", old)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    replace = Path.replace
+
+    def full_at_the_picture(self, target):
+        if Path(target).suffix == ".pgm":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", full_at_the_picture)
+    new = OccupancyGrid(probability=old.probability, resolution=0.05, origin=(7.0, 0.0, 0.0))
+    with pytest.raises(OSError, match="No space left"):
+        write_map(tmp_path / "m.yaml", new)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
