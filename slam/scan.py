@@ -48,6 +48,8 @@ class Scan:
             raise ValueError(
                 f"time_offsets must be (beams,) = {self.ranges.shape}, got shape {self.time_offsets.shape}"
             )
+        if not 0.0 <= self.range_min < self.range_max:  # also where one is NaN
+            raise ValueError(f"expected 0 <= range_min < range_max, got {self.range_min} m and {self.range_max} m")
         if not np.all(np.isfinite(self.mount)):
             raise ValueError(f"mount must be finite, got {self.mount}")
         if not max(abs(self.mount[0]), abs(self.mount[1])) <= MAX_MOUNT:
@@ -82,8 +84,11 @@ def listed(scan: Scan | Sequence[Scan]) -> list[Scan]:
 
     Raises:
         TypeError: something else came.
+        ValueError: there is no scan.
     """
     scans = [scan] if isinstance(scan, Scan) else list(scan)
+    if not scans:
+        raise ValueError("expected at least one scan, got none")
     for each in scans:
         if not isinstance(each, Scan):
             raise TypeError(f"scan must be a slam.Scan, or several of them, got {type(scan).__name__}")

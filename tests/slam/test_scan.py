@@ -37,9 +37,10 @@ def test_zero_is_invalid_without_a_smallest_range_too():
     assert not Scan(ranges=np.zeros(1), angles=np.zeros(1), range_max=10.0).hit.any()
 
 
-@given(st.lists(st.floats(), max_size=20), st.floats(0.0, 5.0), st.floats(0.0, 100.0))
+@given(st.lists(st.floats(), max_size=20), st.floats(0.0, 5.0), st.floats(1e-3, 100.0))
 @settings(deadline=None)
-def test_no_reading_is_a_hit_and_a_no_return(readings, low, high):
+def test_no_reading_is_a_hit_and_a_no_return(readings, low, width):
+    high = low + width
     scan = Scan(ranges=np.array(readings), angles=np.zeros(len(readings)), range_min=low, range_max=high)
     assert not np.any(scan.hit & scan.no_return)
     valid = scan.ranges[scan.hit]
@@ -60,11 +61,22 @@ def test_a_lidar_without_largest_range_knows_infinity_as_no_return():
         ({"ranges": np.zeros((3, 1)), "angles": np.zeros((3, 1))}, r"\(3, 1\)"),
         ({"time_offsets": np.zeros(4)}, r"time_offsets .* \(4,\)"),
         ({"mount": (0.0, math.nan, 0.0)}, "mount must be finite"),
+        ({"range_max": math.nan}, "expected 0 <= range_min < range_max, got 0.0 m and nan m"),
+        ({"range_min": math.nan}, "expected 0 <= range_min < range_max"),
+        ({"range_min": 2.0}, "expected 0 <= range_min < range_max, got 2.0 m and 1.0 m"),
+        ({"range_min": -0.1}, "expected 0 <= range_min < range_max"),
     ],
 )
 def test_what_does_not_fit_together_is_named(change, message):
     with pytest.raises(ValueError, match=message):
         Scan(**({"ranges": np.zeros(3), "angles": np.zeros(3), "range_max": 1.0} | change))
+
+
+def test_no_scan_at_all_is_refused_by_name():
+    mapper = GMapping(FilterConfig(particles=2), threads=1)
+    with pytest.raises(ValueError, match=r"^expected at least one scan, got none$"):
+        mapper.process(np.zeros(3), [])
+    assert mapper.scans == 0
 
 
 def test_lists_in_the_place_of_arrays_are_refused_by_name():
