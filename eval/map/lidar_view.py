@@ -61,6 +61,8 @@ class LidarView:
         if first is None:
             raise ValueError("a lidar's view takes at least one scan with a beam, got none")
         angles = _united(angles, waiting)
+        if not len(angles):
+            raise ValueError("a lidar's view takes at least one scan with a beam, got none with a direction")
         gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
         widest = int(np.argmax(gaps))
         blind = float(gaps[widest])
@@ -114,8 +116,9 @@ class LidarView:
 
 
 def _united(directions: NDArray[np.float64], further: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the distinct ones of directions (n,) and further ones, rounded: to a microradian they are one."""
-    united: NDArray[np.float64] = np.unique(
-        np.concatenate([directions, np.round(wrap_angle(np.concatenate(further)), 6)])
-    )
+    """Return the distinct ones of directions (n,) and of the finite further ones, rounded: to a microradian they are
+    one."""
+    added = np.concatenate(further)
+    added = added[np.isfinite(added)]  # a beam without a direction carries no information (`slam.sensor.rays`)
+    united: NDArray[np.float64] = np.unique(np.concatenate([directions, np.round(wrap_angle(added), 6)]))
     return united

@@ -145,3 +145,15 @@ def test_a_view_comes_back_from_metrics(view):
 def test_a_view_of_nothing_is_refused(bad):
     with pytest.raises(ValueError, match="a lidar's view takes"):
         LidarView(**bad)
+
+
+def test_a_beam_without_a_direction_changes_no_view():
+    """Drivers mark beams that do not exist by NaN; the rays leave them out as well."""
+    whole = scan(-90.0, 90.0, 181)
+    angles = whole.angles.copy()
+    angles[[0, 50, 180]] = np.nan, np.inf, np.nan
+    seen = LidarView.of([Scan(ranges=whole.ranges, angles=angles, range_max=10.0)])
+    assert seen.width == pytest.approx(np.radians(178.0), abs=1e-5)
+    assert LidarView.of([whole, Scan(ranges=whole.ranges, angles=angles, range_max=10.0)]) == LidarView.of([whole])
+    with pytest.raises(ValueError, match="got none with a direction"):
+        LidarView.of([Scan(ranges=np.ones(2), angles=np.full(2, np.nan), range_max=10.0)])
