@@ -93,26 +93,35 @@ class SweepDirectory:
             raise SweepError(f"{path}: is not empty and holds no sweep; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
         if not create_once(path / MANIFEST, dump_toml(manifest.document())):
-            manifest = cls.open(path)._extend(manifest)
+            manifest = cls._extended(path, manifest)
         for folder in ("cells", "failed"):
             (path / folder).mkdir(exist_ok=True)
         return cls(path, manifest)
 
-    def _extend(self, requested: Manifest) -> Manifest:
-        """Write the manifest of a sweep with more seeds, counts or worlds than there are, or with another question.
+    @classmethod
+    def _extended(cls, path: Path, requested: Manifest) -> Manifest:
+        """The manifest of the sweep in a directory, extended to the requested one where they differ."""
+        present = cls.open(path)
+        extended = present._extension(requested)
+        if present.manifest.spec.document() == requested.spec.document():
+            return extended  # without the lock: several shards of a sweep may begin at once
+        with present.locked(None):
+            extended = cls.open(path)._extension(requested)  # another process may have extended it meanwhile
+            with atomic_write(path / MANIFEST) as temporary:
+                temporary.write_text(dump_toml(extended.document()), encoding="utf-8")
+        return extended
 
-        Returns it with the changes of the margin so far, to which another margin is added if there are results.
+    def _extension(self, requested: Manifest) -> Manifest:
+        """The manifest of a sweep with more seeds, counts or worlds than there are, or with another question.
+
+        It has the changes of the margin so far, to which another margin is added if there are results.
 
         Keys of cells are hashes of everything that decides their result, so those that are done stay valid. Raises
         SweepError if the requested sweep is another one, or lacks what is there.
         """
         check_extends(self.path, self.manifest, requested)
         changes = self.manifest.margin_changes + self._change_of_margin(requested.spec.margin)
-        requested = replace(requested, margin_changes=changes)
-        if self.manifest.spec.document() != requested.spec.document():
-            with self.locked(None), atomic_write(self.path / MANIFEST) as temporary:
-                temporary.write_text(dump_toml(requested.document()), encoding="utf-8")
-        return requested
+        return replace(requested, margin_changes=changes)
 
     def _change_of_margin(self, margin: str) -> tuple[MarginChange, ...]:
         """The change to this margin, if it is another one and results have been seen."""

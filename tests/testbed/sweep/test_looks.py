@@ -11,6 +11,7 @@ import pytest
 from eval.sweep.decision import decide
 from eval.sweep.results import read_sweep
 from eval.sweep.summary import summarise
+from testbed.sweep import looks
 from testbed.sweep.errors import SweepError
 from testbed.sweep.gather import gather
 from testbed.sweep.looks import is_hopeless, look_at, needed_cells, planned, statuses
@@ -274,3 +275,30 @@ def test_going_on_to_smaller_counts_keeps_the_error_rate():
         found = decide((5, 15, 30), errors, np.zeros((3, 40)), level=spec.level, looks=spec.looks)
         wrong += found.kind == "enough" and found.count == 5
     assert wrong / 300 < 0.05
+
+
+def test_two_processes_that_extend_a_sweep_leave_the_larger_one(tmp_path, monkeypatch):
+    """The other one writes 20 seeds after this one, which asks for 15, has read 10."""
+    sizes = {"until": "", "worlds": ["office"]}
+    directory_of(tmp_path, seeds=10, **sizes)
+    locked = SweepDirectory.locked
+
+    def after_the_other(self, shard):
+        monkeypatch.setattr(SweepDirectory, "locked", locked)
+        directory_of(tmp_path, seeds=20, **sizes)
+        return locked(self, shard)
+
+    monkeypatch.setattr(SweepDirectory, "locked", after_the_other)
+    with pytest.raises(SweepError, match="holds another sweep"):
+        directory_of(tmp_path, seeds=15, **sizes)
+    assert len(SweepDirectory.open(tmp_path / "sweep").manifest.spec.seeds) == 20
+
+
+def test_a_look_goes_through_the_cells_once(tmp_path, monkeypatch):
+    """Not once for each world and line, which for a large sweep takes longer than its runs."""
+    directory = directory_of(tmp_path, ["office", "loop", "hall"], seeds=8)
+    cells, asked = directory.cells(), []
+    monkeypatch.setattr(looks, "_group", lambda cell: asked.append(cell) or (cell.place, cell.line))
+    look = looks.look_of(directory.manifest.spec, cells, None, lambda cell: False)
+    assert len(look.needed) == len(cells)
+    assert len(asked) <= 2 * len(cells)
