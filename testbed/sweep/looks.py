@@ -110,8 +110,7 @@ def look_of(spec: SweepSpec, cells: Sequence[Cell], table: SweepTable | None, is
     moving, waiting = groups - given_up, frozenset[Group]()
     previous = next_look = 0
     for look in spec.looks:
-        seeds = spec.seeds[previous:look]
-        added = {group: [cell for cell in cells if cell.seed in seeds and _group(cell) == group] for group in moving}
+        added = _cells_of(cells, moving, spec.seeds[previous:look])
         keys |= {cell.key for own in added.values() for cell in own}
         whole = _whole(table, added, is_finished)
         found = undecided(_first_seeds(table, look), whole, spec.until) if table is not None and whole else {}
@@ -134,6 +133,16 @@ def look_of(spec: SweepSpec, cells: Sequence[Cell], table: SweepTable | None, is
         given_up=given_up,
         seeds=next_look or spec.looks[-1],
     )
+
+
+def _cells_of(cells: Sequence[Cell], groups: frozenset[Group], seeds: Sequence[int]) -> dict[Group, list[Cell]]:
+    """The cells of these groups that have one of these seeds, by group; of a group without any an empty list."""
+    found: dict[Group, list[Cell]] = {group: [] for group in groups}
+    wanted = set(seeds)
+    for cell in cells:
+        if cell.seed in wanted and (own := found.get(_group(cell))) is not None:
+            own.append(cell)
+    return found
 
 
 def _group(cell: Cell) -> Group:

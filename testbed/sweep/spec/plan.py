@@ -87,11 +87,12 @@ def plan(spec: SweepSpec, code: str, inputs: Mapping[str, str]) -> list[Cell]:
             settings={**line.settings, "refine": spec.refines(line, particles)},
             particles=particles,
             seed=seed,
-            inputs=_read_by(source, line.settings, inputs),
+            inputs=read,
             code=code,
         )
         for name, source in _sources(spec)
         for line in lines
+        for read in [_read_by(source, line.settings, inputs)]
         for particles in spec.particles
         for seed in spec.seeds[: spec.drawn_seeds if source.get("world") in drawn else None]
     ]
