@@ -238,14 +238,15 @@ class GMapping:
         return f"<GMapping: {len(self.weights)} particles, {used}, at ({x:.3f}, {y:.3f}, {theta:.3f})>"
 
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Everything that the filter remembers: named arrays, and plain values fit for JSON."""
+        """Everything that the filter remembers: named arrays, and plain values fit for JSON; nothing of it changes when
+        the filter goes on."""
         arrays, values = self._intake.state()
         particles = {
-            "poses": self._particles.poses,
-            "log_weights": self._particles.weights.logs,
-            "spread": self._particles.covariances,
-            "errors": self._particles.errors,
-            "log_histories": self._particles.log_histories,
+            "poses": self._particles.poses.copy(),
+            "log_weights": self._particles.weights.logs.copy(),
+            "spread": self._particles.covariances.copy(),
+            "errors": self._particles.errors.copy(),
+            "log_histories": self._particles.log_histories.copy(),
         }
         arrays = {**particles, **arrays, **self.maps.state(), **self.ancestry.state()}
         own = {"rng": self._rng.bit_generator.state, "revisits": self._loops.state(), "matched": self._matched}
@@ -253,12 +254,13 @@ class GMapping:
         return arrays, {**values, **own}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Any]) -> None:
-        """Take over what `state` gave, from a filter of the same settings."""
-        self._particles = ParticleSet(arrays["poses"])
-        self._particles.weights = Weights(arrays["log_weights"])
-        self._particles.covariances = arrays["spread"]
-        self._particles.errors = arrays["errors"]
-        self._particles.log_histories = arrays["log_histories"]
+        """Take over what `state` gave, from a filter of the same settings. The arrays are copied: several filters may
+        begin from one state."""
+        self._particles = ParticleSet(np.array(arrays["poses"]))
+        self._particles.weights = Weights(np.array(arrays["log_weights"]))
+        self._particles.covariances = np.array(arrays["spread"])
+        self._particles.errors = np.array(arrays["errors"])
+        self._particles.log_histories = np.array(arrays["log_histories"])
         self.ancestry.restore(arrays)
         self._intake.restore(arrays, values)
         self.maps.restore(arrays)

@@ -187,9 +187,9 @@ class ParticleMaps:
     def state(self) -> dict[str, NDArray[Any]]:
         """All maps, as arrays."""
         return {
-            "map_corner": self._corner,
+            "map_corner": self._corner.copy(),
             "map_scans": np.array(self.scans),
-            "map_touched": self.touched,
+            "map_touched": self.touched.copy(),
             **self._counts.state("counts"),
             **self._surface.state("surface"),
             **self._field.state("field"),
@@ -197,11 +197,11 @@ class ParticleMaps:
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `state` gave."""
-        self._corner = state["map_corner"]
+        self._corner = np.array(state["map_corner"])
         self._counts.restore("counts", state)
         self._surface.restore("surface", state)
         self._field.restore("field", state)
-        self.scans, self.touched = int(state["map_scans"]), state["map_touched"]
+        self.scans, self.touched = int(state["map_scans"]), np.array(state["map_touched"])
 
     def occupancy(self, particle: int) -> OccupancyGrid:
         """The map of one particle, cut to what was observed."""

@@ -100,17 +100,17 @@ class TilePool:
             self.request = self._empty_request()
 
     def state(self, name: str) -> dict[str, NDArray[Any]]:
-        """The whole pool, as arrays whose names begin with `name`."""
+        """The whole pool, as arrays whose names begin with `name`; copies, since a pool that grows moves its tiles."""
         return {
-            f"{name}_table": self.table,
-            f"{name}_references": self.references,
-            f"{name}_free": self._free[: self._free_count],
-            **{f"{name}_data{k}": array[: len(self.references)] for k, array in enumerate(self.data)},
+            f"{name}_table": self.table.copy(),
+            f"{name}_references": self.references.copy(),
+            f"{name}_free": self._free[: self._free_count].copy(),
+            **{f"{name}_data{k}": array[: len(self.references)].copy() for k, array in enumerate(self.data)},
         }
 
     def restore(self, name: str, state: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `state` gave."""
-        self.table, self.references = state[f"{name}_table"], state[f"{name}_references"]
+        self.table, self.references = np.array(state[f"{name}_table"]), np.array(state[f"{name}_references"])
         self.data = [np.array(state[f"{name}_data{k}"]) for k in range(len(self.data))]
         free = state[f"{name}_free"]
         self._free_count = len(free)

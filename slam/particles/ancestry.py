@@ -67,17 +67,17 @@ class Ancestry:
     def state(self) -> dict[str, NDArray[Any]]:
         """The whole tree, as arrays."""
         return {
-            "tree_parents": self._parents[: self._used],
-            "tree_poses": self._poses[: self._used],
-            "tree_leaves": self._leaves,
-            "tree_founders": self._founders,
+            "tree_parents": self._parents[: self._used].copy(),
+            "tree_poses": self._poses[: self._used].copy(),
+            "tree_leaves": self._leaves.copy(),
+            "tree_founders": self._founders.copy(),
             "tree_generations": np.array(self.generations),
         }
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `state` gave."""
-        self._parents, self._poses = state["tree_parents"], state["tree_poses"]
-        self._leaves, self._founders = state["tree_leaves"], state["tree_founders"]
+        self._parents, self._poses = np.array(state["tree_parents"]), np.array(state["tree_poses"])
+        self._leaves, self._founders = np.array(state["tree_leaves"]), np.array(state["tree_founders"])
         self._used, self.generations = len(self._parents), int(state["tree_generations"])
 
     def _make_room(self) -> None:

@@ -118,14 +118,14 @@ class ScanIntake:
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Everything remembered: named arrays, and plain values fit for JSON."""
         arrays = {
-            "odometry": np.empty(0) if self._odometry is None else self._odometry,
+            "odometry": np.empty(0) if self._odometry is None else self._odometry.copy(),
             "update_scans": np.array(self.update_scans, dtype=np.int64),
         }
         return arrays, {"stamp": self._stamp, "scans": self.scans, "track": self._track.state()}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Any]) -> None:
         """Take over what `state` gave."""
-        self._odometry = arrays["odometry"] if arrays["odometry"].size else None
+        self._odometry = np.array(arrays["odometry"]) if arrays["odometry"].size else None
         self.update_scans = arrays["update_scans"].tolist()
         self._stamp, self.scans = values["stamp"], values["scans"]
         self._track.restore(values["track"])

@@ -46,6 +46,27 @@ ADAPTIVE = FilterConfig(
 """With bins so small that the count changes before and after the filter is saved."""
 
 
+def digest(arrays: dict[str, np.ndarray]) -> dict[str, bytes]:
+    return {name: array.tobytes() for name, array in arrays.items()}
+
+
+def test_a_state_is_a_snapshot_that_no_filter_shares():
+    """It stays as it is while its filter, or one of two that were made from it, goes on."""
+    origin = GMapping(FIXED, seed=5, threads=1)
+    drive(origin, 0, 6)
+    arrays, values = origin.state()
+    before = digest(arrays)
+    first, second = GMapping(FIXED, threads=1), GMapping(FIXED, threads=1)
+    for mapper in (first, second):
+        mapper.restore(arrays, values)
+    for mapper in (origin, first):
+        mine = [name for name, array in mapper.state()[0].items() if np.shares_memory(array, arrays[name])]
+        assert mine == []
+        drive(mapper, 6, 12)
+        assert digest(arrays) == before
+        assert digest(second.state()[0]) == before
+
+
 @pytest.mark.parametrize("config", [FIXED, ADAPTIVE], ids=["fixed", "adaptive"])
 @pytest.mark.parametrize("when", [0, 1, 17, 30])
 def test_a_resumed_filter_equals_the_uninterrupted_one_bit_for_bit(tmp_path, when, config):
