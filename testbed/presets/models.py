@@ -13,6 +13,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from worlds.file_names import Name
 
+FULL_TURN_DEG = 0.01
+"""A field of view is a full turn where it lacks no more than this [degrees]; no lidar has so many beams that this is
+half of their spacing."""
 MAX_BEAMS = 100_000
 """Largest number of beams of one scan."""
 
@@ -196,12 +199,17 @@ class LidarPreset(_Preset):
                 raise ValueError(f"scan_times: {after} s after {before} s, expected increasing times")
         return self
 
+    @property
+    def is_full_turn(self) -> bool:
+        """Whether the beams go all around, so that one more would have the direction of the first; 359.999 degrees, as
+        a rounded or measured number, are a full turn."""
+        return math.isclose(self.field_of_view_deg, 360.0, abs_tol=FULL_TURN_DEG)
+
     def angles(self, beams: int | None = None) -> NDArray[np.float64]:
         """Return the directions of the beams in the lidar's frame [rad], in their order, (beams,)."""
         n = self.beams if beams is None else beams
         view = math.radians(self.field_of_view_deg)
-        full_turn = self.field_of_view_deg == 360.0
-        step = view / n if full_turn else view / max(n - 1, 1)
+        step = view / n if self.is_full_turn else view / max(n - 1, 1)
         angles: NDArray[np.float64] = np.arange(n, dtype=np.float64) * step - view / 2.0
         return angles
 

@@ -75,7 +75,7 @@ def optics_of(preset: LidarPreset, layers: LidarLayers) -> Optics:
     return Optics(
         spot=math.radians(preset.spot_deg) * layers.mixed_pixels,
         field_of_view=math.radians(preset.field_of_view_deg),
-        full_turn=preset.field_of_view_deg == 360.0,
+        full_turn=preset.is_full_turn,
         grazing=math.sin(math.radians(preset.grazing_deg)) * layers.grazing,
         short_return_rate=preset.short_return_rate * layers.short_returns,
         noise_floor=preset.noise_floor * layers.range_noise,

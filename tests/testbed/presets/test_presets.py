@@ -165,3 +165,12 @@ def test_times_of_scans_that_do_not_increase_are_refused():
     for times in ([0.5, 0.5], [0.5, 0.4], [0.0, math.inf]):
         with pytest.raises(ValueError, match="expected increasing times"):
             LidarPreset.model_validate(document | {"scan_times": times, "sources": sources})
+
+
+@pytest.mark.parametrize("degrees", [360.0, 359.9999, 359.999998])
+def test_a_full_turn_has_no_direction_twice(degrees):
+    """Also where the number was rounded or measured, as `testbed twin` does."""
+    lidar = load_lidar("lds01").model_copy(update={"field_of_view_deg": degrees})
+    steps = np.diff(lidar.angles(), append=lidar.angles()[0] + 2.0 * math.pi)
+    np.testing.assert_allclose(steps, 2.0 * math.pi / lidar.beams, atol=1e-5)
+    assert not lidar.model_copy(update={"field_of_view_deg": 359.0}).is_full_turn
