@@ -33,7 +33,15 @@ from testbed.cli.shared.console import (
     counted_seconds,
     results,
 )
-from testbed.cli.shared.dataset_plan import Kind, Measured, free_space, measure_some, plan_lines, split_lines
+from testbed.cli.shared.dataset_plan import (
+    Kind,
+    Measured,
+    free_space,
+    measure_some,
+    plan_lines,
+    split_lines,
+    worlds_by_split,
+)
 from testbed.cli.shared.dataset_progress import DatasetProgress, dataset_progress
 from testbed.cli.shared.draws import Draw, drawn, draws_of_config, parse_draws, with_each_choice
 from testbed.cli.shared.repeated_options import WantedDrive, advice
@@ -135,10 +143,10 @@ def simulate(world: str, *, datasets: DatasetOptions, simulator: FastSimulatorOp
         jobs = jobs[shard.index :: shard.count]
     missing = [job for job in jobs if not _is_kept(job)]
     if datasets.plan:
-        _print_plan(jobs, missing, datasets, _splits(all_jobs, datasets.out))
+        _print_plan(jobs, missing, datasets, _split_lines(all_jobs, datasets.out))
         return
-    if missing and (lines := _splits(all_jobs, datasets.out)) and ": none" in lines[0]:
-        console.print("\n".join(lines), soft_wrap=True)
+    if missing and not all(_by_split(all_jobs, datasets.out).values()):
+        console.print("\n".join(_split_lines(all_jobs, datasets.out)), soft_wrap=True)
     announce_compilation()
     datasets.out.mkdir(parents=True, exist_ok=True)
     if missing and len(missing) < len(jobs):
@@ -192,10 +200,16 @@ def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions, 
         results.print(line)
 
 
-def _splits(jobs: list[_Job], out: Path) -> list[str]:
-    """Which worlds are for training, validation and testing once the datasets are there; nothing for one dataset."""
+def _by_split(jobs: list[_Job], out: Path) -> dict[str, list[str]]:
+    """Which worlds are for training, validation and testing once the datasets are there; empty for one dataset."""
     world_of = {path.name: world_in(path) for path in datasets_in(out)} | {job.path.name: job.name for job in jobs}
-    return split_lines(world_of.values(), chosen_splits(out)) if len(world_of) > 1 else []
+    return worlds_by_split(world_of.values(), chosen_splits(out)) if len(world_of) > 1 else {}
+
+
+def _split_lines(jobs: list[_Job], out: Path) -> list[str]:
+    """The same as a line or two; none for one dataset."""
+    by_split = _by_split(jobs, out)
+    return split_lines(by_split, were_chosen=bool(chosen_splits(out))) if by_split else []
 
 
 def _expected_seconds(jobs: list[_Job]) -> list[float]:

@@ -160,19 +160,26 @@ def free_space(path: Path) -> int:
     return shutil.disk_usage(existing).free
 
 
-def split_lines(worlds: Iterable[str], chosen: Mapping[str, str]) -> list[str]:
-    """The worlds of each split, a line or two: what decides it is known before anything is made.
+def worlds_by_split(worlds: Iterable[str], chosen: Mapping[str, str]) -> dict[str, list[str]]:
+    """The worlds of each split, sorted; what decides it is known before anything is made.
 
     worlds: of all datasets that the collection will have
     chosen: splits that were chosen for some of them, see `testbed.datasets.index.splits`
     """
     names = set(worlds)
     of_world = splits(names, {world: split for world, split in chosen.items() if world in names})
+    return {
+        split: sorted((world for world, its_split in of_world.items() if its_split == split), key=natural_order)
+        for split in SPLITS
+    }
+
+
+def split_lines(by_split: Mapping[str, Sequence[str]], *, were_chosen: bool) -> list[str]:
+    """The worlds of each split, a line or two; were_chosen: whether the splits of some worlds were chosen before."""
     parts = []
-    for split in SPLITS:
-        inside = sorted((world for world, its_split in of_world.items() if its_split == split), key=natural_order)
+    for split, inside in by_split.items():
         named = ", ".join(inside[:MAX_NAMED]) + (f" and {len(inside) - MAX_NAMED} more" if inside[MAX_NAMED:] else "")
         parts.append(f"{split}: {named or 'none'}")
-    few = "three or more worlds give all splits; " if len(of_world) < len(SPLITS) else ""
-    how = "as chosen before" if chosen else f"{few}`testbed datasets index --help` says how to choose them"
+    few = "three or more worlds give all splits; " if sum(map(len, by_split.values())) < len(SPLITS) else ""
+    how = "as chosen before" if were_chosen else f"{few}`testbed datasets index --help` says how to choose them"
     return ["; ".join(parts), f"({how})"]

@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 
 from testbed.cli.shared import dataset_plan, dataset_progress
-from testbed.cli.shared.dataset_plan import Kind, Measured, measure_some, plan_lines, split_lines
+from testbed.cli.shared.dataset_plan import Kind, Measured, measure_some, plan_lines, split_lines, worlds_by_split
 from testbed.cli.shared.dataset_progress import DatasetProgress
 
 
@@ -97,17 +97,23 @@ def test_one_dataset_needs_one_worker(tmp_path, workers, time):
 
 
 def test_a_plan_names_the_worlds_of_each_split():
-    names, why = split_lines(["office", "apartment"] * 3, {})
+    assert worlds_by_split(["office", "apartment"], {}) == {
+        "train": ["apartment"],
+        "validation": [],
+        "test": ["office"],
+    }
+    names, why = split_lines(worlds_by_split(["office", "apartment"] * 3, {}), were_chosen=False)
     assert names == "train: apartment; validation: none; test: office"
     assert why.startswith("(three or more worlds give all splits; ")
-    names, why = split_lines([f"rooms-{k}" for k in range(50)], {})
+    names, why = split_lines(worlds_by_split([f"rooms-{k}" for k in range(50)], {}), were_chosen=False)
     assert names.startswith("train: rooms-0, ")
     assert " more; validation: " in names
     assert "three" not in why
 
 
 def test_a_plan_keeps_splits_that_were_chosen():
-    names, why = split_lines(["office", "apartment"], {"apartment": "test", "lab": "validation"})
+    chosen = {"apartment": "test", "lab": "validation"}
+    names, why = split_lines(worlds_by_split(["office", "apartment"], chosen), were_chosen=True)
     assert names == "train: office; validation: none; test: apartment"
     assert why == "(as chosen before)"
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from testbed.formats import LogError, open_log
+from testbed.formats.ros.reading.transforms import LeaningLidarError, NotConnectedError, Transforms
 from tests.testbed.formats.bags import assert_like, bag, changed
 
 
@@ -114,3 +115,16 @@ def test_a_bag_without_odometry_says_which_transforms_there_are(tmp_path, messag
     path = bag(tmp_path / "bag", changed([m for m in messages if m[0] != "/odom"], "/tf", by_slam))
     with pytest.raises(LogError, match="/tf has no transform from odom, but map to base_link"):
         open_log(path)
+
+
+def test_what_is_wrong_with_a_mount_is_told_by_its_kind_not_by_its_words():
+    """A frame may have any name."""
+    upright = np.eye(4)
+    on_its_side = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    tree = Transforms({"laser": ("base", upright), "down": ("base", on_its_side)})
+    assert tree.leads("base", "laser")
+    with pytest.raises(LeaningLidarError, match="leans by 90 degrees"):
+        tree.mount("base", "down")
+    with pytest.raises(NotConnectedError, match="no transforms lead from leans to base"):
+        tree.mount("base", "leans")
+    assert not tree.leads("base", "leans")

@@ -16,6 +16,7 @@ from testbed.formats.ros.reading.namespaces import choices
 from testbed.formats.ros.reading.raw_scans import Head, RawScans, ScanRecorder, in_order_of_time
 from testbed.formats.ros.reading.repairs import Fan, sound_beats
 from testbed.formats.ros.reading.topics import usual_topic
+from testbed.formats.ros.reading.transforms import LeaningLidarError
 from testbed.frame_table import BeamPattern, Floats, Integers
 
 MAX_BAD_SHARE = 0.1
@@ -202,9 +203,10 @@ def of_level_lidars(content: BagContent, scans: RawScans) -> RawScans:
     for name in scans.frames:
         try:
             content.transforms.mount(content.odometry.child_frame, name)
-        except ValueError as error:
-            if "leans" in str(error):
-                faults[name] = str(error)
+        except LeaningLidarError as error:
+            faults[name] = str(error)
+        except ValueError:
+            continue  # no chain of transforms, or a circle: reported where its mount is needed
     if len(faults) == len(scans.frames):
         return scans
     kept = np.ones(len(scans), dtype=bool)

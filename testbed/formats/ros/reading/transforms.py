@@ -29,6 +29,14 @@ MAX_TILT = math.radians(5.0)
 """Lidars and poses that lean more than this are not planar [rad]."""
 
 
+class NotConnectedError(ValueError):
+    """No chain of transforms leads from one frame to another."""
+
+
+class LeaningLidarError(ValueError):
+    """A lidar is neither level nor upside down."""
+
+
 class Moving:
     """Transforms that are sent again and again, by parent and child frame, as columns."""
 
@@ -139,14 +147,14 @@ class Transforms:
         try:
             self.place(robot, lidar)
         except ValueError as error:
-            return "no transforms lead" not in str(error)
+            return not isinstance(error, NotConnectedError)
         return _name(robot) == _name(lidar) or bool(self.parents)
 
     def mount(self, robot: str, lidar: str) -> tuple[tuple[float, float, float], bool]:
         """`T_robot_lidar` in the plane [m, m, rad], and whether the lidar hangs upside down.
 
-        Without any transforms both frames are taken for the same. Raises ValueError where no chain of transforms
-        leads from one frame to the other, or the lidar is neither level nor upside down.
+        Without any transforms both frames are taken for the same. Raises NotConnectedError where no chain of transforms
+        leads from one frame to the other, LeaningLidarError where the lidar is neither level nor upside down.
         """
         robot, lidar = _name(robot), _name(lidar)
         if robot == lidar or not self.parents:
@@ -154,13 +162,13 @@ class Transforms:
         T = self.place(robot, lidar)
         up = float(T[2, 2])
         if abs(up) < math.cos(MAX_TILT):
-            raise ValueError(f"the lidar ({lidar}) leans by {math.degrees(math.acos(abs(up))):.0f} degrees")
+            raise LeaningLidarError(f"the lidar ({lidar}) leans by {math.degrees(math.acos(abs(up))):.0f} degrees")
         return (float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0])), up < 0.0
 
     def place(self, robot: str, lidar: str) -> NDArray[np.float64]:
         """`T_robot_lidar` in space, (4, 4), however the lidar leans; the identity where no transforms are known.
 
-        Raises ValueError where no chain of transforms leads from one frame to the other.
+        Raises NotConnectedError where no chain of transforms leads from one frame to the other.
         """
         robot, lidar = _name(robot), _name(lidar)
         if robot == lidar or not self.parents:
@@ -176,7 +184,7 @@ class Transforms:
             if ancestor in above_other:
                 return T
             T = self.parents[ancestor][1] @ T if ancestor in self.parents else T
-        raise ValueError(f"no transforms lead from {other} to {frame}")
+        raise NotConnectedError(f"no transforms lead from {other} to {frame}")
 
     def _ancestors(self, frame: str) -> list[str]:
         """The frame, its parent, and so on up to the root; ValueError for a circle."""
