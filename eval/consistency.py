@@ -35,7 +35,8 @@ def path_nees(poses: Pose, truth: Pose, covariances: NDArray[np.float64]) -> NDA
 def errors_from_first(poses: Pose, truth: Pose) -> Pose:
     """Poses minus true ones (n, 3), in the frame of the poses, with the first known truth placed on its pose.
 
-    truth (n, 3): NaN where it is unknown
+    truth (n, 3): NaN where it is unknown. Where it begins late, the first known pose, which has an error of its own, is
+    taken for exact: the errors are then relative to it, while the covariances are not, and the NEES is biased.
     """
     known = np.flatnonzero(np.isfinite(truth).all(axis=1))
     if len(known) == 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import time
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -203,7 +204,8 @@ def rows_of(stamps: NDArray[np.float64], of_frames: NDArray[np.float64]) -> NDAr
         found = places.get(round(stamp, 6))
         if found is None:
             return None
-        last = next((row for row in found if row > last), found[0])
+        behind = bisect_right(found, last)
+        last = found[behind] if behind < len(found) else found[0]
         rows.append(last)
     return np.array(rows, dtype=np.intp)
 

@@ -222,6 +222,7 @@ def test_stamps_that_repeat_and_step_back_find_their_frames():
     of_frames = np.array([1.0, 2.0, 2.0, 1.5, 3.0])
     assert rows_of(np.array([1.0, 2.0, 2.0, 1.5, 3.0]), of_frames).tolist() == [0, 1, 2, 3, 4]
     assert rows_of(np.array([2.0, 2.0, 1.5]), of_frames).tolist() == [1, 2, 3]
+    assert rows_of(np.array([2.0, 2.0, 2.0, 2.0]), of_frames).tolist() == [1, 2, 1, 2]  # once more from the first
     assert rows_of(np.array([2.0, 2.25]), of_frames) is None
 
 
