@@ -287,7 +287,7 @@ def _first_fit(matched: Association, begin: int, after: Rows, aligned: Rows, nex
 def has_come_back(metres: Numbers, degrees: Numbers, driven: Numbers) -> Numbers:
     """Whether an estimate that is off by so much [m], [deg] fits the truth again, so much of the path [m] after it had
     left it: the rule of `HEAL_M`, for numbers or arrays (n,)."""
-    since = min(driven, HEAL_DRIFT_PATH) if isinstance(driven, float) else np.minimum(driven, HEAL_DRIFT_PATH)
+    since = np.minimum(driven, HEAL_DRIFT_PATH)
     return (metres <= HEAL_M + HEAL_DRIFT_M * since) & (degrees <= HEAL_DEG + HEAL_DRIFT_DEG * since)
 
 

@@ -124,7 +124,7 @@ class DriveVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return tuple(picture for screen in self._screens if (picture := screen.picture()) is not None)
 
     def close_extras(self) -> None:
-        """Nothing to free but the pictures."""
+        """End the task of the robots."""
         self._task.close()
 
     def _begin(self, which: Flags, options: ResetOptions) -> StepOutcome:
