@@ -22,8 +22,8 @@ from slam.scan import Scan
 from slam.sensor.possible_motion import possible_twist
 from slam.sensor.rays import Rays, make_rays
 
-KEPT_BEAMS = 5_000_000
-"""Rays of so many beams are kept in memory, 165 MB; those of later scans are made anew whenever they are asked for."""
+KEPT_BEAMS = 2_000_000
+"""Rays of so many beams are kept in memory, 66 MB; those of later scans are made anew whenever they are asked for."""
 
 
 def middle_frames(stamps: NDArray[np.float64], scans: Sequence[Scan | None]) -> dict[int, int]:
