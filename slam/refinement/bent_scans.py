@@ -85,9 +85,9 @@ def _bend(
     end: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Turn within half a sweep by which odometry and path disagree [rad], (scans,), the path's from frames `begin` to
-    frames `end`; less what the turn rate may have changed from the sweep to the mean of that time."""
+    frames `end`; less what the turn rate in the middle of that time may differ from its mean."""
     differ = np.abs(sweeps.twists[:, 2] - _twists(poses, stamps, begin, end)[:, 2])
-    return 0.5 * sweeps.seconds * (differ - 0.5 * MAX_TURN_ACCELERATION * (stamps[end] - stamps[begin]))
+    return 0.5 * sweeps.seconds * (differ - 0.25 * MAX_TURN_ACCELERATION * (stamps[end] - stamps[begin]))
 
 
 def _twists(
