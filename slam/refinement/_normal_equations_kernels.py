@@ -40,17 +40,28 @@ class SurfelObservations(NamedTuple):
 
 
 @kernel
-def collect(start, stop, first, poses, points, matches, normal, diagonal, gradient, observations, count):
+def count_surfels(start, stop, first, surfel, surfels, count):
+    """How many of all `surfels` each of the scans [start, stop) sees, count (scans,) out; surfel (n,): -1 = none."""
+    last = np.full(surfels, -1, np.int64)  # scan that saw each
+    for scan in range(start, stop):
+        count[scan] = 0
+        for i in range(first[scan], first[scan + 1]):
+            e = surfel[i]
+            if e >= 0 and last[e] != scan:
+                last[e] = scan
+                count[scan] += 1
+
+
+@kernel
+def collect(start, stop, first, poses, points, matches, normal, diagonal, gradient, observations):
     """Equations of the scans [start, stop): diagonal (scans, 3, 3) and gradient (scans, 3) are added to.
 
     first (scans + 1,): the end points of scan i, points (n, 2), are those from first[i] to first[i + 1]
-    observations out: arrays twice as long as the cloud, those of scan i from 2 first[i] on: of the offset and of the
-    slope of each surfel that it sees
-    count (scans,) out: how many these are
+    observations out: of the offset and of the slope of each surfel that a scan sees, `first` given
     """
     row_of = np.full(normal.shape[0], -1, np.int64)
     for scan in range(start, stop):
-        H, g, begin = diagonal[scan], gradient[scan], 2 * first[scan]
+        H, g, begin = diagonal[scan], gradient[scan], observations.first[scan]
         end = begin
         for i in range(first[scan], first[scan + 1]):
             e = matches.surfel[i]
@@ -82,7 +93,6 @@ def collect(start, stop, first, poses, points, matches, normal, diagonal, gradie
             observations.weight[row + 1] += w * s
             observations.heading_jacobian[row + 1] += w * s * nt
         H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
-        count[scan] = end - begin
 
 
 @kernel

@@ -56,6 +56,27 @@ def path_twists(sweeps: Sweeps, poses: se2.Pose, stamps: NDArray[np.float64]) ->
     return dict(zip(numbers.tolist(), found, strict=True))
 
 
+def misplaced_scans(
+    sweeps: Sweeps, bent: NDArray[np.int64], poses: se2.Pose, stamps: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Numbers of the scans that are not bent but lie turned against both neighbours, by what the wheels reported there.
+
+    bent: numbers of the scans that are;  poses (frames, 3), stamps (frames,) [s]. Where wheels slip, the path begins
+    with turns of tens of degrees between two scans; more than the gates of the adjustment let it find back from. Such
+    a scan turns away from the one before it and back to the one after it, at least once faster than a robot can.
+    """
+    straight = np.setdiff1d(np.arange(len(sweeps.frames)), bent)
+    frames, rates = sweeps.frames[straight], sweeps.twists[straight, 2]
+    seconds = np.diff(stamps[frames])
+    turned = se2.between(poses[frames[:-1]], poses[frames[1:]])[:, 2]
+    off = se2.wrap_angle(turned - 0.5 * seconds * (rates[:-1] + rates[1:]))
+    possible = 2.0 * MAX_BEND + 0.25 * MAX_TURN_ACCELERATION * seconds**2  # from one known rate to another
+    away = np.minimum(np.abs(off[:-1]), np.abs(off[1:])) > 2.0 * MAX_BEND
+    too_fast = np.maximum(np.abs(off[:-1]) - possible[:-1], np.abs(off[1:]) - possible[1:]) > 0.0
+    found: NDArray[np.int64] = straight[1:-1][away & too_fast & (off[:-1] * off[1:] < 0.0)]
+    return found
+
+
 def _bend(
     sweeps: Sweeps,
     poses: se2.Pose,
@@ -64,9 +85,9 @@ def _bend(
     end: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Turn within half a sweep by which odometry and path disagree [rad], (scans,), the path's from frames `begin` to
-    frames `end`; less what the turn rate may have changed from the sweep to the mean of that time."""
+    frames `end`; less what the turn rate in the middle of that time may differ from its mean."""
     differ = np.abs(sweeps.twists[:, 2] - _twists(poses, stamps, begin, end)[:, 2])
-    return 0.5 * sweeps.seconds * (differ - 0.5 * MAX_TURN_ACCELERATION * (stamps[end] - stamps[begin]))
+    return 0.5 * sweeps.seconds * (differ - 0.25 * MAX_TURN_ACCELERATION * (stamps[end] - stamps[begin]))
 
 
 def _twists(
@@ -80,7 +101,7 @@ def _twists(
 
 def between_neighbours(frames: NDArray[np.int64], bent: NDArray[np.int64], poses: se2.Pose) -> se2.Pose:
     """Poses (frames, 3) with those of the scans number `bent` (k,), and of the frames about them, evenly between the
-    nearest scans that are not bent."""
+    nearest scans that are not among them."""
     result = poses.copy()
     straight = np.setdiff1d(np.arange(len(frames)), bent)
     for number in bent.tolist():

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.refinement.joint_equations import Equations
+from slam.refinement.joint_equations import Equations, parts_of
 
 BLIND_SIGMA = 0.1
 """A scan is blind where it leaves a standard deviation of position of more than this open in some direction [m]. A
@@ -53,11 +53,14 @@ def by_other_scans(equations: Equations, seen: NDArray[np.float64]) -> NDArray[n
     nothing of it.
     """
     rows, normal = equations.observations, equations.normal
-    scan = np.repeat(np.arange(len(seen)), np.diff(rows.first))
-    b = np.column_stack([rows.weight[:, None] * normal[rows.surfel], rows.heading_jacobian])
-    b /= np.sqrt(np.maximum(equations.total[rows.surfel], np.finfo(float).tiny))[:, None]
     left = seen.copy()
-    np.subtract.at(left, scan, b[:, :, None] * b[:, None, :])
+    for begin, end in parts_of(rows):
+        of_these = slice(rows.first[begin], rows.first[end])
+        scan = np.repeat(np.arange(begin, end), np.diff(rows.first[begin : end + 1]))
+        surfel = rows.surfel[of_these]
+        b = np.column_stack([rows.weight[of_these, None] * normal[surfel], rows.heading_jacobian[of_these]])
+        b /= np.sqrt(np.maximum(equations.total[surfel], np.finfo(float).tiny))[:, None]
+        np.subtract.at(left, scan, b[:, :, None] * b[:, None, :])
     return left
 
 

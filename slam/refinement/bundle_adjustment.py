@@ -14,7 +14,7 @@ from slam._threads import Threads
 from slam.config import RefineConfig
 from slam.motion.odometry_model import motion_prior
 from slam.refinement._chain_kernels import add_odometry_steps
-from slam.refinement._normal_equations_kernels import SurfelObservations, collect
+from slam.refinement._normal_equations_kernels import SurfelObservations, collect, count_surfels
 from slam.refinement._surfel_match_kernels import GATE_SIGMAS, Matches, match_points, weigh_points
 from slam.refinement.joint_equations import Equations, JointEquations
 from slam.refinement.noise import INITIAL, Noise, estimate_noise, for_weights
@@ -48,6 +48,21 @@ class ScanEquations(NamedTuple):
     """Normals of the surfels, once for their offsets and once for their slopes, (2 surfels, 2)."""
     total: NDArray[np.float64]
     """Precisions of offsets [1/m^2] and slopes [1/rad^2], the poses held, (2 surfels,)."""
+    noise: Noise
+    """Noise of the end points as they lie about these surfels."""
+
+
+class SeenWalls(NamedTuple):
+    """End points and the surfels that they lie on."""
+
+    points: NDArray[np.float64]
+    """End points in the map's frame [m], (n, 2)."""
+    matches: Matches
+    """Which surfel each belongs to."""
+    normal: NDArray[np.float64]
+    """Unit normals of the surfels' lines, (surfels, 2)."""
+    total: NDArray[np.float64]
+    """Precisions of offsets [1/m^2] and slopes [1/rad^2], (2 surfels,)."""
     noise: Noise
     """Noise of the end points as they lie about these surfels."""
 
@@ -106,6 +121,20 @@ class Adjustment:
 
     def scan_equations(self, poses: se2.Pose, gate: float) -> ScanEquations:
         """Find the surfels at poses (scans, 3) and set up the scans' part of the equations."""
+        seen = self._seen_walls(poses, gate)  # all else that it takes to find them is forgotten
+        first, scans, surfels = self.cloud.first, len(poses), len(seen.normal)
+        count = np.empty(scans, np.int64)
+        self.threads.run(count_surfels, scans, first, seen.matches.surfel, surfels, count)
+        begins = np.concatenate([[0], np.cumsum(2 * count)])  # an offset and a slope each
+        columns = (np.empty(begins[-1]) for _ in range(3))
+        observations = SurfelObservations(begins, np.empty(begins[-1], np.int32), *columns)
+        diagonal, gradient = np.zeros((scans, 3, 3)), np.zeros((scans, 3))
+        found = seen.points, seen.matches, seen.normal
+        self.threads.run(collect, scans, first, poses, *found, diagonal, gradient, observations)
+        return ScanEquations(diagonal, gradient, observations, np.tile(seen.normal, (2, 1)), seen.total, seen.noise)
+
+    def _seen_walls(self, poses: se2.Pose, gate: float) -> SeenWalls:
+        """Find the surfels at poses (scans, 3) and the end points that lie on them."""
         cloud, config, noise, threads = self.cloud, self.config, self.noise, self.threads
         n = len(cloud.ends)
         there = transform_cloud(cloud, poses, threads)
@@ -118,8 +147,7 @@ class Adjustment:
         surplus = noise.floor - self.found_noise.floor
         weigh_points(matches, cloud.first, cloud.each, gate, noise.shared, surplus, normal, total)
         observed = cloud.first, matches.surfel, matches.across, cloud.ranges, there.view_directions, normal
-        seen = estimate_noise(*observed, before=noise)
-        return self._collect(poses, there.points, matches, normal, total, seen)
+        return SeenWalls(there.points, matches, normal, total, estimate_noise(*observed, before=noise))
 
     def walls(self, there: PlacedCloud, reach: float) -> tuple[Cells, NDArray[np.int32], Surfels]:
         """Cells of the cloud that lies `there`, the cell of each end point (n,), and the surfels, listed for the
@@ -128,29 +156,3 @@ class Adjustment:
         cells, cell_of = make_cells(there.points, config.cell)
         noises = self.noise, self.found_noise
         return cells, cell_of, find_surfels(there, self.cloud, cells, cell_of, config, noises, reach, self.threads)
-
-    def _collect(
-        self,
-        poses: se2.Pose,
-        points: NDArray[np.float64],
-        matches: Matches,
-        normal: NDArray[np.float64],
-        total: NDArray[np.float64],
-        noise: Noise,
-    ) -> ScanEquations:
-        """The equations from points (n, 2) in the map's frame and the lines of their surfels, normal (surfels, 2);
-        total (2 surfels,): see `weigh_points`."""
-        first, scans, n = self.cloud.first, len(poses), len(points)
-        diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-        m = 2 * n  # an end point may be the only one of its scan on its surfel, which has an offset and a slope
-        rows = SurfelObservations(2 * first, np.empty(m, np.int32), np.empty(m), np.empty(m), np.empty(m))
-        self.threads.run(collect, scans, first, poses, points, matches, normal, diagonal, gradient, rows, count)
-        edges = np.zeros(m + 1, np.int8)  # 1 where the rows of a scan begin, -1 after the last that is used
-        np.add.at(edges, rows.first[:-1], 1)
-        np.add.at(edges, rows.first[:-1] + count, -1)
-        used = np.cumsum(edges[:-1], dtype=np.int8).view(np.bool_)
-        begins = np.concatenate([[0], np.cumsum(count)])
-        observations = SurfelObservations(
-            begins, rows.surfel[used], rows.weight[used], rows.heading_jacobian[used], rows.residual[used]
-        )
-        return ScanEquations(diagonal, gradient, observations, np.tile(normal, (2, 1)), total, noise)

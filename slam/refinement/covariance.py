@@ -13,8 +13,6 @@ linear models", Biometrika 1986; White 1980). No direction is taken to be surer 
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, solve_triangular
@@ -23,14 +21,12 @@ from scipy.sparse import csr_matrix
 from slam import se2
 from slam.motion.interpolation import way_along
 from slam.refinement._chain_kernels import chain_covariances, factor_chain
-from slam.refinement.joint_equations import Equations
+from slam.refinement.joint_equations import Equations, parts_of
 
 KEY_DISTANCE = 0.5
 """Way between key poses [m] where their number allows it, by `way_along`."""
 MAX_KEYS = 200
 """Largest number of key poses: the dense equations have three unknowns for each."""
-OBSERVATIONS_AT_ONCE = 500_000
-"""Blocks between scans and surfels that are projected at once: 100 bytes each."""
 HELD = 1e12
 """Precision with which key poses are held while the poses between them are looked at [1/m^2, 1/rad^2]."""
 
@@ -119,10 +115,8 @@ def _chain_matrix(equations: Equations) -> csr_matrix:
 
 def _projected_surfels(equations: Equations, P: csr_matrix) -> tuple[csr_matrix, csr_matrix]:
     """P^T (3 keys, 3 frames) times both matrices of `_surfel_columns`, a part of the scans at a time."""
-    first = equations.observations.first
-    parts = np.searchsorted(first, np.arange(0, first[-1], OBSERVATIONS_AT_ONCE), side="right") - 1
-    bounds = [*np.unique(parts).tolist(), len(first) - 1] if len(parts) else [0, len(first) - 1]
-    projected = [[(P.T @ M).tocsr() for M in _surfel_columns(equations, a, b)] for a, b in pairwise(bounds)]
+    parts = parts_of(equations.observations)
+    projected = [[(P.T @ M).tocsr() for M in _surfel_columns(equations, begin, end)] for begin, end in parts]
     seen, gradients = (sum(matrices[1:], start=matrices[0]) for matrices in zip(*projected, strict=True))
     return seen, gradients
 

@@ -13,6 +13,7 @@ kept as one more row of three, so that vectors have the shape (frames + 1, 3).
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,17 @@ TOLERANCE = 1e-8
 that norm hardly notices bends of the whole, so it has to be small."""
 MAX_ITERATIONS = 500
 """Largest number of iterations of conjugate gradients in one round; the next round continues from there."""
+
+
+OBSERVATIONS_AT_ONCE = 500_000
+"""Blocks between scans and surfels that are looked at together outside of kernels: some hundred bytes each."""
+
+
+def parts_of(observations: SurfelObservations) -> list[tuple[int, int]]:
+    """Ranges [begin, end) of scans with about `OBSERVATIONS_AT_ONCE` blocks each, which together are all scans."""
+    first = observations.first
+    begins = np.searchsorted(first, np.arange(OBSERVATIONS_AT_ONCE, first[-1], OBSERVATIONS_AT_ONCE), side="right") - 1
+    return list(pairwise(np.unique([0, *begins.tolist(), len(first) - 1]).tolist()))
 
 
 class Equations(NamedTuple):

@@ -32,6 +32,8 @@ MIN_GROUP = 30
 """Number of means from which a group has a scale: it is known to 15 % then."""
 PER_OCTAVE = 1
 """Groups per doubling of the number of end points, and of each squared range."""
+OCTAVES = 4096
+"""More than there are doublings between the least and the largest number."""
 MIN_SQUARED_RANGE = 1e-2
 """Below this squared range [m^2] all means are in one group."""
 REWEIGHTINGS = 4
@@ -74,17 +76,13 @@ def estimate_noise(
     """
     pairs = np.empty((len(surfel), 4))
     pairs = pairs[: average_pairs(first, surfel, deviation, ranges, view_directions, normal, pairs)]
-    mean, count, along, across = pairs.T
-    terms = np.stack([np.ones(len(pairs)), 1.0 / count, along / count, across / count], axis=1)
-    scales = np.stack([count, np.maximum(along, MIN_SQUARED_RANGE), np.maximum(across, MIN_SQUARED_RANGE)], axis=1)
-    _, group, size = np.unique(np.rint(PER_OCTAVE * np.log2(scales)), axis=0, return_inverse=True, return_counts=True)
-    group, enough = group.ravel(), size >= MIN_GROUP
-    if np.count_nonzero(enough) < terms.shape[1]:
+    count, (group, size) = pairs[:, 1], _groups_of(pairs)
+    enough = size >= MIN_GROUP
+    if np.count_nonzero(enough) < len(Noise._fields):
         return before
-    order = np.lexsort((np.abs(mean), group))
-    middle = np.concatenate([[0], np.cumsum(size)[:-1]]) + (size - 1) // 2
-    variance = (MAD_TO_SIGMA * np.abs(mean)[order[middle[enough]]]) ** 2
-    design = np.stack([np.bincount(group, term) / size for term in terms.T], axis=1)[enough]
+    variance = _squared_scales(pairs[:, 0], group, size)[enough]
+    shares = [np.bincount(group, part / count) / size for part in (1.0, pairs[:, 2], pairs[:, 3])]
+    design = np.stack([np.ones(len(size)), *shares], axis=1)[enough]
     expected = np.maximum(variance, MIN_VARIANCE)
     for _ in range(REWEIGHTINGS):
         weight = np.sqrt(size[enough]) / expected
@@ -92,6 +90,26 @@ def estimate_noise(
         expected = np.maximum(design @ components, MIN_VARIANCE)
     shared, floor, along_share, across_share = components.tolist()
     return Noise(floor, along_share, across_share, shared)
+
+
+def _groups_of(pairs: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number of the group of each pair (n, 4) of `average_pairs`, (n,), and the sizes of the groups, (groups,)."""
+    key = np.zeros(len(pairs), np.int64)  # whole logarithms, one after the other: sorted as numbers, and little memory
+    for column, least in ((1, 1.0), (2, MIN_SQUARED_RANGE), (3, MIN_SQUARED_RANGE)):
+        octave = np.rint(PER_OCTAVE * np.log2(np.maximum(pairs[:, column], least))).astype(np.int64)
+        key = OCTAVES * key + octave + OCTAVES // 2
+    _, group, size = np.unique(key, return_inverse=True, return_counts=True)
+    return group, size
+
+
+def _squared_scales(
+    mean: NDArray[np.float64], group: NDArray[np.int64], size: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Squared robust scales of the means (n,) in each group [m^2], (groups,); group (n,), size (groups,)."""
+    order = np.lexsort((np.abs(mean), group))
+    middle = np.concatenate([[0], np.cumsum(size)[:-1]]) + (size - 1) // 2
+    scales: NDArray[np.float64] = (MAD_TO_SIGMA * np.abs(mean[order[middle]])) ** 2
+    return scales
 
 
 def for_weights(noise: Noise) -> Noise:

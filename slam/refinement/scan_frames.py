@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from slam import se2
 from slam.config import FilterConfig
-from slam.refinement.bent_scans import Sweeps, between_neighbours, path_twists
+from slam.refinement.bent_scans import Sweeps, between_neighbours, misplaced_scans, path_twists
 from slam.scan import Scan
 from slam.sensor.possible_motion import possible_twist
 from slam.sensor.rays import Rays, make_rays
 
-KEPT_BEAMS = 5_000_000
-"""Rays of so many beams are kept in memory, 165 MB; those of later scans are made anew whenever they are asked for."""
+KEPT_BEAMS = 2_000_000
+"""Rays of so many beams are kept in memory, 66 MB; those of later scans are made anew whenever they are asked for."""
 
 
 def middle_frames(stamps: NDArray[np.float64], scans: Sequence[Scan | None]) -> dict[int, int]:
@@ -95,18 +95,20 @@ class ScanLayout(Mapping[int, Rays]):
     def straighten(self, poses: se2.Pose) -> se2.Pose | None:
         """Lay out by the path the scans that were bent by a motion that is not that of poses (frames, 3).
 
-        Returns poses (frames, 3) from which to go on; None where none was bent.
+        Returns poses (frames, 3) from which to go on; None where none was bent or misplaced.
         """
         sweeps = self._sweeps()
         if self._stamps is None or sweeps is None:
             return None
         twists = path_twists(sweeps, poses, self._stamps)
-        if not twists:
+        bent = np.array(list(twists), np.int64)
+        moved = np.union1d(bent, misplaced_scans(sweeps, bent, poses, self._stamps))
+        if not moved.size:
             return None
         for k, twist in twists.items():
             self._twists[int(sweeps.taken[k])] = twist
             self._made.pop(int(sweeps.frames[k]), None)
-        return between_neighbours(sweeps.frames, np.array(list(twists)), poses)
+        return between_neighbours(sweeps.frames, moved, poses)
 
     def _first_of(self, beams: int) -> set[int]:
         """Return the first frames whose scans have so many beams together."""

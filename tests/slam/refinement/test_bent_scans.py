@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slam import FilterConfig, refine, se2
-from slam.refinement.bent_scans import Sweeps, between_neighbours, path_twists
+from slam import FilterConfig, Scan, refine, se2
+from slam.refinement.bent_scans import Sweeps, between_neighbours, misplaced_scans, path_twists
+from slam.refinement.scan_frames import ScanLayout
 from slam.sensor.deskew import exp_twist
 from tests.slam.rooms import scan_at
 
@@ -56,6 +57,50 @@ def test_scans_that_are_far_apart_say_nothing_of_the_turn_within_one(period):
     sweeps.twists[:] = 0.0
     sweeps.twists[4, 2] = 1.5
     assert path_twists(sweeps, poses, stamps) == {}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "turned", "found"), [([5], [4], [4]), ([4, 5], [3], [3]), ([5], [], []), ([], [2, 7], [2, 7])]
+)
+def test_straight_scans_that_lie_turned_are_found(wrong, turned, found):
+    """Their wheels reported the right velocity, but they lie 9 degrees off, beside bent ones or alone."""
+    stamps, poses = drive(20)
+    for number in turned:
+        poses[2 * number, 2] += 0.15
+    assert misplaced_scans(sweeps_of(20, wrong), np.array(wrong, np.int64), poses, stamps).tolist() == found
+
+
+def test_a_robot_that_was_turned_is_not_turned_back():
+    """Twice in succession the same way: the scan between lies turned against both of its neighbours."""
+    stamps, poses = drive(20)
+    poses[10:, 2] += 0.3
+    poses[12:, 2] += 0.3
+    assert misplaced_scans(sweeps_of(20, []), np.empty(0, np.int64), poses, stamps).size == 0
+
+
+def test_a_robot_that_looks_aside_and_back_is_not_turned_back():
+    """Between scans that are seconds apart it has time to."""
+    poses, none = np.zeros((20, 3)), np.empty(0, np.int64)
+    poses[8, 2] = 0.15
+    sweeps = sweeps_of(20, [])
+    sweeps.twists[:] = 0.0
+    assert misplaced_scans(sweeps, none, poses, 0.5 * np.arange(20)).size == 0
+    assert misplaced_scans(sweeps, none, poses, PERIOD * np.arange(20)).tolist() == [4]
+
+
+def test_a_straight_scan_that_lies_turned_is_put_between_its_neighbours():
+    """Each scan is seen from the frame after its own, in the middle of its sweep."""
+    stamps, poses = drive(20)
+    scans = [
+        Scan(ranges=np.ones(2), angles=np.zeros(2), range_max=5.0, stamp=t, time_offsets=np.array([0.0, SWEEP]))
+        for t in stamps
+    ]
+    scans[1::2] = [None] * 10
+    layout = ScanLayout(scans, stamps, [VELOCITY] * 20, FilterConfig())
+    assert layout.straighten(poses) is None
+    wrong = poses.copy()
+    wrong[9, 2] += 0.15
+    np.testing.assert_allclose(layout.straighten(wrong), poses, atol=1e-3)
 
 
 def test_poses_of_bent_scans_lie_between_their_neighbours():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, se2
-from slam.refinement import refine
+from slam.refinement import joint_equations, refine
 from slam.refinement.blind_stretches import along_odometry, blind_steps, by_other_scans
 from slam.scan import Scan
 from tests.slam.refinement.test_joint_equations import solved
@@ -71,8 +71,10 @@ def test_short_stretches_do_not_count():
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_what_other_scans_say_is_less_than_what_walls_would(seed):
-    """The diagonal blocks of the equations whose walls follow, written down whole."""
+@pytest.mark.parametrize("at_once", [1, 7, 10**6])
+def test_what_other_scans_say_is_less_than_what_walls_would(monkeypatch, seed, at_once):
+    """The diagonal blocks of the equations whose walls follow, written down whole, from so many blocks at a time."""
+    monkeypatch.setattr(joint_equations, "OBSERVATIONS_AT_ONCE", at_once)
     adjustment, _ = solved(seed)
     e = adjustment.solved.equations
     found = by_other_scans(e, adjustment.seen)

@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 from slam._threads import Threads
 from slam.config import RefineConfig
 from slam.refinement._chain_kernels import add_odometry_steps
-from slam.refinement._normal_equations_kernels import SurfelObservations, collect, subtract_schur_complement
+from slam.refinement._normal_equations_kernels import (
+    SurfelObservations,
+    collect,
+    count_surfels,
+    subtract_schur_complement,
+)
 from slam.refinement._surfel_match_kernels import SLOPE_PRECISION, Matches, match_points, weigh_points
 from slam.refinement.bundle_adjustment import GAUGE, Adjustment
 from slam.refinement.joint_equations import conjugate_gradients
@@ -71,14 +76,14 @@ def moved_cost(problem, delta):
 def test_equations_are_those_of_the_least_cost_over_all_lines(seed):
     problem = random_problem(seed)
     poses, points, first, matches, normal = problem
-    scans, n = len(poses), len(points)
+    scans = len(poses)
     diagonal, gradient, count = np.zeros((scans, 3, 3)), np.zeros((scans, 3)), np.empty(scans, np.int64)
-    rows = SurfelObservations(2 * first, np.empty(2 * n, np.int32), *np.empty((3, 2 * n)))
-    collect(0, scans, first, poses, points, matches, normal, diagonal, gradient, rows, count)
-    used = np.concatenate([np.arange(begin, begin + c) for begin, c in zip(rows.first, count, strict=False)])
+    count_surfels(0, scans, first, matches.surfel, len(normal), count)
+    begins = np.concatenate([[0], np.cumsum(2 * count)])
+    observations = SurfelObservations(begins, np.full(begins[-1], -1, np.int32), *np.full((3, begins[-1]), np.nan))
+    collect(0, scans, first, poses, points, matches, normal, diagonal, gradient, observations)
     normal = np.tile(normal, (2, 1))
-    observations = SurfelObservations(np.concatenate([[0], np.cumsum(count)]), *(column[used] for column in rows[1:]))
-    scan_of = np.repeat(np.arange(scans), count)
+    scan_of = np.repeat(np.arange(scans), np.diff(begins))
     pull = observations.residual[:, None] * normal[observations.surfel]
     np.testing.assert_allclose([pull[scan_of == i].sum(axis=0) for i in range(scans)], gradient[:, :2], atol=1e-8)
     for begin, end in pairwise(observations.first):  # one row for each offset and slope that a scan sees

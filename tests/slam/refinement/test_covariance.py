@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slam import FilterConfig, refine, se2
-from slam.refinement import covariance as covariance_module
+from slam.refinement import joint_equations
 from slam.refinement._chain_kernels import chain_covariances, factor_chain
 from slam.refinement.covariance import pose_covariances
 from tests.slam.rooms import drive, noisy_odometry, scan_at
@@ -100,7 +100,7 @@ def test_scans_may_be_projected_a_part_at_a_time(monkeypatch, at_once):
     noisy_run(4, sigma=0.02)
     assert kept[0].observations.first[-1] > 100
     whole = pose_covariances(kept[0])
-    monkeypatch.setattr(covariance_module, "OBSERVATIONS_AT_ONCE", at_once)
+    monkeypatch.setattr(joint_equations, "OBSERVATIONS_AT_ONCE", at_once)
     np.testing.assert_allclose(pose_covariances(kept[0]), whole, rtol=1e-7, atol=1e-15)
 
 
