@@ -261,7 +261,7 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
     assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nMargin: " in said
-    assert "That is 33 % of a usual error, about 1.5 cm" in said
+    assert "That is 45 % of a usual error, about 1.1 cm" in said
     assert said.endswith("Time: some seconds.\n")
     assert "Can tell: 3 seeds cannot show that a count is enough; 8 can.\n" in said
     assert call("sweep", "--worlds", world, "--particles", "1", "--set", "duration=20", "--seeds", "3", "--plan") == 0
