@@ -282,7 +282,7 @@ def test_a_plan_says_what_needs_no_kernels_before_it_compiles(tmp_path, monkeypa
         call("sweep", "--worlds", "apartment", "--particles", "1,30", "--seeds", "3", "--plan")
     said = capsys.readouterr()
     assert "3 seeds cannot show" in said.out
-    assert "That is 33 %" in said.out
+    assert "That is 45 %" in said.out
     assert "Measuring it needs the kernels, which are compiled first; Ctrl-C ends here" in said.err
     monkeypatch.setattr(sweep_command, "announce_compilation", compiles)
     with pytest.raises(CompilationError):  # the sweep itself too
