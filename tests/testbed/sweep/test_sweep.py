@@ -298,8 +298,8 @@ def test_a_larger_plan_is_measured(capsys):
     said = capsys.readouterr().out
     assert re.search(
         r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\n"
-        r"Margin: an error that is larger by up to 5 mm \(10 % where that is more\) .* That is 33 % .*\n"
-        r"  Choose it .*\nCan tell: 8 seeds show a difference of \d+ to \d+ % of the error, or more\.\n  Chance of .*\n"
+        r"Margin: an error that is larger by up to 5 mm \(10 % where that is more\) .* That is 45 % .*\n"
+        r"  Choose it .*\nCan tell: 8 seeds show a difference of \d+ to \d+ % of a usual error, or more\.\n  Chance of .*\n"
         r"  --until decided looks.*\n"
         r"Time: about \d+ (s|minutes) with 2 workers, estimated from the beginning of a run, "
         r"if the machine stays as busy as it is\.\n",
