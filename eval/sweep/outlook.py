@@ -34,14 +34,12 @@ FEW = 16
 """From fewer seeds or worlds, how many are needed can be wrong by several times."""
 SOME, MOST = 0.2, 0.8
 """The range of an `Outlook` begins where one in five such sweeps is decided, and ends where four in five are."""
-TYPICAL_DEVIATIONS = (0.003, 0.00675)
-"""Standard deviation between seeds of the paired difference of two counts [m]: in a world whose routes are alike, and
-in one where they are not. A rule of thumb: 3 mm in apartment, 7 mm in loop (the two largest counts of several sweeps
-with random routes, with the filter of 28 November 2026, whose errors were larger: for the present one it is cautious).
-"""
-TYPICAL_ERROR = 0.011
-"""Error of the filter's path in closed worlds of the catalogue [m]: the median of 20 drives with 30 particles is 1.05
-cm (seeds 980 and 981 of ten worlds; the command stands in CHANGELOG.md, below "Walls stand where most beams end")."""
+TYPICAL_DEVIATIONS = (0.2, 0.45)
+"""Standard deviation between seeds of the paired difference of two counts, as a share of the error: in a world whose
+routes are alike, and in one where they are not. A rule of thumb: 0.2 in apartment, 0.35 in loop with an error a third
+above the typical one (the two largest counts of several sweeps with random routes)."""
+TYPICAL_ERROR = 0.015
+"""Error of the filter's path in these worlds [m]."""
 TYPICAL_UNITS = 6
 """The rule of thumb is trusted as much as a measurement with so many seeds."""
 CONDITION = "rule of thumb, by how much runs of a world differ; less where the difference lies near the margin"
@@ -159,7 +157,7 @@ def outlook_of(difference: Interval, limit: float, *, level: float) -> Outlook |
 def typical_outlooks(*, level: float = ADDING_LEVEL, margin: Margin = MARGIN) -> tuple[Outlook, Outlook]:
     """The outlooks before anything is computed, for a count that is as good as the largest one: in a world whose runs
     are alike, and in one where they differ."""
-    alike, different = (_MEDIAN * deviation for deviation in TYPICAL_DEVIATIONS)
+    alike, different = (_MEDIAN * deviation * TYPICAL_ERROR for deviation in TYPICAL_DEVIATIONS)
     gap, least = margin.of(TYPICAL_ERROR), max(level, ADDING_LEVEL)
     return (
         Outlook(gap, alike, TYPICAL_UNITS, least, is_measured=False),

@@ -21,7 +21,7 @@ def foresight(units: int, unit: str = "seed", *, level: float = LEVEL, margin: M
     low, high = (100.0 * outlook.detectable(units, level=level) / TYPICAL_ERROR for outlook in outlooks)
     chance = typical_chance(units, level=level, margin=margin)
     return [
-        f"{units} {unit}s show a difference of {low:.0f} to {high:.0f} % of a usual error, or more.",
+        f"{units} {unit}s show a difference of {low:.0f} to {high:.0f} % of the error, or more.",
         f"Chance of an answer for {'a world' if unit == 'seed' else 'the kind of building'}: {chance} ({CONDITION}).",
     ]
 

@@ -32,11 +32,11 @@ def test_enough_seeds_get_their_chance_and_what_it_rests_on():
 
 
 def test_the_smallest_difference_that_seeds_show_is_said():
-    """Of a median of 10 values with standard deviations of 3 and 6.75 mm, by Bloom's formula."""
-    low, high = ((2.2622 + 0.8834) * mm / 11.0 * 1.2533 / 10.0**0.5 for mm in (3.0, 6.75))  # t, 9 degrees of freedom
+    """Of a median of 10 values with standard deviations of 0.2 and 0.45 of the error, by Bloom's formula."""
+    low, high = ((2.2622 + 0.8834) * share * 1.2533 / 10.0**0.5 for share in (0.2, 0.45))  # t, 9 degrees of freedom
     assert (
         foresight(10)[0]
-        == f"10 seeds show a difference of {100 * low:.0f} to {100 * high:.0f} % of a usual error, or more."
+        == f"10 seeds show a difference of {100 * low:.0f} to {100 * high:.0f} % of the error, or more."
     )
 
 

@@ -261,7 +261,7 @@ def test_a_plan_says_what_it_costs_and_what_it_can_tell(world, tmp_path, monkeyp
     assert call("sweep", "--worlds", world, "--particles", "1,3", "--seeds", "3", "--plan") == 0
     said = capsys.readouterr().out
     assert f"6 jobs: {world}; 3 seeds (3 routes); 1, 3 particles\nMargin: " in said
-    assert "That is 45 % of a usual error, about 1.1 cm" in said
+    assert "That is 33 % of a usual error, about 1.5 cm" in said
     assert said.endswith("Time: some seconds.\n")
     assert "Can tell: 3 seeds cannot show that a count is enough; 8 can.\n" in said
     assert call("sweep", "--worlds", world, "--particles", "1", "--set", "duration=20", "--seeds", "3", "--plan") == 0
@@ -282,7 +282,7 @@ def test_a_plan_says_what_needs_no_kernels_before_it_compiles(tmp_path, monkeypa
         call("sweep", "--worlds", "apartment", "--particles", "1,30", "--seeds", "3", "--plan")
     said = capsys.readouterr()
     assert "3 seeds cannot show" in said.out
-    assert "That is 45 %" in said.out
+    assert "That is 33 %" in said.out
     assert "Measuring it needs the kernels, which are compiled first; Ctrl-C ends here" in said.err
     monkeypatch.setattr(sweep_command, "announce_compilation", compiles)
     with pytest.raises(CompilationError):  # the sweep itself too
@@ -298,8 +298,8 @@ def test_a_larger_plan_is_measured(capsys):
     said = capsys.readouterr().out
     assert re.search(
         r"16 jobs: apartment; 8 seeds \(8 routes\); 1, 3 particles\n"
-        r"Margin: an error that is larger by up to 5 mm \(10 % where that is more\) .* That is 45 % .*\n"
-        r"  Choose it .*\nCan tell: 8 seeds show a difference of \d+ to \d+ % of a usual error, or more\.\n  Chance of .*\n"
+        r"Margin: an error that is larger by up to 5 mm \(10 % where that is more\) .* That is 33 % .*\n"
+        r"  Choose it .*\nCan tell: 8 seeds show a difference of \d+ to \d+ % of the error, or more\.\n  Chance of .*\n"
         r"  --until decided looks.*\n"
         r"Time: about \d+ (s|minutes) with 2 workers, estimated from the beginning of a run, "
         r"if the machine stays as busy as it is\.\n",
