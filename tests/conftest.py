@@ -7,7 +7,12 @@ Laws are tried on 50 examples unless a test says otherwise; `make nightly` tries
 from __future__ import annotations
 
 import gc
+import os
 from collections.abc import Iterator
+
+# Before numpy is loaded: the threads of its linear algebra wait in a busy loop, which makes tests with many small
+# systems of equations a quarter dearer, and takes that time from the tests of the other worker.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings

@@ -63,7 +63,7 @@ class Answer:
     difference: str = ""
     """Which count was compared with the largest one, the difference, and the margin."""
     risk: str = ""
-    """How often a count that is enough failed, and may fail."""
+    """How often runs failed, and may fail: with the count that is enough, else with the largest one."""
     needs: str = ""
     """How many seeds would tell, where the answer is open."""
     today: str = ""
@@ -103,7 +103,7 @@ class Answer:
             detail = "; ".join(filter(None, (self.detail, self.decides)))
             first = self._short_sentence + (f" ({detail})." if detail else ".")
             others = [self.difference, self.needs]
-        others = [*others, self.caution]
+        others = [*others, self.caution, self.risk]
         return [first, *(f"  {part[0].upper()}{part[1:]}." for part in others if part)]
 
     @property
@@ -190,12 +190,13 @@ def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
         headline, panel = f"{particles(count)} {are} enough", f"{count} {are} enough"
         detail, decides = f"{compared_medians(case, count)}{of_seeds(case)}", why_medians_differ(case, count)
         difference, needs = difference_to_largest(case, case.table.counts.index(count)), lower_counts(case)
-        risk = failure_rate(*case.failed_of(count))
+        risk = f"{particles(count)}: {failure_rate(*case.failed_of(count))}"
     elif decision.kind == "more":
         assert count is not None
         short, headline = f"more than {count}", f"more than {particles(count)}"
         detail = f"{count} {_give(count)} {case.gives(count)}, {largest} give {case.gives(largest)}"
         detail += "; more were not tested"
+        risk = f"{particles(largest)}: {failure_rate(*case.failed_of(largest))}"
         difference = difference_to_largest(case, len(decision.states) - 1)
     elif decision.kind == "fails":
         short, panel, headline = "none works", "no count works", f"no tested count works, up to {particles(largest)}"
@@ -205,6 +206,7 @@ def _answer(case: Case, place: str, line: str, scope: str) -> Answer:
         short = f"too few {case.unit}s" if too_few(case) else "undecided"
         headline = undecided_headline(case)
         detail, needs = what_is_open(case), seeds_needed(case)
+        risk = f"{particles(largest)}: {failure_rate(*case.failed_of(largest))}"
         if decision.largest_open is not None:
             difference = difference_to_largest(case, decision.largest_open)
             open_count = case.table.counts[decision.largest_open]

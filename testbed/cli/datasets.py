@@ -8,13 +8,17 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 from rich.table import Table
 
 from testbed.cli.shared.console import results
 from testbed.cli.shared.help_texts import HELP
+
+if TYPE_CHECKING:
+    from testbed.datasets import Collection
+    from testbed.datasets.card import Publication
 
 app = App(name="datasets", help=HELP["datasets"], help_epilogue="")
 
@@ -37,12 +41,14 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
         Print JSON, for other programs.
     """
     from testbed.datasets import open_collection
+    from testbed.datasets.card import CARD, NO_CHANGE, stated_publication
     from testbed.datasets.index import SPLITS, chosen_splits
 
     collection = open_collection(directory)
     totals = collection.totals()
+    stated, chosen = stated_publication(directory), bool(chosen_splits(directory))
     if as_json:
-        more = {"splits_chosen": bool(chosen_splits(directory)), "licence": LICENCE}
+        more = {"splits_chosen": chosen, "licence": LICENCE, **(stated or NO_CHANGE)._asdict()}
         results.print(json.dumps(totals | more), highlight=False)
         return
     table = Table(box=None, pad_edge=False)
@@ -53,13 +59,7 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
         numbers = (part["datasets"], part["worlds"], f"{part['seconds'] / 3600:.2f}", f"{part['metres'] / 1000:.2f}")
         table.add_row(split, *map(str, (*numbers, part["scans"], f"{part['bytes'] / 1e6:.1f}")))
     results.print(table)
-    for split, worlds in totals["split_worlds"].items():
-        if worlds:
-            results.print(f"worlds of {split}: {_named(worlds)}")
-    if advice := collection.split_advice():
-        results.print(advice)
-    decided = "were chosen by hand" if chosen_splits(directory) else "come from a hash of the worlds' names"
-    results.print(f"the splits {decided}")
+    _print_splits(collection, chosen=chosen)
     for name, values in (("robot", totals["robots"]), ("format", totals["formats"])):
         results.print(f"{name}{'' if len(values) == 1 else 's'}: {', '.join(values)}")
     lidars = Table(box=None, pad_edge=False)
@@ -76,7 +76,35 @@ def info(directory: Path, *, as_json: Annotated[bool, Parameter(name="--json", n
     for trouble in ("collided", "stuck"):
         if count := sum(bool(row[trouble]) for row in collection.rows):
             results.print(f"{trouble}: {count}")
-    results.print(f"licence: {LICENCE}{' (see README.md)' if (directory / 'README.md').is_file() else ''}")
+    results.print(f"licence: {LICENCE}{f' (see {CARD})' if (directory / CARD).is_file() else ''}")
+    if line := _to_publish(stated, directory):
+        results.print(line)
+
+
+def _print_splits(collection: Collection, *, chosen: bool) -> None:
+    """Name the worlds of each split, who decided, and what to do where a split is empty or lopsided."""
+    for split, worlds in collection.totals()["split_worlds"].items():
+        if worlds:
+            results.print(f"worlds of {split}: {_named(worlds)}")
+    if advice := collection.split_advice():
+        results.print(advice)
+    decided = "were chosen by hand" if chosen else "come from a hash of the worlds' names"
+    results.print(f"the splits {decided}")
+    if not chosen and (advice := collection.lopsided_advice()):
+        results.print(advice)
+
+
+def _to_publish(stated: Publication | None, directory: Path) -> str:
+    """What is still to do before the data can be published and cited; empty where the card is somebody else's."""
+    from testbed.datasets.card import CARD
+
+    if stated is None:
+        return "" if (directory / CARD).is_file() else f"to publish: `testbed datasets index {directory}` writes a card"
+    options = {"title": "--title TITLE", "author": "--author NAME", "address": "--url ADDRESS"}
+    if missing := [name for name, value in zip(options, stated, strict=True) if not value]:
+        command = f"testbed datasets index {directory} {' '.join(options[name] for name in missing)}"
+        return f"to publish: the card has no {', no '.join(missing)} yet; `{command}` adds that"
+    return "to publish: the card has title, author and address, and the sentence to cite"
 
 
 def _named(worlds: Iterable[str]) -> str:

@@ -10,7 +10,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -37,8 +38,10 @@ from testbed.cli.shared.dataset_plan import (
     Kind,
     Measured,
     free_space,
+    lasting,
     measure_some,
     plan_lines,
+    share_lines,
     split_lines,
     worlds_by_split,
 )
@@ -48,7 +51,7 @@ from testbed.cli.shared.repeated_options import WantedDrive, advice
 from testbed.cli.shared.variants import variants
 from testbed.datasets.card import CARD, Publication
 from testbed.datasets.description import describe
-from testbed.datasets.index import chosen_splits, datasets_in, indexed_datasets, settings_of, world_in
+from testbed.datasets.index import chosen_splits, datasets_in, indexed_datasets, seconds_of, settings_of, world_in
 from testbed.datasets.simulated import DatasetFormat, is_complete, write_dataset
 from testbed.seeds import RunSeeds
 from testbed.settings.comparison import changed_settings
@@ -198,6 +201,20 @@ def _print_plan(jobs: list[_Job], missing: list[_Job], options: DatasetOptions, 
     drives = list(zip(kinds, expected, strict=True))
     for line in plan_lines(measured, drives, options.workers, options.out):
         results.print(line)
+    if splits:
+        names = [job.name for job in missing]
+        seconds = _seconds_of_worlds(options.out, zip(names, lasting(measured, drives), strict=True))
+        for line in share_lines(seconds, chosen_splits(options.out), options.out):
+            results.print(line)
+
+
+def _seconds_of_worlds(out: Path, planned: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Driving time of each world [s]: of the datasets that are there, and of the planned ones."""
+    there = ((world_in(path), seconds_of(path)) for path in datasets_in(out))
+    seconds: defaultdict[str, float] = defaultdict(float)
+    for world, lasts in (*there, *planned):
+        seconds[world] += lasts
+    return seconds
 
 
 def _by_split(jobs: list[_Job], out: Path) -> dict[str, list[str]]:

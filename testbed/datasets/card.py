@@ -104,15 +104,27 @@ def write_card(
     commands = [*commands_in(directory), *([command] if command else [])]
     name, chosen = directory.resolve().name, chosen_splits(directory)
     commands = shortest_commands(commands, name, chosen)
-    publication = Publication(
-        publication.title or _rest_of_line(old, "# ") or name,
-        publication.author or _rest_of_line(old, AUTHOR),
-        publication.url or _rest_of_line(old, ADDRESS),
-    )
-    text = _card(publication, name, rows, commands, bool(chosen))
+    given = (new or stated for new, stated in zip(publication, _stated(old), strict=True))
+    text = _card(Publication(*given), name, rows, commands, bool(chosen))
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return True
+
+
+def stated_publication(directory: Path) -> Publication | None:
+    """What the card of a collection says; None where there is no card, or one that somebody else wrote.
+
+    A title that is only the name of the directory counts as not given.
+    """
+    card = _text(directory)
+    if MARK not in card:
+        return None
+    stated = _stated(card)
+    return stated if stated.title != directory.resolve().name else stated._replace(title=None)
+
+
+def _stated(card: str) -> Publication:
+    return Publication(_rest_of_line(card, "# "), _rest_of_line(card, AUTHOR), _rest_of_line(card, ADDRESS))
 
 
 def _rest_of_line(card: str, begin: str) -> str | None:
@@ -279,7 +291,7 @@ slam-testbed is a testbed for the particle filter of
 
 def _citation(publication: Publication, directory: str) -> str:
     """Author and address of the data, and the sentence to cite."""
-    title, author, url = publication
+    title, author, url = publication.title or directory, publication.author, publication.url
     advice = f"{NOT_GIVEN}; `testbed datasets index {directory} --author NAME --url ADDRESS` adds it"
     made = f"made with slam-testbed {version('slam-testbed')} ({SOFTWARE})"
     by = f"{author} ({time.localtime().tm_year}). " if author else ""

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from testbed.datasets.index import INDEX, SPLITS, datasets_in, index_rows, natural_order, read_index
 from testbed.datasets.loading import Dataset, open_dataset
+from testbed.datasets.lopsided import lopsided
 from testbed.formats import LogError
 from testbed.formats.checksums import CONFIG
 
@@ -85,7 +87,7 @@ class Collection(Sequence[Dataset]):
         """Why a split is empty and what to do; an empty text where none is."""
         splits, worlds = self.totals()["splits"], len({row["world"] for row in self.rows})
         missing = " and ".join(name for name in SPLITS if not splits[name])
-        if not missing or len(self.rows) == 1:
+        if not missing or len(self.rows) < 2:
             return ""
         if worlds == 1:
             return f"Nothing for {missing}: there is one world, and three or more give all splits."
@@ -94,6 +96,13 @@ class Collection(Sequence[Dataset]):
         return (
             f"Nothing for {missing}: the splits were chosen; `testbed datasets index --help` says how to change them."
         )
+
+    def lopsided_advice(self) -> str:
+        """What to do where most of the driving time is not for training; an empty text where training has enough."""
+        seconds: defaultdict[str, float] = defaultdict(float)
+        for row in self.rows:
+            seconds[row["world"]] += row["seconds"]
+        return lopsided(seconds, {row["world"]: row["split"] for row in self.rows}, self.path)
 
     def to_pandas(self) -> pd.DataFrame:
         """The index as a table, a row a dataset."""

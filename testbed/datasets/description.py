@@ -44,4 +44,6 @@ def describe(
     if named := chosen_splits(directory):
         worlds = ", ".join(f"{world}: {split}" for world, split in named.items())
         lines.append(f"Splits as chosen ({worlds}); `testbed datasets index {directory} --by-hash` undoes the choice.")
+    elif advice := collection.lopsided_advice():
+        lines.append(advice)
     return "\n".join(lines)

@@ -124,6 +124,9 @@ def read_index(directory: Path) -> list[dict[str, Any]]:
     import pyarrow.parquet as pq
 
     file = directory / INDEX
+    if not file.is_file() and not datasets_in(directory):
+        make = f"testbed simulate office,lab --count 2 --out {directory}"
+        raise LogError(f"{directory}: no datasets in it; `{make}` makes four")
     if not file.is_file():
         raise LogError(f"{directory}: no {INDEX}; `testbed datasets index {directory}` makes it")
     try:
@@ -171,6 +174,11 @@ def settings_of(path: Path) -> dict[str, Any]:
 def world_in(path: Path) -> str:
     """Name of the world of a dataset; LogError where its config.toml cannot be read."""
     return _world_name(_config(path)[0])
+
+
+def seconds_of(path: Path) -> float:
+    """Simulated time of a dataset [s]; LogError where its config.toml cannot be read."""
+    return float(_row(path)["seconds"])
 
 
 def _world_name(config: Mapping[str, Any]) -> str:

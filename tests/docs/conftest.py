@@ -8,6 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from tests.cheaper import undrawn
 from tests.shell import call
 
 
@@ -31,6 +32,7 @@ def keys_of(value) -> set[str]:
 def finished_run(tmp_path_factory) -> FinishedRun:
     out = tmp_path_factory.mktemp("docs") / "run"
     options = ("--backend", "fast", "--duration", "8", "--particles", "3")
-    assert call("run", "loop", *options, "--out", out) == 0
+    with undrawn():
+        assert call("run", "loop", *options, "--out", out) == 0
     metrics = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
     return FinishedRun(out, metrics, keys_of(metrics), pq.read_schema(out / "steps.parquet").names)

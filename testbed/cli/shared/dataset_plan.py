@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbed.datasets.index import SPLITS, natural_order, splits
+from testbed.datasets.lopsided import lopsided, time_shares
 
 MAX_MEASURED, MEASURING_TIME = 12, 6.0
 """Drives are measured until there are this many, or until they have taken this long [s]; of each world and each lidar,
@@ -119,7 +120,7 @@ def plan_lines(
     for kind, expected in total.items():
         of_world = _sums(measured, Kind(kind.world, ""))
         of_kind = _sums(measured, kind, Kind("", kind.lidar))
-        lasts = expected * of_world.seconds / of_world.expected
+        lasts = expected * _stretch(measured, kind)
         seconds += lasts
         metres += expected * of_world.metres / of_world.expected
         size += lasts * of_kind.size / of_kind.seconds
@@ -136,6 +137,18 @@ def plan_lines(
     if (free := free_space(out)) < size:
         lines.append(f"not enough space on this disk: {free / 1e9:.1f} GB")
     return lines
+
+
+def lasting(measured: Sequence[tuple[Kind, Measured]], drives: Sequence[tuple[Kind, float]]) -> list[float]:
+    """How long each drive will last [s]; arguments as for `plan_lines`."""
+    stretch = {kind: _stretch(measured, kind) for kind in {kind for kind, _ in drives}}
+    return [expected * stretch[kind] for kind, expected in drives]
+
+
+def _stretch(measured: Sequence[tuple[Kind, Measured]], kind: Kind) -> float:
+    """How much longer than expected the drives of a world last."""
+    of_world = _sums(measured, Kind(kind.world, ""))
+    return of_world.seconds / of_world.expected
 
 
 def _sums(measured: Sequence[tuple[Kind, Measured]], *kinds: Kind) -> Measured:
@@ -158,6 +171,16 @@ def free_space(path: Path) -> int:
     """Free space on the disk of a path that need not exist [bytes]."""
     existing = next(parent for parent in (path, *path.resolve().parents) if parent.exists())
     return shutil.disk_usage(existing).free
+
+
+def share_lines(seconds: Mapping[str, float], chosen: Mapping[str, str], out: Path) -> list[str]:
+    """How much of the driving time each split has, and what to do where training has too little of it.
+
+    seconds: driving time of each world of the collection [s]; chosen: as for `split_lines`
+    """
+    of_world = splits(seconds, {world: split for world, split in chosen.items() if world in seconds})
+    advice = "" if chosen else lopsided(seconds, of_world, out)
+    return [time_shares(seconds, of_world), *([advice] if advice else [])]
 
 
 def worlds_by_split(worlds: Iterable[str], chosen: Mapping[str, str]) -> dict[str, list[str]]:

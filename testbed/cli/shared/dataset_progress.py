@@ -30,6 +30,7 @@ class DatasetProgress:
         self._reported = 0.0
         self._last = self._stage = ""
         self._stage_began = 0.0
+        self._begun = time.perf_counter()
         self._first: tuple[float, float] | None = None
         """Time and simulated time [s] when the first dataset was finished: how long the start takes says nothing of how
         long the others take."""
@@ -48,7 +49,7 @@ class DatasetProgress:
         self._bytes += size
         self._last, self._stage = name, ""
         self._first = self._first or (time.monotonic(), self._seconds)
-        AT_WORK.now_doing(self.line())
+        AT_WORK.now_doing(self.line(), self._begun)  # of the whole, as the time left is
         share = self._done / self._count
         if not console.is_terminal and self._count >= MIN_REPORTED and share >= self._reported + REPORT_EVERY:
             self._reported = share

@@ -58,6 +58,7 @@ class SweepProgress:
     def __init__(self, cells: Sequence[Cell], left: TimeLeft, measure: Measure, stage: Stage) -> None:
         self._left, self._count, self._stage = left, len(cells), stage
         self._done = self._failed = self._bad = 0
+        self._begun = time.perf_counter()
         self._running: dict[str, tuple[Cell, float]] = {}
         self._reported = 0.0
         self._measure = measure
@@ -94,7 +95,7 @@ class SweepProgress:
         self._done += 1
         if isinstance(event, Finished):
             self._note(event.cell, event.outcome)
-        AT_WORK.now_doing(self._line())
+        AT_WORK.now_doing(self._line(), self._begun)  # of the whole, as the time left is
         if not console.is_terminal and self._left.share >= self._reported + REPORT_EVERY:
             passed = int(self._left.share / MEDIANS_EVERY) > int(self._reported / MEDIANS_EVERY)
             self._reported = self._left.share

@@ -12,6 +12,7 @@ from eval.sweep.answer_words import particles
 from eval.sweep.needed_count import MAX_RATIO, of_ten, shipped_model
 from testbed.cli.shared.console import announce_compilation, console, results
 from testbed.sweep.errors import SweepError
+from testbed.sweep.spec.code_version import code_version
 from testbed.sweep.suggest import (
     LOOK_PARTICLES,
     Reason,
@@ -42,12 +43,20 @@ def print_suggestion(name: str, settings: Mapping[str, Any]) -> int:
     suggestion = suggest(short, features, model)
     for line in sentences(suggestion):
         results.print(line, soft_wrap=True, markup=False)
-    about = model.provenance
-    results.print(f"From {about['runs']} runs in {about['worlds']} worlds (docs/study.md).", soft_wrap=True)
+    results.print(origin(model.provenance, code_version()), soft_wrap=True)
     if is_world(name):
         results.print(f"To check it: {check_command(name, settings, suggestion)}", soft_wrap=True, markup=False)
         results.print("The same with --plan says first what that costs and what it can tell.", soft_wrap=True)
     return 0
+
+
+def origin(experiment: Mapping[str, Any], version: str) -> str:
+    """The runs that a suggestion rests on, and whether they are of this version of the code.
+
+    experiment: provenance of the model; version: of the code that is running
+    """
+    earlier = "" if version in str(experiment["code"]).split(", ") else " of earlier versions of this filter"
+    return f"From {experiment['runs']} runs in {experiment['worlds']} worlds{earlier} (docs/study.md)."
 
 
 def check_command(name: str, settings: Mapping[str, Any], suggestion: Suggestion) -> str:

@@ -12,16 +12,23 @@ from eval.map.grids import grid_from_true_map
 from slam.occupancy import OccupancyGrid
 from slam.se2 import compose, inverse, transform_points
 
-EXACT = worlds.true_map(worlds.load("office"), 0.05)
-TRUTH = grid_from_true_map(EXACT)
-SEEN = points_on(EXACT.walls, 0.005)
-SEEN = SEEN[TRUTH.occupied[tuple(np.floor((SEEN - TRUTH.origin[:2]) / 0.05).astype(int).T[::-1])]]
 CELL = 0.05
 
 
-def drawn(T_truth_grid, shift=(0.0, 0.0)) -> OccupancyGrid:
+def of_world(name):
+    """The exact true map, its grid, and the points of its walls that lie in wall cells."""
+    exact = worlds.true_map(worlds.load(name), CELL)
+    truth = grid_from_true_map(exact)
+    points = points_on(exact.walls, 0.005)
+    return exact, truth, points[truth.occupied[tuple(np.floor((points - truth.origin[:2]) / CELL).astype(int).T[::-1])]]
+
+
+EXACT, TRUTH, SEEN = of_world("office")
+
+
+def drawn(T_truth_grid, shift=(0.0, 0.0), seen=SEEN) -> OccupancyGrid:
     """The exact walls, moved by `shift` [m], drawn on cells that lie at `T_truth_grid`."""
-    at = transform_points(inverse(T_truth_grid), SEEN + shift)
+    at = transform_points(inverse(T_truth_grid), seen + shift)
     cells = np.floor(at / CELL).astype(int)
     low = cells.min(axis=0)
     col, row = (cells - low).T
@@ -53,12 +60,13 @@ def test_the_true_map_itself_has_no_error():
 @pytest.mark.parametrize("shift", [0.01, 0.02, 0.04, 0.08])
 def test_a_displacement_below_a_cell_is_measured(shift):
     """A wall moves along its normal by shift times the cosine, on average over all directions by 2 / pi of it."""
+    exact, truth, seen = of_world("apartment")
     rng = np.random.default_rng(3)
     means = []
     for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
         T = cells_at(rng)
-        grid = drawn(T, (shift * np.cos(angle), shift * np.sin(angle)))
-        means.append(exact_wall_error(grid, TRUTH, T, TRUTH.known, EXACT.walls).wall_distance_subcell_m)
+        grid = drawn(T, (shift * np.cos(angle), shift * np.sin(angle)), seen)
+        means.append(exact_wall_error(grid, truth, T, truth.known, exact.walls).wall_distance_subcell_m)
     assert np.mean(means) == pytest.approx(2.0 / np.pi * shift, rel=0.25)
 
 

@@ -13,6 +13,8 @@ from eval.report.comparison import write_comparison
 from eval.trajectory.trajectory import Trajectory
 from tests.eval.synthetic_run import write_run
 
+pytestmark = pytest.mark.usefixtures("without_pictures")  # which `test_comparison_plots.py` looks at
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -45,6 +45,7 @@ def scored(folder):
     return folder / "scored"
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_scored_trajectory_and_a_run_of_its_data_are_one_recording(folder, scored):
     assert same_data(read_run(scored), read_run(folder / "mine"))
     text = write_comparison([scored, folder / "mine"], folder / "c.html").read_text()
@@ -100,6 +101,7 @@ def test_data_that_differ_are_no_one_recording(folder, tmp_path):
     assert same_data(mine, read_run(other))
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_without_truth_the_odometry_tells(folder, tmp_path):
     write_run(tmp_path / "again", truth=False)
     write_run(tmp_path / "other", truth=False, seed=9)  # other wheels
@@ -124,6 +126,7 @@ def png_size(source: str) -> tuple[int, int]:
     return int.from_bytes(header[:4], "big"), int.from_bytes(header[4:], "big")
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_cost_stands_against_accuracy(folder, tmp_path):
     for name, cost in (("fast", 2.0), ("slow", 50.0)):
         write_run(tmp_path / name)
@@ -137,6 +140,7 @@ def test_cost_stands_against_accuracy(folder, tmp_path):
     assert list(cost_plots(runs[:1])) == []
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_run_that_failed_takes_no_part(folder, tmp_path):
     failed = tmp_path / "failed"
     failed.mkdir()

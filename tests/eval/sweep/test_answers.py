@@ -135,7 +135,7 @@ def test_the_difference_that_is_open_stands_with_its_margin(tmp_path):
     head, *parts = answer.lines
     assert head == "hall_a, 1 route: undecided with 10 seeds; take 20 for now; 1 will probably do."
     assert [part.strip(" .").lower() for part in parts] == [
-        words.lower() for words in (answer.detail, answer.difference, answer.needs)
+        words.lower() for words in (answer.detail, answer.difference, answer.needs, answer.risk)
     ]
     assert answer.detail == (
         "1 passes its own test, 5 is open; 1 is an answer only when 5 passes too, since counts are tested from the "
@@ -316,14 +316,26 @@ def test_a_smaller_margin_changes_the_answer_and_stands_with_it(tmp_path):
     )
 
 
+@pytest.mark.parametrize("errors", [(0.022, 0.022, 0.022), (0.05, 0.05, 0.022)], ids=["enough", "more"])
+@pytest.mark.parametrize("seeds", [3, 10])
+def test_failures_stand_in_the_terminal_whatever_is_known(tmp_path, errors, seeds):
+    write_sweep(tmp_path, error=level(*errors), seeds=seeds, outcome=lambda p, k, c, s: "lost" if s == 1 else "ok")
+    answer = answers(summarise(read_sweep(tmp_path)), "improved")[0]
+    assert answer.kind == ("undecided" if seeds == 3 else "enough" if errors[0] == 0.022 else "more")
+    count = "1 particle" if answer.kind == "enough" else "20 particles"
+    assert answer.lines[-1].startswith(f"  {count}: 1 of {seeds} runs failed (a rate up to ")
+
+
 def test_what_enough_promises_stands_with_it(tmp_path):
     write_sweep(tmp_path, error=level(0.022, 0.022, 0.022), outcome=lambda p, k, c, s: "lost" if s == 3 else "ok")
     summary = summarise(read_sweep(tmp_path))
     answer = answers(summary, summary.table.baseline)[0]
-    assert answer.risk == "1 of 10 runs failed (a rate up to 40 % is possible)"  # the end of Wilson's interval
+    # the end of Wilson's interval
+    assert answer.risk == "1 particle: 1 of 10 runs failed (a rate up to 40 % is possible)"
     assert answer.difference.startswith("1 particle is ")
     undecided = summarise(read_sweep(write_sweep(tmp_path / "few", seeds=3)))
-    assert answers(undecided, undecided.table.baseline)[0].risk == ""
+    few = answers(undecided, undecided.table.baseline)[0].risk
+    assert few == "20 particles: no failure in 3 runs (a rate up to 56 % is possible)"
 
 
 def test_a_smaller_count_that_looks_better_by_noise_gets_a_word(tmp_path):

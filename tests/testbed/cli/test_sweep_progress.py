@@ -59,6 +59,19 @@ def progress_of(cells, *, worst=False, goal="", seconds=None):
     return SweepProgress(cells, left, MEASURE, Stage(goal, worst))
 
 
+def test_while_it_is_silent_the_time_is_that_of_the_whole(cells, monkeypatch):
+    """Beside the time left a time since the last job would be misread."""
+    said = []
+    monkeypatch.setattr(sweep_progress.AT_WORK, "now_doing", lambda line, since: said.append((line, since)))
+    monkeypatch.setattr(sweep_progress.time, "perf_counter", lambda: 50.0)
+    progress = progress_of(cells)
+    monkeypatch.setattr(sweep_progress.time, "perf_counter", lambda: 90.0)
+    progress.event(Started(cells[0]))
+    progress.event(Finished(cells[0], "no scan"))
+    assert [since for _, since in said] == [50.0]
+    assert said[0][0].startswith("1 of 3 jobs")
+
+
 def test_time_left_follows_the_work_and_failures_are_named(cells, clock, capsys):
     progress = progress_of(cells)
     assert shown(progress)[0] == "0 of 3 jobs"

@@ -114,6 +114,7 @@ def test_info_prints_the_totals(made, capsys):
     totals = json.loads(capsys.readouterr().out)
     licence = totals.pop("licence")
     assert (licence, totals.pop("splits_chosen")) == ("CC-BY-4.0", False)
+    assert [totals.pop(name) for name in ("title", "author", "url")] == [None] * 3
     assert totals == open_collection(made).totals()
     named = {split: {row["world"] for row in open_collection(made).rows if row["split"] == split} for split in SPLITS}
     assert {split: set(worlds) for split, worlds in totals["split_worlds"].items()} == named
@@ -124,3 +125,7 @@ def test_info_prints_the_totals(made, capsys):
     for split, worlds in named.items():
         assert f"\nworlds of {split}: {', '.join(sorted(worlds))}\n" in output
     assert "the splits come from a hash" in output
+
+
+def test_an_empty_directory_is_told_how_to_make_datasets(tmp_path, capsys):
+    assert_refused(capsys, f"`testbed simulate office,lab --count 2 --out {tmp_path}`", "datasets", "info", tmp_path)

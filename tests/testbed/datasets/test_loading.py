@@ -96,8 +96,12 @@ def test_one_dataset_is_a_collection_without_an_index(made, tmp_path):
 
 
 def test_what_is_no_collection_is_refused(made, tmp_path):
-    with pytest.raises(LogError, match=r"no datasets\.parquet; `testbed datasets index"):
+    with pytest.raises(LogError, match=r"no datasets in it; `testbed simulate"):
         open_collection(tmp_path)
+    for name in ("loop-0000", "loop-0001"):
+        shutil.copytree(made / name, tmp_path / "unindexed" / name)
+    with pytest.raises(LogError, match=r"no datasets\.parquet; `testbed datasets index"):
+        open_collection(tmp_path / "unindexed")
     shutil.copy(made / "datasets.parquet", tmp_path)
     with pytest.raises(LogError, match=r"the index names .* which is not there"):
         open_collection(tmp_path)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from eval.sweep.needed_count import NeededCount
-from testbed.cli.shared.sweep_suggestion import check_command, sentences
+from testbed.cli.shared.sweep_suggestion import check_command, origin, sentences
 from testbed.sweep.errors import SweepError
 from testbed.sweep.suggest import features_of_log, features_of_world, is_world, suggest
 from tests.shell import call
@@ -110,6 +110,12 @@ def test_hopeless_drives_get_no_count():
     found = suggest("desert", EASY | {"longest_unknown_m": 4096.0}, model())
     assert found.needed is None
     assert sentences(found)[1].startswith("desert: even with 64 particles most runs end lost")
+
+
+def test_runs_of_earlier_versions_are_called_so():
+    experiment = {"runs": 852, "worlds": 42, "code": "aa, bb"}
+    assert origin(experiment, "bb") == "From 852 runs in 42 worlds (docs/study.md)."
+    assert origin(experiment, "b") == "From 852 runs in 42 worlds of earlier versions of this filter (docs/study.md)."
 
 
 def test_the_command_checks_the_suggestion_from_both_sides():
