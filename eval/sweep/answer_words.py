@@ -400,6 +400,8 @@ def lower_counts(case: Case) -> str:
 
 def failure_rate(failures: int, runs: int) -> str:
     """How many runs failed, and how many could in the long run, as the figure of failures has it."""
+    if runs == 0:
+        return "no runs yet"
     seen = f"{failures} of {runs} runs failed" if failures else f"no failure in {counted(runs, 'run')}"
     return f"{seen} (a rate up to {100.0 * wilson_interval(failures, runs)[1]:.0f} % is possible)"
 

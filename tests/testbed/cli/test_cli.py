@@ -415,10 +415,10 @@ def test_the_help_has_the_names_that_users_type_and_ends_with_no_other_command(c
     assert "[default: ()]" not in simulate + run
 
 
-def test_the_settings_of_the_final_pass_are_told_from_those_of_the_filter(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
-    call("slam", "--help-all")
-    helped = " ".join(capsys.readouterr().out.split())
+def test_the_settings_of_the_final_pass_are_told_from_those_of_the_filter():
+    wide = os.environ | {"COLUMNS": "200"}  # read once in a process
+    done = subprocess.run([*TESTBED, "slam", "--help-all"], capture_output=True, text=True, env=wide, check=True)
+    helped = " ".join(done.stdout.split())
     assert "--filter.motion.floor-rotation FLOAT Error of heading" in helped
     assert "--filter.refine.motion.floor-rotation FLOAT Final pass: error of heading" in helped
     assert helped.count("Final pass: ") == helped.count("--filter.refine.motion.")
