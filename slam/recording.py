@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from slam import se2
 from slam.gmapping import GMapping
 from slam.motion.continuous_odometry import join_odometry
-from slam.motion.interpolation import interpolate_with_odometry
+from slam.motion.interpolation import between_updates
 from slam.refinement.progress import Watch, unwatched
 from slam.refinement.refine import Refined, refine
 from slam.scan import Scan, listed
@@ -67,7 +67,8 @@ class Recording:
 
     def poses(self) -> se2.Pose:
         """Poses by the best particle at every step, used or not, (steps, 3)."""
-        return interpolate_with_odometry(self._joined()[self._rows()], self.mapper.update_scans, self.mapper.path())
+        updates = np.asarray(self.mapper.update_scans)
+        return between_updates(self._joined()[self._rows()], updates, self.mapper.path())
 
     def refine(self, *, threads: int | None = None, watch: Watch = unwatched) -> Refined:
         """Make the final pass (`slam.refine`) over everything so far; its poses and covariances are of the steps."""

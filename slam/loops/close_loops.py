@@ -16,7 +16,7 @@ from slam.loops.find_loops import FoundLoops, find_loops
 from slam.loops.local_maps import Track, track_locally
 from slam.loops.loop import Loop, edges_of
 from slam.loops.pose_graph import TRUNCATION, Edges, join, squared_distances
-from slam.motion.interpolation import interpolate_with_odometry
+from slam.motion.interpolation import between_updates, interpolate_with_odometry
 from slam.sensor.rays import Rays
 
 TORN = 4.0 * TRUNCATION
@@ -89,4 +89,4 @@ def _contradicts(nodes: se2.Pose, found: FoundLoops) -> bool:
 def _through_nodes(odometry: se2.Pose, track: Track, nodes: se2.Pose) -> se2.Pose:
     """Path (frames, 3) through nodes (maps, 3): along the track between them, along the odometry between its scans."""
     at_scans = interpolate_with_odometry(track.poses, track.anchors, nodes)
-    return interpolate_with_odometry(odometry, track.frames, at_scans)
+    return between_updates(odometry, track.frames, at_scans)

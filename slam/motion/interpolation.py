@@ -7,17 +7,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
+from slam.motion.continuous_odometry import MIN_JUMP, MIN_TURN
 from slam.se2 import Pose
 
 TURN_LENGTH = 0.5
 """Length that one radian of turning counts as, when the residual between two known poses is distributed [m]."""
 
 
-def interpolate_with_odometry(odometry: Pose, known: NDArray[np.intp], poses: Pose) -> Pose:
+def between_updates(odometry: Pose, updates: NDArray[np.intp], path: Pose) -> Pose:
+    """Return poses (m, 3) at all frames, from a filter's path (k, 3) at its updates.
+
+    odometry (m, 3): of all frames;  updates (k,): frames of the updates
+
+    As `interpolate_with_odometry`, but where an update moves the robot by a jump against its odometry, the frames
+    before it follow the odometry: a filter updates at the first scan that shows a jump (`GMapping._surprises`, and the
+    gates for wheels that spin). To distribute the jump would put scans between both places.
+    """
+    apart = se2.between(se2.between(odometry[updates[:-1]], odometry[updates[1:]]), se2.between(path[:-1], path[1:]))
+    jumped = (np.hypot(apart[:, 0], apart[:, 1]) > MIN_JUMP) | (np.abs(apart[:, 2]) > MIN_TURN)
+    return interpolate_with_odometry(odometry, updates, path, jumped)
+
+
+def interpolate_with_odometry(
+    odometry: Pose, known: NDArray[np.intp], poses: Pose, late: NDArray[np.bool_] | None = None
+) -> Pose:
     """Return poses (m, 3) at all frames, which equal `poses` at `known`.
 
     odometry (m, 3): of all frames, in its own drifting frame; known (k,): increasing indices of the frames whose pose
-    is known, k >= 1; poses (k, 3): those poses
+    is known, k >= 1; poses (k, 3): those poses; late (k - 1,): whether the residual between two known poses arose at
+    the second of them, and is not distributed
 
     Between two known poses the result follows the odometry from the first one, and the residual at the second one is
     distributed in proportion to the distance travelled, where turning counts by `TURN_LENGTH`. Before the first and
@@ -36,6 +54,8 @@ def interpolate_with_odometry(odometry: Pose, known: NDArray[np.intp], poses: Po
     way = way_along(step)
     length = way[known[after]] - way[known[before]]
     share = np.divide(way - way[known[before]], length, out=np.zeros(len(frames)), where=length > 0.0)
+    if late is not None and len(late):
+        share[late[np.minimum(before, len(late) - 1)]] = 0.0
     share[frames == known[after]] = 1.0
     share[before == after] = 0.0
     return _blend(forward, backward, share)

@@ -16,7 +16,7 @@ from slam.config import FilterConfig
 from slam.gmapping import GMapping
 from slam.localization import Localization
 from slam.motion.continuous_odometry import join_odometry
-from slam.motion.interpolation import interpolate_with_odometry
+from slam.motion.interpolation import between_updates
 from slam.refinement import Refined, refine
 from slam.refinement.progress import Watch, unwatched
 from slam.scan import Scan
@@ -129,7 +129,7 @@ class Estimation:
         """Return the path and map of the best particle; at least one scan is needed."""
         scan_frames = self.scan_frames
         updates = scan_frames[np.asarray(self.mapper.update_scans)]
-        dense = interpolate_with_odometry(self.odometry, updates, self.mapper.path())
+        dense = between_updates(self.odometry, updates, self.mapper.path())
         return Estimate(dense=Trajectory(self.stamps, dense), scan_frames=scan_frames, map=self.mapper.map())
 
     def refined(self, estimate: Estimate, watch: Watch = unwatched) -> Estimate:

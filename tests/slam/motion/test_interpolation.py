@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam import se2
-from slam.motion.interpolation import interpolate_with_odometry
+from slam.motion.interpolation import between_updates, interpolate_with_odometry
 
 
 def walk(seed: int, frames: int) -> np.ndarray:
@@ -59,3 +59,24 @@ def test_frames_at_rest_stay_with_the_pose_before_them():
 def test_nothing_known_is_refused():
     with pytest.raises(ValueError, match="at least one"):
         interpolate_with_odometry(np.zeros((3, 3)), np.array([], dtype=int), np.zeros((0, 3)))
+
+
+@pytest.mark.parametrize("jump", [(0.9, 0.1, 0.0), (0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("at", [11, 12, 19])
+def test_frames_before_a_jump_stay_where_the_robot_was(jump, at):
+    """The robot is carried, or its wheels spin, between two frames; the filter's next update is at the first after."""
+    odometry = walk(5, 30)
+    truth = odometry.copy()
+    truth[at:] = se2.compose(se2.compose(truth[at - 1], jump), se2.between(odometry[at - 1], odometry[at:]))
+    updates = np.array(sorted({0, 10, at, 20, 29}))
+    assert_poses_close(between_updates(odometry, updates, truth[updates]), truth)
+
+
+@given(seed=st.integers(0, 2**32 - 1), case=known_frames)
+def test_small_residuals_between_updates_are_distributed(seed, case):
+    frames, known = case
+    odometry, updates = walk(seed, frames), np.array(known)
+    path = odometry[updates] + np.random.default_rng(seed).uniform(-0.1, 0.1, (len(known), 3))
+    np.testing.assert_array_equal(
+        between_updates(odometry, updates, path), interpolate_with_odometry(odometry, updates, path)
+    )
