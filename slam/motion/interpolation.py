@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam import se2
-from slam.motion.continuous_odometry import MIN_JUMP, MIN_TURN
 from slam.se2 import Pose
 
 TURN_LENGTH = 0.5
 """Length that one radian of turning counts as, when the residual between two known poses is distributed [m]."""
+MIN_CARRIED = 0.1
+"""A robot was carried if it is farther from where its wheels say than twice the way that they counted, as where they
+count backward, and this [m]."""
 
 
 def between_updates(odometry: Pose, updates: NDArray[np.intp], path: Pose) -> Pose:
@@ -19,13 +21,16 @@ def between_updates(odometry: Pose, updates: NDArray[np.intp], path: Pose) -> Po
 
     odometry (m, 3): of all frames;  updates (k,): frames of the updates
 
-    As `interpolate_with_odometry`, but where an update moves the robot by a jump against its odometry, the frames
-    before it follow the odometry: a filter updates at the first scan that shows a jump (`GMapping._surprises`, and the
-    gates for wheels that spin). To distribute the jump would put scans between both places.
+    As `interpolate_with_odometry`, but where an update moves the robot by more than its wheels can have miscounted, it
+    was carried, and the frames before it follow the odometry: a filter updates at the first scan that shows a jump
+    (`GMapping._surprises`). To distribute the jump would put scans between both places.
     """
-    apart = se2.between(se2.between(odometry[updates[:-1]], odometry[updates[1:]]), se2.between(path[:-1], path[1:]))
-    jumped = (np.hypot(apart[:, 0], apart[:, 1]) > MIN_JUMP) | (np.abs(apart[:, 2]) > MIN_TURN)
-    return interpolate_with_odometry(odometry, updates, path, jumped)
+    motions = se2.between(odometry[:-1], odometry[1:])
+    way = np.diff(way_along(motions)[updates])
+    expected = se2.between(odometry[updates[:-1]], odometry[updates[1:]])
+    apart = se2.between(expected, se2.between(path[:-1], path[1:]))
+    carried = np.hypot(apart[:, 0], apart[:, 1]) + TURN_LENGTH * np.abs(apart[:, 2]) > 2.0 * way + MIN_CARRIED
+    return interpolate_with_odometry(odometry, updates, path, carried)
 
 
 def interpolate_with_odometry(
