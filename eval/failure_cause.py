@@ -13,12 +13,13 @@ from eval.wording import length
 from slam.se2 import Pose, between
 
 BEFORE_S = 3.0
-"""A cause begins within this time before the moment at which it shows [s], or while the scan of then is taken …"""
+"""A cause begins at most this long before the moment at which it shows [s]."""
 MAX_SWEEP_S = 0.5
-"""… which ends with the next scan, if that follows within this time [s]."""
+"""It may also begin while the scan of that moment is taken: until the next scan, if that follows within this time
+[s]."""
 AFTER_S = 1.5
-"""An effect goes on for so long after the moment [s]. A final pass, which moves poses by what was seen later, may also
-let it begin so much before its cause."""
+"""For so long after the moment its effect is looked at [s]. A final pass moves poses by what was seen later: after it,
+an effect may also show up to so long before its cause."""
 LOOK_BACK_S = 10.0
 """A lidar that saw nothing, or scans that were lost, may have done harm for this long [s]."""
 MAX_SPEED, MAX_TURN_RATE = 3.0, 6.0
@@ -32,7 +33,8 @@ MIN_SLIP_SHARE = 0.15
 MIN_RESTART_M = 0.5
 """A restarted odometry jumps by more than this, to a pose nearer than this to its first one [m]."""
 MIN_STEP_SHARE = 0.2
-"""From one scan to the next they are where they miss by this share of that, and of the largest such miss."""
+"""A single step from one frame to the next belongs to a slip if it misses by at least this share of `MIN_SLIP_M` or
+`MIN_SLIP_DEG`, and of the largest such step."""
 BLIND_SHARE = 0.2
 """A lidar is blind if less than this part of the usual number of beams returns."""
 LOOP_REACH_M, MIN_LOOP_M = 1.0, 10.0
