@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from testbed.datasets.index import INDEX, SPLITS, datasets_in, index_rows, natural_order, read_index
-from testbed.datasets.loading import Dataset, open_dataset
+from testbed.datasets.loading import Dataset, open_dataset, require_pandas
 from testbed.datasets.lopsided import lopsided
 from testbed.formats import LogError
 from testbed.formats.checksums import CONFIG
@@ -108,10 +108,7 @@ class Collection(Sequence[Dataset]):
         """The index as a table, a row a dataset."""
         import pyarrow as pa
 
-        try:
-            import pandas  # noqa: F401
-        except ImportError:
-            raise ImportError("to_pandas needs pandas: pip install pandas") from None
+        require_pandas()
         frame: pd.DataFrame = pa.Table.from_pylist(self.rows).to_pandas()
         return frame
 

@@ -41,7 +41,7 @@ COLUMNS = {
     "same_places": f"the same within {NEAR:g} m, in any direction and order: at least as large as `overlap`",
     "scans": "number of scans, of all lidars",
     "bytes": "size of all files [bytes]",
-    "finished": "the robot finished its route",
+    "finished": "the robot finished its route; false where `--duration` ended the drive before",
     "collided": "the robot touched something",
     "stuck": "the robot gave up",
     "draws": "settings that were drawn for this dataset, as JSON",

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cached_property
@@ -190,10 +192,7 @@ class Dataset:
         """
         from testbed.formats.parquet import arrow_table
 
-        try:
-            import pandas  # noqa: F401
-        except ImportError:
-            raise ImportError("to_pandas needs pandas: pip install pandas") from None
+        require_pandas()
         frame: pd.DataFrame = arrow_table(self.table).to_pandas()
         return frame
 
@@ -240,3 +239,12 @@ def open_dataset(path: str | Path, *, lidar: str | None = None) -> Dataset:
         count = f"{len(there)} dataset{'' if len(there) == 1 else 's'}"
         raise LogError(f"{path}: holds {count}; name one, such as {there[0]}, or in Python use open_collection")
     return Dataset(path, lidar=lidar)
+
+
+def require_pandas() -> None:
+    """Raise ImportError, with the command that installs it, where this Python has no pandas."""
+    try:
+        import pandas  # noqa: F401
+    except ImportError:
+        command = f"{shlex.quote(sys.executable)} -m pip install pandas"
+        raise ImportError(f"to_pandas needs pandas, which this Python does not have: {command}") from None

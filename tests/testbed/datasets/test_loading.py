@@ -3,6 +3,7 @@
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from eval.files.tum import read_tum
 from testbed.datasets import open_collection, open_dataset
 from testbed.datasets.index import COLUMNS, datasets_in
+from testbed.datasets.loading import require_pandas
 from testbed.formats import LogError, open_log
 from tests.shell import call
 
@@ -148,3 +150,9 @@ def test_a_choice_without_datasets_is_a_warning(made, tmp_path):
     assert call("datasets", "index", tmp_path) == 0
     with pytest.warns(UserWarning, match="only train. Nothing for validation and test: there is one world"):
         open_collection(tmp_path).split("test")
+
+
+def test_without_pandas_the_command_for_this_python_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=re.escape(f"{sys.executable} -m pip install pandas")):
+        require_pandas()
