@@ -48,7 +48,7 @@ def self_check_sentence(check: Mapping[str, Any], run: Path | None = None) -> st
 def self_check_story(context: ReportContext) -> str:
     """Say what a run's own check found, in the frame and the time of the report; empty where it has none.
 
-    Names how the first sign lies to the moment at which the run went wrong by the truth, when the filter was certain,
+    Names how the first sign lies to the moment at which the run went wrong by the truth, when the filter said lost,
     and each time at which it had called the estimate lost before.
     """
     run = context.run
@@ -87,7 +87,7 @@ class _WhileDriving:
     """What the check said while driving, in words; each is empty where there is nothing to say."""
 
     sure: str
-    """When it was certain of a loss that stayed, to be added to the verdict."""
+    """When it said lost from its first sign on, to be added to the verdict."""
     before: str
     """What it had said before its first sign, or in all of a run without one: a sentence without its full stop."""
 
@@ -99,7 +99,7 @@ def _said_while_driving(context: ReportContext, check: Mapping[str, Any]) -> _Wh
     first = None if check.get("time_s") is None else context.start + check["time_s"]
     sure = [spell for spell in found if first is not None and spell.start >= first - 1e-6]
     if sure and check["verdict"] == "lost":
-        sure_from = f"; while driving the check was certain from {at_time(sure[0].start - context.start)} on"
+        sure_from = f"; while driving the check said lost {times_in_words(sure, context.start)}"
         found = [spell for spell in found if spell.start < sure[0].start]
     before = [(found[0].start, f"said lost {times_in_words(found, context.start)}")] if found else []
     doubtful = None if steps is None else _first_doubt(steps)

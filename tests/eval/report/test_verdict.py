@@ -218,7 +218,7 @@ def test_the_check_and_the_headline_tell_one_story(tmp_path):
     sentence = verdict(with_steps(run, self_check=verdicts)).sentences[0]
     x, y = files.truth.poses[round(10 * first), :2]
     assert f"is at {first:.1f} s, at ({x:.1f}, {y:.1f}) m in the plots below, 1.5 s before the truth shows" in sentence
-    assert f"while driving the check was certain from {moment + 2.0:.1f} s on" in sentence
+    assert f"while driving the check said lost from {moment + 2.0:.1f} s" in sentence
     assert sentence.endswith("it said lost from 10.0 s to 15.0 s and was doubtful from 15.0 s on.")
 
 

@@ -98,7 +98,7 @@ def test_the_self_check_while_driving_is_said_as_in_the_report(tmp_path: Path, w
         assert story == f"The run's own check, without any truth: {said}."
         return
     sure, before = (
-        "while driving the check was certain from 41.0 s on",
+        "while driving the check said lost from 41.0 s on",
         "Before that, while driving, it was doubtful from",
     )
     assert said.startswith(f"lost; the first sign that stays is at 40.0 s; {sure}: because. {before} 26.0 s on")
