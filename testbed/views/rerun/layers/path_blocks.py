@@ -35,16 +35,15 @@ class PathBlocks:
         common = min(len(path), len(self._sent))
         different = path[:common] != self._sent[:common]
         first = int(np.argmax(different.any(axis=1))) if different.any() else common
-        shrinks = len(path) < len(self._sent)
-        longest = len(self._sent) + 1 if shrinks else len(path)  # the last pose sent may be alone in its block
+        longest = max(len(path), len(self._sent))
         self._sent = path
-        return [(number, path[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, longest)]
+        return [(number, _block(path, number)) for number in _blocks(first, longest)]
 
     def extended(self, poses: Pose) -> list[tuple[int, Pose]]:
         """Number and poses (n, 3) of the blocks that have changed by further poses (k, 3) at the end."""
         first, path = len(self._sent), np.concatenate([self._sent, poses.reshape(-1, 3)])
         self._sent = path
-        return [(number, path[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, len(path))]
+        return [(number, _block(path, number)) for number in _blocks(first, len(path))]
 
 
 class GrowingPath:
@@ -71,7 +70,13 @@ class GrowingPath:
     def changes(self) -> list[tuple[int, Pose]]:
         """Number and poses (n, 3) of the blocks that have changed since the last call."""
         first, self._sent, poses = self._sent, self._count, self.poses
-        return [(number, poses[number * BLOCK : (number + 1) * BLOCK + 1]) for number in _blocks(first, self._sent)]
+        return [(number, _block(poses, number)) for number in _blocks(first, self._sent)]
+
+
+def _block(path: Pose, number: int) -> Pose:
+    """The poses (n, 3) of a block; none where it would only repeat the last one of the block before."""
+    poses = path[number * BLOCK : (number + 1) * BLOCK + 1]
+    return poses if number == 0 or len(poses) > 1 else poses[:0]
 
 
 def _blocks(first: int, end: int) -> range:

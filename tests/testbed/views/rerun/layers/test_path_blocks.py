@@ -33,6 +33,7 @@ def test_a_path_that_is_extended_is_sent_as_the_whole_path_would_be(counts: list
 
 
 @example([(0, 202), (0, 201), (0, 2)], 0)
+@example([(0, 202), (0, 201), (0, 201)], 0)
 @given(st.lists(st.tuples(st.integers(0, 900), st.integers(0, 400)), min_size=1, max_size=6), st.integers(0, 2**32 - 1))
 def test_blocks_show_the_path_whatever_changes(changes: list[tuple[int, int]], seed: int) -> None:
     rng, path, blocks, sent = np.random.default_rng(seed), np.zeros((0, 3)), PathBlocks(), {}
